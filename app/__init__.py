@@ -1,0 +1,1 @@
+"""One driver for both backends, a window, and pictures without one."""

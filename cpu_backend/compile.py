@@ -1,0 +1,93 @@
+"""Compiling the formulas and kernels for the CPU, and keeping the machine code between runs.
+
+numba's own cache keys a function by its closure, which here holds other compiled functions and so differs in every
+process, and ignores the flags and the sources of what it calls. Kernels here are keyed by what they were made from: the
+variant's name (precision, math, integrator, parts) and a hash of the sources of the formulas and of this backend.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.caching import FunctionCache
+
+import model.formulas
+
+# What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
+# a diverging state must stay visible.
+FAST = frozenset({"contract", "arcp", "afn", "nsz"})
+
+
+def folder_digest(*folders: Path) -> str:
+    """A hash of every Python file in the folders: changed sources are compiled, and measured, anew."""
+    digest = hashlib.sha256()
+    for folder in folders:
+        for file in sorted(folder.glob("*.py")):
+            digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+@cache
+def source_digest() -> str:
+    """A hash of the sources that this backend's machine code is made from."""
+    return folder_digest(Path(model.formulas.__file__).parent, Path(__file__).parent)
+
+
+class _VariantCache(FunctionCache):
+    """numba's on-disk cache, keyed by the variant and the sources instead of the closure."""
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return (sig, codegen.magic_tuple(), self._py_func.__qualname__, source_digest())
+
+
+def named(function: Callable, variant: str) -> Callable:
+    """The function under a name that holds its variant, so that no two variants share a symbol or a cache file."""
+    function.__name__ = f"{function.__name__}_{variant}"
+    function.__qualname__ = function.__name__
+    return function
+
+
+class Compiler:
+    """Decorators for one variant: `compiled` for formulas and row functions, `kernel` for what Python calls."""
+
+    def __init__(self, variant: str, math: str):
+        self.variant = variant
+        self.options: dict[str, Any] = {
+            "fastmath": set(FAST) if math == "fast" else False,
+            "error_model": "numpy",  # without it every quotient keeps a branch that stops vectorisation
+            "nogil": True,
+        }
+
+    def compiled(self, function: Callable) -> Any:
+        return numba.njit(**self.options)(named(function, self.variant))
+
+    def kernel(self, function: Callable) -> Any:
+        """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
+        dispatcher = numba.njit(parallel=True, **self.options)(named(function, self.variant))
+        try:
+            dispatcher._cache = _VariantCache(dispatcher.py_func)
+        except RuntimeError:  # no writable folder: NUMBA_CACHE_DIR mends it, `softlab doctor` says so
+            pass
+        return dispatcher
+
+
+@cache
+def _empty_region() -> Any:
+    @numba.njit(parallel=True)
+    def region(n):
+        total = 0
+        for k in numba.prange(n):
+            total += k
+        return total
+
+    return region
+
+
+def start_threads() -> None:
+    """Run one parallel region, so that the threading layer is chosen."""
+    _empty_region()(1)

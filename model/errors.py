@@ -1,0 +1,75 @@
+"""Errors with a reason and a remedy.
+
+Every error a user can cause is one of these: one line that names what is wrong and what to do about it. The command
+line prints it and exits with `exit_status`; nothing else is written.
+"""
+
+from __future__ import annotations
+
+
+class SoftlabError(Exception):
+    """Base of every error the lab raises on purpose; `str()` of it is the line a user reads."""
+
+    exit_status = 2
+
+
+class SceneError(SoftlabError):
+    """A field of a scene (or an option of a command) holds a value it cannot hold.
+
+    Attributes: `field` (dotted path), `value` (as given), `allowed` (what would be accepted).
+    """
+
+    def __init__(self, field: str, value: object, allowed: str):
+        self.field, self.value, self.allowed = field, value, allowed
+        shown = repr(value)
+        if len(shown) > 80:
+            shown = shown[:77] + "..."
+        super().__init__(f"{field} = {shown}: {allowed}")
+
+
+class InputError(SoftlabError):
+    """A file, folder or store cannot be used; the message says why and what to do."""
+
+
+class UnstableTimeStep(SceneError):
+    """The step size is over the stability limit of the scene and integrator. `limit` [s] is the largest that holds."""
+
+    def __init__(self, dt: float, limit: float, integrator: str):
+        self.limit = limit
+        if limit > 0:
+            remedy = f"over the stability limit of {integrator} here; use dt <= {limit:.6g} s"
+        else:
+            remedy = f"{integrator} is unstable at every step size here; choose another integrator"
+        super().__init__("method.dt", dt, remedy + ", or pass --allow-unstable to watch it break")
+
+
+class BackendUnavailable(SoftlabError):
+    """Something the machine lacks (a GPU, a driver, OpenGL, a font): what is missing, and how to get it."""
+
+    exit_status = 3
+
+    def __init__(self, missing: str, remedy: str):
+        self.missing, self.remedy = missing, remedy
+        super().__init__(f"{missing}; {remedy}")
+
+
+class Diverged(SoftlabError):
+    """The state left the finite world: a non-finite value, or a coordinate beyond 1e6 times the scene's size.
+
+    Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
+    `limit` (the dt [s] that would have held, or None where none is known).
+    """
+
+    exit_status = 1
+
+    def __init__(self, step: int, particle: int, dt: float, limit: float | None):
+        self.step, self.particle, self.dt, self.limit = step, particle, dt, limit
+        if limit is None:
+            remedy = "no stability limit is known for it; try half the step size"
+        elif limit == 0:
+            remedy = "this integrator is unstable at every step size; choose another with --set method.integrator=..."
+        elif dt > limit:
+            remedy = f"the step size is over the stability limit: use dt <= {limit:.6g} s"
+        else:
+            remedy = f"dt is under the linear limit of {limit:.6g} s, so the motion itself is too violent: halve dt"
+        super().__init__(f"diverged at step {step}, particle {particle} (dt = {dt:.6g} s); {remedy}")

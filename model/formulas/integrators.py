@@ -1,0 +1,92 @@
+"""The time steps, one axis of one mass at a time: (position, velocity, acceleration) -> (position, velocity).
+
+Orders are of the error at a fixed time against Newton's law. Limits are for x'' = -w^2 x - gamma x' with the damper
+evaluated at the step's start (velocity Verlet: implicit in the second half kick); model/integrators.py computes them.
+
+Sources: Hairer, Lubich and Wanner, "Geometric numerical integration", 2nd ed. (2006), I.1 (Euler methods, Verlet);
+Swope, Andersen, Berens and Wilson (1982) for the velocity form; Kutta (1901) for RK4; the step called `lab` is the
+hand-out's, the one called `taylor` the compute-shader cloth's.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+
+OPERATIONS = {  # floating-point operations per axis and step, the force apart
+    "lab": 6,
+    "semi-implicit-euler": 4,
+    "explicit-euler": 4,
+    "taylor": 6,
+    "velocity-verlet": 9,
+    "rk4": 28,
+}
+
+
+def make(real, compiled=plain):
+    """Step formulas in the arithmetic `real`, as attributes of one object."""
+
+    @compiled
+    def lab(position, velocity, acceleration, dt, half_dt_squared):
+        """The hand-out's step, kept to the letter: p' = p + v dt + a dt^2/2, v' = (p' - p)/dt.
+
+        It integrates half of the acceleration (it is semi-implicit Euler for doubled masses): order 0 against Newton's
+        law, order 1 against x'' = a/2. Limit: dt^2 w^2 + 2 dt gamma < 8 and dt gamma < 4. The subtraction p' - p loses
+        the velocity's digits far from the origin in float32; that is part of the method and is kept in both maths.
+        """
+        new_position = position + velocity * dt + acceleration * half_dt_squared
+        return new_position, (new_position - position) / dt
+
+    @compiled
+    def semi_implicit_euler(position, velocity, acceleration, dt, half_dt_squared):
+        """v' = v + a dt, p' = p + v' dt. Order 1, symplectic. Limit: dt^2 w^2 + 2 dt gamma < 4 and dt gamma < 2."""
+        new_velocity = velocity + acceleration * dt
+        return position + new_velocity * dt, new_velocity
+
+    @compiled
+    def explicit_euler(position, velocity, acceleration, dt, half_dt_squared):
+        """p' = p + v dt, v' = v + a dt. Order 1. Limit: dt < gamma / w^2 (never stable without damping)."""
+        return position + velocity * dt, velocity + acceleration * dt
+
+    @compiled
+    def taylor(position, velocity, acceleration, dt, half_dt_squared):
+        """p' = p + v dt + a dt^2/2, v' = v + a dt. Order 1. Limit: dt < 2 gamma / w^2 (never without damping)."""
+        return position + velocity * dt + acceleration * half_dt_squared, velocity + acceleration * dt
+
+    @compiled
+    def verlet_first_half(position, velocity, acceleration, dt, half_dt, rate):
+        """First half of velocity Verlet: v+ = v + dt/2 (a - rate v), p' = p + dt v+. Returns (p', v+).
+
+        With `verlet_second_half`: order 2 with damping too, symplectic without. Limit: dt w < 2.
+        """
+        half_velocity = velocity + half_dt * (acceleration - rate * velocity)
+        return position + half_velocity * dt, half_velocity
+
+    @compiled
+    def verlet_second_half(half_velocity, acceleration, half_dt, inverse_damping):
+        """Second half: v' = (v+ + dt/2 a') / (1 + dt rate / 2), a' at the new positions, the damper implicit.
+
+        Taking the damper explicitly here would silently make the scheme first order.
+        """
+        return (half_velocity + half_dt * acceleration) * inverse_damping
+
+    @compiled
+    def rk4_stage(base, rate, total, derivative_dt, total_dt):
+        """One stage of the classical Runge-Kutta method for one unknown whose derivative is `rate`.
+
+        Returns (base + derivative_dt * rate, total + total_dt * rate): the next stage's value and the running sum.
+        Order 4; not symplectic. Limit: |R(dt lambda)| <= 1, R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24 (dt w < 2 sqrt 2
+        undamped).
+        """
+        return base + derivative_dt * rate, total + total_dt * rate
+
+    return SimpleNamespace(
+        lab=lab,
+        semi_implicit_euler=semi_implicit_euler,
+        explicit_euler=explicit_euler,
+        taylor=taylor,
+        verlet_first_half=verlet_first_half,
+        verlet_second_half=verlet_second_half,
+        rk4_stage=rk4_stage,
+    )

@@ -1,0 +1,152 @@
+"""What is known of each integrator: its order, its cost, the step size it holds to.
+
+The limits are those of the linear test equation x'' = -w^2 x - gamma x' at the largest w of the scene; nonlinear motion
+is covered as far as frozen coefficients go (the bound on w holds for any state of the grid, see `frequency_bound`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, sqrt
+
+import numpy as np
+
+from model.scene import Scene
+
+
+def _lab_limit(w: float, gamma: float) -> float:
+    """dt^2 w^2 + 2 dt gamma < 8 (and dt gamma < 4, which the first contains unless w = 0)."""
+    if w == 0:
+        return 4 / gamma if gamma else inf
+    return 8 / (gamma + sqrt(gamma * gamma + 8 * w * w))
+
+
+def _semi_implicit_limit(w: float, gamma: float) -> float:
+    """dt^2 w^2 + 2 dt gamma < 4 (and dt gamma < 2)."""
+    if w == 0:
+        return 2 / gamma if gamma else inf
+    return 4 / (gamma + sqrt(gamma * gamma + 4 * w * w))
+
+
+def _verlet_limit(w: float, gamma: float) -> float:
+    """dt w < 2, at any damping, because the damper is implicit in the second half kick."""
+    return 2 / w if w else inf
+
+
+def _explicit_limit(w: float, gamma: float, taylor: bool) -> float:
+    """dt < gamma / w^2 (Euler) or 2 gamma / w^2 (taylor), and the damper's own dt gamma < 2.
+
+    An overdamped mode has real roots, of which Euler needs dt * larger < 2; a slower mode of the same scene may be
+    overdamped while the fastest is not, so the limit is the least over all frequencies from 0 to w.
+    """
+    if gamma == 0:
+        return inf if w == 0 else 0.0
+    bound = 2 / gamma  # the mode w -> 0, whose velocity decays at gamma
+    if w == 0:
+        return bound
+    if taylor:
+        return min(bound, 2 * gamma / (w * w))
+    return min(bound, gamma / (w * w))
+
+
+def _rk4_limit(w: float, gamma: float) -> float:
+    """|R(dt lambda)| <= 1 for both roots lambda of every mode up to w; no closed form, found by bisection."""
+    if w == 0 and gamma == 0:
+        return inf
+    frequencies = np.append(np.linspace(0, w, 65), w)
+    root = np.sqrt((gamma * gamma / 4 - frequencies**2).astype(complex))
+    eigenvalues = np.concatenate([-gamma / 2 + root, -gamma / 2 - root])
+
+    def holds(dt: float) -> bool:
+        z = dt * eigenvalues
+        return bool(np.all(np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) <= 1 + 1e-13))
+
+    high = 4 / max(w, gamma)  # surely unstable: the stability region ends at |z| = 2.83
+    low = 0.25 * high
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """`order`: of the error at a fixed time against Newton's law. `forces`: evaluations per step. `limit(w, gamma)`:
+    the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma = coefficient / mass [1/s]."""
+
+    name: str
+    order: int
+    forces: int
+    limit: Callable[[float, float], float]
+    note: str
+
+
+INTEGRATORS = {
+    entry.name: entry
+    for entry in (
+        Integrator("lab", 0, 1, _lab_limit, "the hand-out's step: half the acceleration, order 1 against that"),
+        Integrator("semi-implicit-euler", 1, 1, _semi_implicit_limit, "symplectic"),
+        Integrator("velocity-verlet", 2, 1, _verlet_limit, "symplectic; damping implicit in the second half kick"),
+        Integrator("rk4", 4, 4, _rk4_limit, "four forces a step; loses energy slowly"),
+        Integrator("explicit-euler", 1, 1, lambda w, g: _explicit_limit(w, g, False), "gains energy"),
+        Integrator("taylor", 1, 1, lambda w, g: _explicit_limit(w, g, True), "the compute-shader cloth's step"),
+    )
+}
+
+
+def amplification_matrix(integrator: str, dt: float, w: float, gamma: float) -> np.ndarray:
+    """One step of x'' = -w^2 x - gamma x' as a (2, 2) matrix on (x, v): the definition that the limits are tested on."""
+
+    def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return -w * w * x - gamma * v
+
+    x, v = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    a = acceleration(x, v)
+    if integrator == "lab":
+        new_x = x + v * dt + a * dt**2 / 2
+        new_v = (new_x - x) / dt
+    elif integrator == "semi-implicit-euler":
+        new_v = v + a * dt
+        new_x = x + new_v * dt
+    elif integrator == "explicit-euler":
+        new_x, new_v = x + v * dt, v + a * dt
+    elif integrator == "taylor":
+        new_x, new_v = x + v * dt + a * dt**2 / 2, v + a * dt
+    elif integrator == "velocity-verlet":
+        half = v + dt / 2 * a
+        new_x = x + dt * half
+        new_v = (half - dt / 2 * w * w * new_x) / (1 + dt * gamma / 2)
+    elif integrator == "rk4":
+        matrix = dt * np.array([[0.0, 1.0], [-w * w, -gamma]])
+        power, result = np.eye(2), np.eye(2)
+        for k in range(1, 5):
+            power = power @ matrix / k
+            result = result + power
+        return result
+    else:
+        raise KeyError(integrator)
+    return np.array([new_x, new_v])
+
+
+def frequency_bound(scene: Scene) -> float:
+    """An angular frequency [1/s] that no vibration of the scene exceeds, in any state of the grid.
+
+    A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
+    grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid.
+    """
+    grid, springs = scene.grid, scene.springs
+    if springs is None:
+        return 0.0
+    most_springs = min(grid.rows - 1, 2) + min(grid.columns - 1, 2)
+    return sqrt(2 * most_springs * springs.stiffness / grid.mass)
+
+
+def damping_rate(scene: Scene) -> float:
+    """coefficient / mass [1/s]; 0 where the scene has no damping."""
+    return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
+
+
+def stability_limit(scene: Scene) -> float:
+    """The largest step size [s] at which the scene's integrator is stable for any state of the grid (may be inf or 0)."""
+    return INTEGRATORS[scene.method.integrator].limit(frequency_bound(scene), damping_rate(scene))

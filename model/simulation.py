@@ -1,0 +1,290 @@
+"""The contract a backend fulfils: one class per backend and solver, opened by app/driver.py.
+
+`Simulation` holds what is the same for every backend: the step counter, live parameters, and the hunt for the first bad
+step. A backend adds the five methods under "what a backend writes". The state stays on the backend's device; nothing
+is allocated in `advance`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from model.build import Body, build, parameter_record
+from model.errors import Diverged, InputError, SceneError
+from model.integrators import stability_limit
+from model.plan import Plan
+from model.scene import Scene
+
+PRECISIONS = {"float32": np.float32, "float64": np.float64}
+MATHS = ("fast", "exact")
+CHECK_INTERVAL = 256  # steps between two looks for a diverged state
+DIVERGED_SIZE = 1e6  # times the scene's size: a coordinate beyond it counts as diverged
+
+LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
+    "gravity": ("gravity.enabled", "gravity.acceleration"),
+    "poke": (),
+    "dt": ("method.dt",),
+    "stiffness": ("springs.stiffness",),
+    "damping": ("damping.coefficient",),
+}
+
+
+@dataclass(frozen=True)
+class State:
+    """Every array the next step reads. `position`, `velocity` (particles, 2), C-contiguous, in builder order, in the
+    simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    inverse_mass: np.ndarray
+    time: float
+    step: int
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a scene is run, apart from what it is. `kernel` None: the backend's own choice."""
+
+    precision: str = "float32"
+    math: str = "fast"
+    kernel: str | None = None
+    live: frozenset[str] = field(default_factory=frozenset)
+
+    def __post_init__(self) -> None:
+        for name, value, known in (("--precision", self.precision, tuple(PRECISIONS)), ("--math", self.math, MATHS)):
+            if value not in known:
+                raise SceneError(name, value, f"must be one of {', '.join(known)}")
+        for name in self.live:
+            if name not in LIVE_PATHS:
+                raise SceneError("live", name, f"must be of {', '.join(LIVE_PATHS)}")
+
+
+class Simulation(ABC):
+    """One world under one solver on one backend, a context manager.
+
+    Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
+    `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads a block),
+    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]).
+    """
+
+    backend: str
+    device: str
+    threads: int
+    kernel: str
+    plan: Plan
+
+    def __init__(self, scene: Scene, options: Options):
+        self.scene = scene
+        self.options = options
+        self.real: Any = PRECISIONS[options.precision]
+        self.body: Body = build(scene)
+        self.step = 0
+        self.time = 0.0
+        self.limit = stability_limit(scene)
+        self._bound = float(min(DIVERGED_SIZE * self.body.size, np.finfo(self.real).max / 4))
+        self._poke_particle = -1
+        self._poke_force = (0.0, 0.0)
+        self._record = parameter_record(scene, self.real)
+        self._kept_step, self._kept_time = 0, 0.0
+
+    # ------------------------------------------------------------------ what a backend writes
+
+    @abstractmethod
+    def _run(self, steps: int) -> None:
+        """Advance the state by `steps` (>= 1) steps from `self.step`, using the current parameter record."""
+
+    @abstractmethod
+    def _keep(self) -> None:
+        """Copy the state aside, on the device."""
+
+    @abstractmethod
+    def _restore(self) -> None:
+        """Take the state put aside by `_keep` back."""
+
+    @abstractmethod
+    def _first_bad(self) -> int:
+        """The lowest index of a particle with a non-finite value or a coordinate beyond `self._bound`, or -1."""
+
+    @abstractmethod
+    def _parameters_changed(self) -> None:
+        """Send `self._record` and the poke to the device."""
+
+    @abstractmethod
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        """(position, velocity) as new host arrays (particles, 2) in the simulation's precision."""
+
+    @abstractmethod
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Take (particles, 2) arrays in the simulation's precision as the state."""
+
+    def _read_position(self, into: Any) -> Any:
+        """Position into `into` (None: a new host array). A backend with a device overrides this for device targets."""
+        position, _ = self._download()
+        if into is None:
+            return position
+        into[...] = position
+        return into
+
+    @abstractmethod
+    def synchronize(self) -> None:
+        """Return when every step asked for has been done."""
+
+    def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
+        """Free what the simulation holds; nothing else may be called after it."""
+
+    # ------------------------------------------------------------------ what a user calls
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def advance(self, steps: int) -> None:
+        """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
+
+        The state is looked at every CHECK_INTERVAL steps, and whenever it is read; the interval in which it went bad is
+        then replayed step by step to name the first bad step and particle.
+        """
+        if steps < 0:
+            raise SceneError("steps", steps, "must be at least 0")
+        while steps > 0:
+            batch = min(steps, CHECK_INTERVAL - (self.step - self._kept_step))
+            self._run(batch)
+            self._count(batch)
+            steps -= batch
+            if self.step - self._kept_step >= CHECK_INTERVAL:
+                self.check()
+
+    def _count(self, steps: int) -> None:
+        self.step += steps
+        self.time = self._kept_time + (self.step - self._kept_step) * self.scene.method.dt
+
+    def check(self) -> None:
+        """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one."""
+        if self.step == self._kept_step:
+            return
+        if self._first_bad() < 0:
+            self._keep()
+            self._kept_step, self._kept_time = self.step, self.time
+            return
+        last = self.step
+        self._rewind()
+        bad = -1
+        while bad < 0 and self.step < last:
+            self._run(1)
+            self._count(1)
+            bad = self._first_bad()
+        step = self.step
+        self._rewind()
+        raise Diverged(step, bad, self.scene.method.dt, self.limit)
+
+    def _rewind(self) -> None:
+        self._restore()
+        self.step, self.time = self._kept_step, self._kept_time
+
+    def state(self) -> State:
+        """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""
+        self.check()
+        position, velocity = self._download()
+        return State(position, velocity, self.body.inverse_mass.copy(), self.time, self.step)
+
+    def load(self, state: State) -> None:
+        """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
+
+        Raises InputError for arrays of another shape, non-finite values, or pins other than the scene's.
+        """
+        count = len(self.body.position)
+        arrays = {}
+        for name in ("position", "velocity"):
+            array = np.asarray(getattr(state, name))
+            if array.shape != (count, 2):
+                raise InputError(f"{name} has shape {array.shape}, this scene needs ({count}, 2)")
+            if not np.issubdtype(array.dtype, np.number) or np.issubdtype(array.dtype, np.complexfloating):
+                raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
+            with np.errstate(over="ignore"):
+                arrays[name] = np.ascontiguousarray(array, dtype=self.real)
+            if not np.isfinite(arrays[name]).all():
+                raise InputError(f"{name} holds values that are not finite numbers in {self.options.precision}")
+        inverse_mass = np.asarray(state.inverse_mass)
+        if inverse_mass.shape != (count,):
+            raise InputError(f"inverse_mass has shape {inverse_mass.shape}, this scene needs ({count},)")
+        if not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
+            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+        arrays["velocity"][self.body.pinned] = 0
+        self._upload(arrays["position"], arrays["velocity"])
+        self.step, self.time = int(state.step), float(state.time)
+        self._keep()
+        self._kept_step, self._kept_time = self.step, self.time
+
+    def reset(self) -> None:
+        """Back to the scene's start."""
+        body = self.body
+        self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
+
+    def read(self, name: str, into: Any = None) -> Any:
+        """`position`, `velocity` (particles, 2) or `strain` (springs,), computed only when asked.
+
+        `into`: a host array, or (GPU, position) anything with `__cuda_array_interface__`; None: a new host array.
+        Does not check for divergence: it is what the window draws.
+        """
+        if name == "position":
+            return self._read_position(into)
+        if name == "velocity":
+            result = self._download()[1]
+        elif name == "strain":
+            from model.energy import spring_strain
+
+            result = spring_strain(self.scene, self._download()[0])
+        else:
+            raise SceneError("read", name, "must be one of position, velocity, strain")
+        if into is None:
+            return result
+        into[...] = result
+        return into
+
+    def set(self, path: str, value: Any) -> None:
+        """Change a live field (`gravity.enabled`, `method.dt`, ...) from the next step on.
+
+        Raises SceneError for a value the scene refuses, or a field not named in `live` when the simulation was opened.
+        """
+        allowed: Iterable[str] = [p for name in self.options.live for p in LIVE_PATHS[name]]
+        if path not in allowed:
+            raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
+        scene = self.scene.replace({path: value})
+        record = parameter_record(scene, self.real, self._poke_force)
+        self.check()  # so that a replay never spans a change
+        self.scene, self._record = scene, record
+        self.limit = stability_limit(scene)
+        self._kept_step, self._kept_time = self.step, self.time
+        self._parameters_changed()
+
+    def poke(self, particle: int | None, force: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Hold a force [N] on one particle until the next call; `poke(None)` lets go. Needs `live` to name poke."""
+        if "poke" not in self.options.live:
+            raise SceneError("poke", particle, "not live; open the simulation with live including 'poke'")
+        if particle is None:
+            particle, force = -1, (0.0, 0.0)
+        elif not 0 <= particle < len(self.body.position):
+            raise SceneError("poke", particle, f"must be a particle, 0 to {len(self.body.position) - 1}")
+        if not np.isfinite(force).all():
+            raise SceneError("poke", force, "must be finite")
+        record = parameter_record(self.scene, self.real, force)
+        self.check()
+        self._poke_particle, self._poke_force, self._record = particle, force, record
+        self._parameters_changed()
+
+    def energies(self) -> dict[str, float]:
+        """Kinetic, spring and gravity energy [J] with the true mass, their sum, and the scheme's own `conserved`.
+
+        See model/energy.py. float64 on the host. Raises Diverged.
+        """
+        from model.energy import energies
+
+        state = self.state()
+        return energies(self.scene, state.position, state.velocity)
