@@ -52,8 +52,8 @@ def make_acceleration_row(compiler: Compiler, real: Any, integrator: str, parts:
     compiled = compiler.compiled
     spring_pull_2d, damped = springs.make(real, compiled)
     philox = random.make_philox(compiled)
-    uniform = random.make(real, compiled).uniform
-    manufactured_acceleration = manufactured.make(real, compiled)
+    external = random.make(real, compiled).add_external
+    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
     has_springs, has_gravity = "springs" in parts, "gravity" in parts
     has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
     has_damping = "damping" in parts and integrator != "velocity-verlet"
@@ -93,8 +93,8 @@ def make_acceleration_row(compiler: Compiler, real: Any, integrator: str, parts:
     def add_external(out_x, out_y, count, first, step, seed, magnitude):
         for j in range(count):
             word_x, word_y, _, _ = philox(seed, np.uint64(step), np.uint64(first + j))
-            out_x[j] += magnitude * uniform(word_x)
-            out_y[j] += magnitude * uniform(word_y)
+            out_x[j] = external(out_x[j], magnitude, word_x)
+            out_y[j] = external(out_y[j], magnitude, word_y)
 
     @compiled
     def begin_band(first, x, y, columns, record, scratch):
@@ -111,7 +111,7 @@ def make_acceleration_row(compiler: Compiler, real: Any, integrator: str, parts:
                 scratch[BELOW_Y + 2 * above, :] = zero
 
     @compiled
-    def accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, time, scratch):
+    def accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, offset, scratch):
         close_x, close_y = scratch[CLOSE_X], scratch[CLOSE_Y]
         if has_springs:
             below = np.int64(i % 2)
@@ -151,6 +151,7 @@ def make_acceleration_row(compiler: Compiler, real: Any, integrator: str, parts:
         elif has_external:
             add_external(close_x, close_y, columns, i * columns, step, integers[0], record[K_EXTERNAL])
         if has_manufactured:
+            time = stage_time(step, offset, record[K_DT])
             for j in range(columns):
                 force_x, force_y = manufactured_acceleration(
                     i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
@@ -246,11 +247,10 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
         bands = np.int64(scratches.shape[0])
         first, last = rows * band // bands, rows * (band + 1) // bands
         scratch = scratches[band]
-        time = real(step) * record[K_DT]
         x, y, vx, vy = source[0], source[1], source[2], source[3]
         begin_band(first, x, y, columns, record, scratch)
         for i in range(first, last):
-            accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, time, scratch)
+            accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, zero, scratch)
             for axis in range(2):
                 update_axis(
                     kind, source[axis, i], source[2 + axis, i], scratch, CLOSE_X + axis, columns, record,
@@ -293,7 +293,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     rk4_stage = integrators.make(real, compiled).rk4_stage
     begin_band, accelerate_row, _ = make_acceleration_row(compiler, real, "rk4", parts)
     has_pins = "pins" in parts
-    zero, half = real(0), real(0.5)
+    zero, half, one = real(0), real(0.5), real(1)
 
     @compiled
     def first_stage(base, rate, count, derivative_dt, total_dt, total, out):
@@ -335,14 +335,14 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
         first, last = rows * band // bands, rows * (band + 1) // bands
         scratch = scratches[band]
         x, y, vx, vy = source[0], source[1], source[2], source[3]
-        time = real(step) * record[K_DT]
+        offset = zero
         if stage == 1 or stage == 2:
-            time += half * record[K_DT]
+            offset = half
         elif stage == 3:
-            time += record[K_DT]
+            offset = one
         begin_band(first, x, y, columns, record, scratch)
         for i in range(first, last):
-            accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, time, scratch)
+            accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, offset, scratch)
             for axis in range(2):
                 update(stage, base[axis, i], source[2 + axis, i], columns, record, total[axis, i], out[axis, i])
                 update(

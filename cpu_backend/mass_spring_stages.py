@@ -29,8 +29,8 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
     compiled, kernel = compiler.compiled, compiler.kernel
     spring_pull_2d, damped_formula = springs.make(real, compiled)
     philox = random.make_philox(compiled)
-    uniform = random.make(real, compiled).uniform
-    manufactured_acceleration = manufactured.make(real, compiled)
+    add_external = random.make(real, compiled).add_external
+    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
     formulas = integrators.make(real, compiled)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
@@ -62,12 +62,13 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
         for i in prange(ax.shape[0]):
             for j in range(ax.shape[1]):
                 word_x, word_y, _, _ = philox(integers[0], np.uint64(step), np.uint64(i * ax.shape[1] + j))
-                ax[i, j] += record[K_EXTERNAL] * uniform(word_x)
-                ay[i, j] += record[K_EXTERNAL] * uniform(word_y)
+                ax[i, j] = add_external(ax[i, j], record[K_EXTERNAL], word_x)
+                ay[i, j] = add_external(ay[i, j], record[K_EXTERNAL], word_y)
 
     @kernel
-    def manufactured_force(ax, ay, record, time):
+    def manufactured_force(ax, ay, record, step, offset):
         rows, columns = ax.shape
+        time = stage_time(step, offset, record[K_DT])
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):
@@ -162,8 +163,7 @@ def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         make.damping(here()[2], here()[3], sim.record, acceleration[0], acceleration[1])
 
     def manufactured_force(step: int, offset: float) -> None:
-        time = sim.real(step) * sim.record[K_DT] + sim.real(offset) * sim.record[K_DT]
-        make.manufactured(acceleration[0], acceleration[1], sim.record, time)
+        make.manufactured(acceleration[0], acceleration[1], sim.record, step, sim.real(offset))
 
     def integrate(step: int, offset: float) -> None:
         for axis in range(2):

@@ -15,7 +15,7 @@ OPERATIONS = 150
 
 
 def make(real, compiled=plain):
-    """`manufactured_acceleration(i, j, rows, columns, t, ...) -> (ax, ay)` in the arithmetic `real`."""
+    """`manufactured_acceleration(i, j, rows, columns, t, ...) -> (ax, ay)` and `stage_time`, in the arithmetic `real`."""
     two, three, four, nine = real(2), real(3), real(4), real(9)
     p_row, p_column, q_row, q_column = real(1.7), real(0.9), real(0.6), real(1.3)
     spring_pull_2d, _ = make_springs(real, compiled)
@@ -52,4 +52,9 @@ def make(real, compiled=plain):
                 ay -= fy
         return ax, ay
 
-    return manufactured_acceleration
+    @compiled
+    def stage_time(step, offset, dt):
+        """Time [s] of a stage: (step + offset) dt."""
+        return real(step) * dt + offset * dt
+
+    return manufactured_acceleration, stage_time

@@ -53,7 +53,7 @@ def make_philox(compiled=plain):
 
 
 def make(real, compiled=plain):
-    """`uniform(word)`: a 32-bit word as a number in (-1, 1), the same in float32 and float64."""
+    """`uniform(word)`: a 32-bit word as a number in (-1, 1), the same in float32 and float64; `add_external` uses it."""
     scale = real(2.0**-23)
     one = real(1)
 
@@ -63,4 +63,9 @@ def make(real, compiled=plain):
         odd = real((word >> NINE) + (word >> NINE) + ONE)
         return odd * scale - one
 
-    return SimpleNamespace(uniform=uniform)
+    @compiled
+    def add_external(acceleration, magnitude, word):
+        """Acceleration with the external force of this axis: magnitude over mass [m/s^2] times a number in (-1, 1)."""
+        return acceleration + magnitude * uniform(word)
+
+    return SimpleNamespace(uniform=uniform, add_external=add_external)

@@ -1,0 +1,47 @@
+"""Colours: a diverging map of strain that readers with any colour vision can tell apart, and what goes with it.
+
+Blue is pressed, grey is at rest, red is stretched. Both ends are darker than the middle, so the amount of strain can be
+read from lightness alone, and the sign from hue (blue against red is safe for all common colour vision deficiencies).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+BACKGROUND = (1.0, 1.0, 1.0)
+INK = (0.10, 0.12, 0.15)
+PIN = (0.05, 0.05, 0.05)
+SELECTED = (0.93, 0.55, 0.00)  # orange: on neither side of the map
+POKE = (0.00, 0.47, 0.36)  # green with a strong luminance step to both red and grey
+WARNING = (0.70, 0.12, 0.00)
+
+STOPS = np.array(
+    [
+        [0.02, 0.14, 0.45],
+        [0.22, 0.48, 0.85],
+        [0.70, 0.70, 0.70],
+        [0.90, 0.42, 0.25],
+        [0.55, 0.00, 0.10],
+    ],
+    dtype=np.float32,
+)  # at -1, -0.5, 0, 0.5, 1 times the strain range
+
+
+def strain_colours(strain: np.ndarray, strain_range: float) -> np.ndarray:
+    """(...,) strain -> (..., 3) float32 colours in 0 to 1; saturates at +-strain_range. The shader does the same."""
+    place = (np.clip(np.asarray(strain) / strain_range, -1, 1) + 1) * (len(STOPS) - 1) / 2
+    low = np.minimum(place.astype(int), len(STOPS) - 2)
+    share = (place - low)[..., None]
+    return (STOPS[low] * (1 - share) + STOPS[low + 1] * share).astype(np.float32)
+
+
+def strain_range(strain: np.ndarray) -> float:
+    """A round range (1, 2 or 5 times a power of ten, at least 0.01) that holds all but the worst 2 % of |strain|."""
+    size = np.abs(strain[np.isfinite(strain)])
+    worst = float(np.quantile(size, 0.98)) if len(size) else 0.0
+    worst = min(max(worst, 0.01), 1e6)
+    power = 10.0 ** np.floor(np.log10(worst * (1 + 1e-9)))
+    for step in (1, 2, 5, 10):
+        if worst <= step * power * (1 + 1e-9):
+            return float(step * power)
+    return float(10 * power)

@@ -1,0 +1,131 @@
+"""Keys and mouse of the demo's window: which of them asks for what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from app.viewer import Viewer
+
+KEYS = """\
+G        gravity on, off            space    pause, go on
+[ ]      time step / 1.25, x 1.25   { }      stiffness / 1.25, x 1.25
+- +      fewer, more steps a frame  T        threads 1x, 2x, 4x the cores
+B        CPU or GPU, state kept     R        restart as the scene says
+mouse    drag a mass: pull it       arrows   select a mass
+wheel    zoom at the pointer        Enter    push it the last arrow's way
+right    drag: move the view                 (downward at first)
+F        frame everything           S        save a picture (PNG)
+H        these keys                 Escape   close"""
+HINT = (
+    "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
+)
+REACH = 22.0  # pixels from the pointer within which a mass is taken
+ZOOM = 1.15  # per notch of the wheel
+
+
+class Controls:
+    """Turns the events of a Viewer's window into actions of its Demo and its Camera.
+
+    `pointer`: where the left button is held on a mass (frame-buffer pixels), or None.
+    """
+
+    def __init__(self, viewer: Viewer):
+        self.viewer, self.demo, self.window = viewer, viewer.demo, viewer.window
+        self.pointer: tuple[float, float] | None = None
+        self._panning = False
+        self.key, self.mouse = viewer.pyglet.window.key, viewer.pyglet.window.mouse
+        key, demo = self.key, self.demo
+        self._key_actions: dict[int, Callable[[], None]] = {
+            key.G: demo.toggle_gravity,
+            key.SPACE: demo.toggle_pause,
+            key.R: demo.restart,
+            key.B: demo.switch_backend,
+            key.T: demo.cycle_threads,
+            key.S: viewer.ask_for_screenshot,
+            key.H: viewer.toggle_keys,
+            key.F: viewer.frame_everything,
+            key.ENTER: demo.press_key,
+            key.NUM_ENTER: demo.press_key,
+            key.ESCAPE: viewer.close,
+        }
+        # By the character and not by the key, since on many keyboards these need Alt or Shift with another key.
+        self._text_actions: dict[str, Callable[[], None]] = {
+            "[": lambda: demo.change_dt(-1),
+            "]": lambda: demo.change_dt(1),
+            "{": lambda: demo.change_stiffness(-1),
+            "}": lambda: demo.change_stiffness(1),
+            "-": lambda: demo.change_steps(-1),
+            "+": lambda: demo.change_steps(1),
+        }
+        self._motions = {
+            key.MOTION_LEFT: (-1, 0),
+            key.MOTION_RIGHT: (1, 0),
+            key.MOTION_UP: (0, 1),
+            key.MOTION_DOWN: (0, -1),
+        }
+        self._enter_keys = (key.ENTER, key.NUM_ENTER)
+        self.window.push_handlers(
+            on_key_press=self._key_down,
+            on_key_release=self._key_up,
+            on_text=self._text,
+            on_text_motion=self._motion,
+            on_mouse_press=self._mouse_down,
+            on_mouse_drag=self._mouse_drag,
+            on_mouse_release=self._mouse_up,
+            on_mouse_scroll=self._scroll,
+            on_close=viewer.close,
+        )
+
+    def _key_down(self, symbol: int, modifiers: int) -> bool:
+        action = self._key_actions.get(symbol)
+        key = self.key
+        if action is not None and not modifiers & (key.MOD_CTRL | key.MOD_ALT | key.MOD_COMMAND):
+            action()
+        return True  # pyglet's own handler would close the window on Escape in its own way
+
+    def _key_up(self, symbol: int, modifiers: int) -> None:
+        if symbol in self._enter_keys and self.pointer is None:
+            self.demo.release()
+
+    def _text(self, text: str) -> None:
+        action = self._text_actions.get(text)
+        if action is not None:
+            action()
+
+    def _motion(self, motion: int) -> None:
+        if motion in self._motions:
+            self.demo.move_selection(*self._motions[motion])
+
+    def _pixels(self, x: float, y: float) -> tuple[float, float]:
+        """Mouse coordinates in frame-buffer pixels (they differ on some high-resolution displays)."""
+        ratio = self.viewer.camera.width / max(self.window.width, 1)
+        return x * ratio, y * ratio
+
+    def _mouse_down(self, x: int, y: int, button: int, modifiers: int) -> None:
+        mouse = self.mouse
+        if button == mouse.LEFT:
+            place = self._pixels(x, y)
+            if self.demo.press(*self.viewer.camera.to_world(*place), REACH / self.viewer.camera.scale):
+                self.pointer = place
+        elif button in (mouse.RIGHT, mouse.MIDDLE):
+            self._panning = True
+
+    def _mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
+        if self.pointer is not None:
+            self.pointer = self._pixels(x, y)
+        elif self._panning:
+            self.viewer.follow = False
+            self.viewer.camera.pan(*self._pixels(dx, dy))
+
+    def _mouse_up(self, x: int, y: int, button: int, modifiers: int) -> None:
+        if button == self.mouse.LEFT and self.pointer is not None:
+            self.pointer = None
+            self.demo.release()
+        else:
+            self._panning = False
+
+    def _scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
+        self.viewer.follow = False
+        self.viewer.camera.zoom(1.15**scroll_y, *self._pixels(x, y))

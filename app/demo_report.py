@@ -1,0 +1,88 @@
+"""What the demo tells: the lines of numbers over its picture, and its state for another program."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.camera import Camera
+from app.demo import Demo
+
+
+def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float) -> str:
+    """Lines about speed, state and settings. `frame_seconds`, `draw_seconds`: of a frame, smoothed."""
+    world, scene = demo.world, demo.world.scene
+    speed = 1 / max(frame_seconds, 1e-6)
+    running = not (demo.paused or demo.frozen)
+    threads = (
+        f"{world.threads} threads ({demo.threads})" if world.backend == "cpu" else f"{world.threads} threads a block"
+    )
+    springs = f"stiffness {scene.springs.stiffness:.4g} N/m   " if scene.springs else ""
+    state = "DIVERGED" if demo.frozen else "paused" if demo.paused else ""
+    return "\n".join(
+        (
+            f"{speed:5.1f} frames/s   {speed * demo.steps_per_frame * running:8.0f} steps/s   "
+            f"{demo.steps_per_frame} steps a frame   {state}",
+            f"a frame: physics {1e3 * demo.physics_seconds:6.2f} ms   drawing {1e3 * draw_seconds:6.2f} ms",
+            f"{world.backend}   {threads}   {world.options.precision}   {world.body.rows} x {world.body.columns} masses",
+            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.integrator})",
+            f"{springs}gravity {'on' if demo.gravity else 'off'}",
+            f"time {world.time:.2f} s   step {world.step}",
+            f"energy {demo.statistics.energy:.4g} J   worst strain {demo.statistics.worst_strain:+.3f}",
+        )
+    )
+
+
+def demo_state(demo: Demo, camera: Camera) -> dict[str, Any]:
+    """The demo as plain JSON values. `masses`: for the corners, the middle and the selected mass, the place in the
+    `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions."""
+    world, position, held = demo.world, demo.positions[0], demo.hand.held
+    columns, last = world.body.columns, len(position) - 1
+    sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}
+    if demo.hand.selected is not None:
+        sample.add(demo.hand.selected)
+    masses = {}
+    for particle in sorted(sample):
+        if np.isfinite(position[particle]).all():
+            x, y = camera.to_window(position[particle])
+            metres = position[particle].tolist()
+            masses[str(particle)] = {"window": [float(x), float(camera.height - y)], "position": metres}
+    finite = position[np.isfinite(position).all(axis=1)].astype(np.float64)
+    some = finite if len(finite) else np.zeros((1, 2))
+    springs = world.scene.springs
+    return {
+        "backend": demo.backend,
+        "device": world.device,
+        "threads": demo.threads,
+        "thread_count": world.threads,
+        "gravity": demo.gravity,
+        "dt": world.scene.method.dt,
+        "limit": world.limit if math.isfinite(world.limit) else None,
+        "stiffness": springs.stiffness if springs else None,
+        "steps_per_frame": demo.steps_per_frame,
+        "step": world.step,
+        "time": world.time,
+        "paused": demo.paused,
+        "diverged": demo.frozen,
+        "message": demo.message,
+        "selected": demo.hand.selected,
+        "poke": {"particle": held.particle, "force": list(demo.force())} if held else None,
+        "energy": demo.statistics.energy,
+        "worst_strain": demo.statistics.worst_strain,
+        "mean": some.mean(axis=0).tolist(),
+        "low": some.min(axis=0).tolist(),
+        "high": some.max(axis=0).tolist(),
+        "masses": masses,
+    }
+
+
+def write_state(path: Path, state: dict[str, Any]) -> None:
+    """Replace the JSON file `path`, so that a reader never sees half of it."""
+    temporary = path.with_name(f".{path.name}.new")
+    temporary.write_text(json.dumps(state), encoding="utf-8")
+    os.replace(temporary, path)

@@ -1,0 +1,182 @@
+"""Pictures without a window: OpenGL through EGL, with the same drawing as the window."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from app import colours
+from app.camera import Camera, finite_bounds
+from app.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
+from app.pictures import check_target, write_png
+from model.build import rest_positions
+from model.energy import spring_strain
+from model.errors import InputError, SoftlabError
+from model.scene import Scene
+
+MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
+LEAST_SIZE, MOST_SIZE = 16, 16384  # pixels
+
+
+class OffscreenRenderer:
+    """Draws states of one scene into a picture of `width` x `height` pixels; a context manager.
+
+    `draw(position)` draws and waits until it is drawn, `image()` gives the pixels. `legend=False` leaves out all text.
+    The view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call).
+
+    Raises BackendUnavailable where off-screen OpenGL or a font is missing, InputError for an impossible size.
+    """
+
+    def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True):
+        from app.panels import Panel, legend_of
+        from app.scene_view import SceneView
+
+        for name, value in (("width", width), ("height", height)):
+            if not LEAST_SIZE <= value <= MOST_SIZE:
+                raise InputError(f"picture {name} = {value}: must be {LEAST_SIZE} to {MOST_SIZE} pixels")
+        self.scene = scene
+        self.width, self.height = width, height
+        self.strain_range = 0.5
+        self.caption = scene.title
+        self._window = open_window(True, width, height)
+        try:
+            self.renderer = renderer_name()
+            self._view = SceneView(scene)
+            self._legend, self._panel = None, None
+            if legend:
+                with drawing_text():
+                    self._legend, self._panel = legend_of(scene), Panel("top-left", 11, monospaced=False)
+        except BaseException:
+            self._window.close()
+            raise
+        self._fitted = False
+        self._bounds: tuple[float, float, float, float] | None = None
+        self.camera = Camera(width, height)
+        self._frame(rest_positions(scene.grid))
+
+    def __enter__(self) -> OffscreenRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the picture and its buffers."""
+        if self._window is not None:
+            self._window.switch_to()
+            self._view.delete()
+            self._window.close()
+            self._window = None
+
+    def _frame(self, position: np.ndarray) -> None:
+        bounds = finite_bounds(position)
+        if bounds is None:
+            return
+        if self._bounds is not None and self._fitted:  # only ever outwards, so that a clip does not jump
+            low, high = np.minimum(self._bounds, bounds), np.maximum(self._bounds, bounds)
+            bounds = (float(low[0]), float(low[1]), float(high[2]), float(high[3]))
+        self._bounds = bounds
+        margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
+        self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
+
+    def fit(self, position: np.ndarray) -> None:
+        """Make the view and the range of colours hold this state (particles, 2) [m] as well as those fitted before."""
+        self._frame(position)
+        if self.scene.springs:
+            fitted = colours.strain_range(spring_strain(self.scene, position))
+            self.strain_range = max(fitted, self.strain_range) if self._fitted else fitted
+        self._fitted = True
+
+    def draw(self, position: np.ndarray) -> None:
+        """Draw a state (particles, 2) [m] and return when it has been drawn. Raises InputError for another shape."""
+        from pyglet import gl
+
+        self._window.switch_to()
+        gl.glViewport(0, 0, self.width, self.height)
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        self._view.upload(position)
+        self._view.draw(self.camera, self.strain_range)
+        if self._legend is not None:
+            self._legend.place(self.width, self.strain_range)
+            self._legend.draw()
+        if self._panel is not None and self.caption:
+            self._panel.place(self.caption, self.width, self.height)
+            self._panel.draw()
+        gl.glFinish()
+
+    def image(self) -> np.ndarray:
+        """(height, width, 4) uint8, top row first: what was drawn last."""
+        self._window.switch_to()
+        return read_pixels(self.width, self.height)
+
+
+def read_pixels(width: int, height: int) -> np.ndarray:
+    """(height, width, 4) uint8, top row first, opaque: the frame buffer of the current context."""
+    from pyglet import gl
+
+    pixels = np.empty((height, width, 4), dtype=np.uint8)
+    pointer = pixels.ctypes.data_as(ctypes.c_void_p)
+    gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+    gl.glReadPixels(0, 0, width, height, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE, pointer)
+    pixels[:, :, 3] = 255
+    return pixels[::-1]
+
+
+def render_frame(
+    scene: Scene,
+    position: np.ndarray,
+    path: Path | str,
+    width: int = 1280,
+    height: int = 960,
+    *,
+    caption: str | None = None,
+    legend: bool = True,
+) -> Path:
+    """Draw a state (particles, 2) [m] of `scene` into a PNG and return its path. `caption` None: the scene's title.
+
+    Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
+    """
+    path = check_target(path, (".png",))
+    with OffscreenRenderer(scene, width, height, legend=legend) as renderer:
+        renderer.fit(position)
+        if caption is not None:
+            renderer.caption = caption
+        renderer.draw(position)
+        return write_png(path, renderer.image())
+
+
+def opengl_available() -> tuple[bool, str]:
+    """Whether pictures can be drawn off-screen here, and the renderer's name, or what is missing and how to get it.
+
+    Tried in a process of its own, because a process that has used pyglet with EGL can open no window any more.
+    """
+    code = "from app.offscreen import probe; probe()"
+    try:
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return False, f"the trial of OpenGL did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
+    if not lines:  # a driver that takes the process down
+        return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
+    word, _, text = lines[-1].partition(" ")
+    return word == "works", text
+
+
+def probe() -> None:
+    """Print `works RENDERER` or `fails REASON; REMEDY`; the trial of `opengl_available`."""
+    try:
+        with OffscreenRenderer(Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), 64, 64) as renderer:
+            renderer.draw(rest_positions(renderer.scene.grid))
+            if len(np.unique(renderer.image().reshape(-1, 4), axis=0)) < 2:
+                print(f"fails {renderer.renderer} draws blank pictures; {OFFSCREEN_REMEDY}")
+                return
+            print("works", renderer.renderer)
+    except SoftlabError as error:
+        print("fails", " ".join(str(error).split()))
+    except Exception as error:  # a driver's own troubles are an answer too
+        print(f"fails {type(error).__name__}: {' '.join(str(error).split())}; {OFFSCREEN_REMEDY}")

@@ -1,0 +1,238 @@
+"""The interactive demo in a window. What the keys do is in app/demo.py; here is only how it is drawn and asked for.
+
+pyglet is imported inside functions: this module can be imported where there is no display.
+"""
+
+from __future__ import annotations
+
+import math as mathematics
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from app import colours
+from app.camera import Camera
+from app.controls import HINT, KEYS, Controls
+from app.demo import Demo
+from app.demo_report import demo_state, numbers_text, write_state
+from app.opengl import drawing_text, load_pyglet, open_window
+from app.pictures import write_png
+from model.errors import SoftlabError
+from model.scene import Scene
+
+WIDTH, HEIGHT = 1200, 900
+MESSAGE_SECONDS = 8.0
+TEXT_INTERVAL = 0.1  # s between two renewals of the numbers: faster cannot be read
+MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
+FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
+FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowing up, not shrinking out of sight
+STATE_FRAMES = 3  # frames between two writes of the state file
+
+
+class Viewer:
+    """The window over a Demo: draws it frame by frame, and turns keys and mouse into its actions."""
+
+    def __init__(self, demo: Demo, state_file: Path | None, frames: int | None):
+        from app.panels import Arrow, Panel, legend_of
+        from app.scene_view import SceneView
+
+        self.pyglet = load_pyglet(False)
+        self.demo = demo
+        self.state_file, self.frames = state_file, frames
+        caption = f"softlab: {demo.world.scene.title}"
+        self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
+        try:
+            self.window.set_minimum_size(480, 360)
+            self.views = [SceneView(scene) for scene in demo.scenes]
+            with drawing_text():
+                self.legend = legend_of(demo.world.scene)
+                self.numbers, self.keys = Panel("top-left", 10), Panel("centre", 11)
+                self.hint = Panel("bottom-left", 9, monospaced=False)
+                self.notice, self.warning = Panel("top", 11), Panel("top", 11, warning=True)
+                self.arrow = Arrow()
+        except BaseException:
+            self.window.close()
+            raise
+        width, height = self.window.get_framebuffer_size()
+        self.camera = Camera(width, height)
+        self.follow = True
+        self.show_keys = False
+        self.keys_seen = False
+        self.frame_count = 0
+        self.frame_seconds = 1 / 60
+        self.draw_seconds = 0.0
+        self.screenshot: Path | None = None
+        self._wanted_screenshot = False
+        self._last_frame = perf_counter()
+        self._text_due = 0.0
+        self._message = (demo.message_count, perf_counter())
+        self._approach_everything(1.0)
+        self.controls = Controls(self)
+        self.window.push_handlers(on_draw=self._draw)
+
+    def toggle_keys(self) -> None:
+        """H"""
+        self.show_keys = not self.show_keys
+        self.keys_seen = True
+
+    def frame_everything(self) -> None:
+        """F: show everything now, and follow it from now on."""
+        self.demo.refresh(force=True)
+        self.follow = True
+        self._approach_everything(1.0)
+
+    def ask_for_screenshot(self) -> None:
+        """S: save the next frame, which is then complete."""
+        self._wanted_screenshot = True
+
+    def close(self) -> bool:
+        """Escape: end the event loop; `run` closes the window."""
+        self.pyglet.app.exit()
+        return True
+
+    # ------------------------------------------------------------------ the frame
+
+    def _approach_everything(self, share: float) -> None:
+        bounds = self.demo.statistics.bounds
+        body = self.demo.world.body
+        left, top = body.position.min(axis=0)[0], body.position.max(axis=0)[1]
+        reach = FOLLOW_SIZE * body.size
+        kept = (
+            max(bounds[0], left - reach),
+            max(bounds[1], top - reach),
+            min(bounds[2], left + reach),
+            min(bounds[3], top + reach),
+        )
+        if kept[0] <= kept[2] and kept[1] <= kept[3]:
+            spacing = self.demo.world.scene.grid.spacing
+            self.camera.approach(self.camera.framing(kept, MARGINS, spacing), share)
+
+    def _draw(self) -> None:
+        """One frame: physics, then the picture, both timed."""
+        from pyglet import gl
+
+        now = perf_counter()
+        self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
+        self._last_frame = now
+        demo = self.demo
+        self.camera.width, self.camera.height = self.window.get_framebuffer_size()
+        if self.controls.pointer is not None:
+            demo.drag(*self.camera.to_world(*self.controls.pointer))
+        demo.frame()
+        if self.follow:
+            self._approach_everything(FOLLOW_SHARE)
+        start = perf_counter()
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        for view, position in zip(self.views, demo.positions, strict=True):
+            view.upload(position)
+            selected = demo.hand.selected if view is self.views[0] else None
+            view.draw(self.camera, demo.statistics.strain_range, selected)
+        self._draw_poke()
+        self._draw_panels(start)
+        gl.glFinish()  # so that drawing is timed, and not only the asking for it
+        self.draw_seconds += 0.1 * (perf_counter() - start - self.draw_seconds)
+        if self._wanted_screenshot:
+            self._wanted_screenshot = False
+            self._save_screenshot()
+        self.frame_count += 1
+        if self.state_file is not None and self.frame_count % STATE_FRAMES == 1:
+            write_state(self.state_file, self.state())
+        if self.frames is not None and self.frame_count >= self.frames:
+            self.close()
+
+    def _draw_poke(self) -> None:
+        held = self.demo.hand.held
+        if held is None:
+            return
+        x, y = self.camera.to_window(self.demo.positions[0][held.particle])
+        force = self.demo.force()
+        if held.target is not None:
+            end = tuple(self.camera.to_window(np.array(held.target)))
+        else:
+            size = mathematics.hypot(*held.direction) or 1.0
+            end = (x + 70 * held.direction[0] / size, y + 70 * held.direction[1] / size)
+        self.arrow.draw((float(x), float(y)), end, f"{mathematics.hypot(*force):.3g} N")
+
+    def _draw_panels(self, now: float) -> None:
+        width, height, demo = self.camera.width, self.camera.height, self.demo
+        if now >= self._text_due:
+            self._text_due = now + TEXT_INTERVAL
+            self.numbers.place(numbers_text(demo, self.frame_seconds, self.draw_seconds), width, height)
+        self.numbers.draw()
+        if self.legend is not None:
+            self.legend.place(width, demo.statistics.strain_range)
+            self.legend.draw()
+        if demo.message_count != self._message[0]:
+            self._message = (demo.message_count, now)
+        if demo.message and (demo.frozen or now < self._message[1] + MESSAGE_SECONDS):
+            panel = self.warning if demo.frozen else self.notice
+            panel.place(demo.message, width, height, self.numbers.height + 8)
+            panel.draw()
+        if self.show_keys:
+            self.keys.place(KEYS, width, height)
+            self.keys.draw()
+        elif not self.keys_seen:
+            self.hint.place(HINT, width, height)
+            self.hint.draw()
+
+    def _save_screenshot(self) -> None:
+        from app.offscreen import read_pixels
+
+        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in self.demo.world.scene.name)
+        stem = f"softlab-{name}-step{self.demo.world.step}"
+        path, number = Path.cwd() / f"{stem}.png", 2
+        while path.exists():
+            path, number = Path.cwd() / f"{stem}-{number}.png", number + 1
+        try:
+            self.screenshot = write_png(path, read_pixels(self.camera.width, self.camera.height))
+            self.demo.say(f"saved {path}")
+        except SoftlabError as error:
+            self.demo.say(str(error))
+
+    # ------------------------------------------------------------------ running
+
+    def state(self) -> dict[str, Any]:
+        """What the demo is doing and what its window shows, for a state file (see `run_demo`)."""
+        shown = {
+            "frame": self.frame_count,
+            "window": [self.camera.width, self.camera.height],
+            "pixels_per_metre": self.camera.scale,
+            "keys_shown": self.show_keys,
+            "screenshot": str(self.screenshot) if self.screenshot else None,
+        }
+        return demo_state(self.demo, self.camera) | shown
+
+    def run(self) -> None:
+        """Show the window until it is closed."""
+        try:
+            self.pyglet.app.run(interval=1 / 60)
+        finally:
+            if self.state_file is not None:
+                write_state(self.state_file, self.state() | {"closed": True})
+            self.window.switch_to()
+            for view in self.views:
+                view.delete()
+            self.window.close()
+
+
+def run_demo(
+    scene: Scene,
+    *,
+    backend: str = "cpu",
+    threads: str = "1x",
+    precision: str = "float32",
+    math: str = "fast",
+    frames: int | None = None,
+    state_file: Path | None = None,
+) -> None:
+    """Show `scene` in a window until it is closed, or for `frames` frames.
+
+    `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing: its keys are
+    those of `Viewer.state`. Raises BackendUnavailable (no display, no OpenGL, no GPU) and what a scene's opening raises.
+    """
+    load_pyglet(False)  # no display: say so before anything is compiled
+    with Demo([scene], backend=backend, threads=threads, precision=precision, math=math) as demo:
+        Viewer(demo, state_file, frames).run()

@@ -1,0 +1,129 @@
+"""Is the answer right? Asked of every configuration before its time counts.
+
+Against the float64 NumPy reference at a small size, with the same kernel and threads; and against the other backend at
+the configuration's own size, where there is one. Errors are distances of the free masses, in units of the spacing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from app.driver import open_simulation
+from model.build import wave
+from model.errors import Diverged, SceneError
+from model.scene import Scene, load_scene
+from model.simulation import Simulation, State
+
+CHECK_ROWS, CHECK_COLUMNS = 23, 19  # masses: small for the reference, divisible by no block or band
+CHECK_STEPS = 100
+OWN_SIZE_STEPS = 10
+AMPLITUDE = 0.05  # m: the masses start off their rest, so that every spring pulls
+LIMITS = {"float32": 1e-3, "float64": 1e-9}  # spacings: over it the answer is wrong, not rounded
+
+
+@dataclass(frozen=True)
+class Check:
+    """`error`, `largest`: root mean square and maximum over the free masses, in spacings; infinite when diverged.
+
+    `note`: how they were had, or what went wrong. `good`: under the limit of the precision.
+    """
+
+    error: float
+    largest: float
+    note: str
+    good: bool
+
+
+def compare(simulation: Simulation, expected: np.ndarray, note: str) -> Check:
+    """How far the simulation's positions are from `expected` (particles, 2) [m]."""
+    free = simulation.body.inverse_mass > 0
+    if not free.any():
+        return Check(0.0, 0.0, note + "; every mass is pinned", True)
+    offset = (simulation.read("position").astype(np.float64) - expected)[free]
+    distance = np.hypot(offset[:, 0], offset[:, 1]) / simulation.scene.grid.spacing
+    error, largest = float(np.sqrt(np.mean(distance**2))), float(distance.max())
+    if not math.isfinite(error):
+        return Check(math.inf, math.inf, note + "; the state is not finite", False)
+    return Check(error, largest, note, error <= LIMITS[simulation.options.precision])
+
+
+@lru_cache(maxsize=64)
+def _reference(scene_text: str) -> np.ndarray:
+    import json
+
+    from bench.reference.mass_spring import simulate
+
+    return simulate(Scene(json.loads(scene_text)), CHECK_STEPS)[0]
+
+
+def against_reference(simulation: Simulation) -> Check:
+    """The scene, integrator, kernel, threads, precision and math of `simulation`, at a small size, held against NumPy.
+
+    A kernel that does not take so small a grid is replaced by the backend's own choice, which the note then says.
+    """
+    small = simulation.scene.replace(
+        {"grid.rows": CHECK_ROWS, "grid.columns": CHECK_COLUMNS, "perturbation.amplitude": AMPLITUDE}
+    )
+    options = simulation.options
+    threads = simulation.threads if simulation.backend == "cpu" else "1x"
+    note = f"{CHECK_ROWS} x {CHECK_COLUMNS} masses, {CHECK_STEPS} steps, against NumPy in float64"
+
+    def opened(kernel: str | None) -> Simulation:
+        return open_simulation(
+            small,
+            simulation.backend,
+            threads=threads,
+            precision=options.precision,
+            math=options.math,
+            kernel=kernel,
+            allow_unstable=True,
+        )
+
+    try:
+        trial = opened(simulation.kernel)
+    except SceneError:
+        trial = opened(None)
+        note += f"; by kernel {trial.kernel}, since {simulation.kernel} does not take that size"
+    with trial:
+        try:
+            trial.advance(CHECK_STEPS)
+            trial.check()
+        except Diverged as error:
+            return Check(math.inf, math.inf, str(error), False)
+        return compare(trial, _reference(small.canonical()), note)
+
+
+def displaced(simulation: Simulation) -> State:
+    """The scene's start with every free mass moved a little, so that all springs take part."""
+    body = simulation.body
+    position = body.position.copy()
+    free = body.inverse_mass > 0
+    position[free] += wave(simulation.scene.grid, AMPLITUDE * simulation.scene.grid.spacing)[free]
+    return State(position, body.velocity, body.inverse_mass, 0.0, 0)
+
+
+def against_other(simulation: Simulation, other: Simulation) -> Check:
+    """Both simulations of the same scene, from the same displaced state, after a few steps. Both are reset."""
+    state = displaced(simulation)
+    note = f"own size, {OWN_SIZE_STEPS} steps, against {other.backend} ({other.kernel}, {other.options.precision})"
+    try:
+        for each in (simulation, other):
+            each.load(state)
+            each.advance(OWN_SIZE_STEPS)
+            each.check()
+        return compare(simulation, other.read("position").astype(np.float64), note)
+    except Diverged as error:
+        return Check(math.inf, math.inf, str(error), False)
+    finally:
+        for each in (simulation, other):
+            each.reset()
+
+
+if __name__ == "__main__":
+    for precision in LIMITS:
+        with open_simulation(load_scene("lab-grid"), precision=precision) as lab:
+            print(precision, against_reference(lab))

@@ -1,0 +1,99 @@
+"""Compiling the formulas of model/formulas for CUDA, in `fast` or `exact` math.
+
+The CUDA compiler contracts a * b + c into one fused multiply-add, which rounds once instead of twice, and numba.cuda has
+no switch for it. So in `exact` math a factory's source is read again and every product in it becomes a call of the
+round-to-nearest multiply, which is never contracted. Quotients and roots are correctly rounded unless fast math is on,
+and fast math is off then. In `fast` math the compiler may reorder and approximate; two small functions are replaced by
+instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import operator
+import sys
+import textwrap
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.device import simulated
+
+
+class _RoundProducts(ast.NodeTransformer):
+    """a * b -> _product(a, b), also for a *= b."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        return self._call(node.left, node.right) if isinstance(node.op, ast.Mult) else node
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Mult) or not isinstance(node.target, ast.Name):
+            return node
+        left = ast.Name(node.target.id, ast.Load())
+        return ast.Assign([node.target], self._call(left, node.value))
+
+    @staticmethod
+    def _call(left: ast.expr, right: ast.expr) -> ast.Call:
+        return ast.Call(ast.Name("_product", ast.Load()), [left, right], [])
+
+
+class _ReplaceFunctions(ast.NodeTransformer):
+    """Drops the definitions of the named inner functions, so that the names mean what the namespace gives them."""
+
+    def __init__(self, names: set[str]):
+        self.names = names
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST | None:
+        if node.name in self.names:
+            return None
+        self.generic_visit(node)
+        return node
+
+
+def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Callable]:
+    if simulated():
+        return {"_product": operator.mul} if math == "exact" else {}
+    from numba.cuda import libdevice
+
+    single = real is np.float32
+    if math == "exact":
+        return {"_product": libdevice.fmul_rn if single else libdevice.dmul_rn}
+    if single:
+        return {"inverse_length": libdevice.rsqrtf, "difference": libdevice.fsub_rn}
+
+    @cuda.jit(device=True, **options)
+    def difference(a, b):
+        return libdevice.dadd_rn(a, -b)  # libdevice has no rounded subtraction in double precision
+
+    return {"inverse_length": libdevice.rsqrt, "difference": difference}
+
+
+def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]) -> Callable:
+    """The factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
+    instructions = _instructions(real, math, options)
+    tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
+    if "_product" in instructions:
+        factory = tree.body[0]
+        assert isinstance(factory, ast.FunctionDef)
+        factory.body = [_RoundProducts().visit(n) if isinstance(n, ast.FunctionDef) else n for n in factory.body]
+    tree = _ReplaceFunctions(set(instructions)).visit(tree)
+    ast.fix_missing_locations(tree)
+    namespace = dict(vars(sys.modules[make.__module__])) | instructions
+    for name, value in list(namespace.items()):
+        is_factory = isinstance(value, FunctionType) and value.__name__ == "make"
+        if is_factory and value is not make and value.__module__.startswith("model.formulas."):
+            namespace[name] = lambda real, compiled, value=value: _rewritten(value, real, math, options)(real, compiled)
+    exec(compile(tree, inspect.getfile(make), "exec"), namespace)
+    return namespace["make"]
+
+
+def device_formulas(make: Any, real: Any, math: str) -> Any:
+    """What `make(real, compiled)` returns, compiled as device functions for `math`."""
+    options = {"fastmath": math == "fast"}
+    return _rewritten(make, real, math, options)(real, cuda.jit(device=True, **options))

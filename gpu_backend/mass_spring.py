@@ -1,0 +1,254 @@
+"""The mass-spring grid on CUDA, one thread per mass, the state on the device throughout.
+
+Kernels: `graph` (passes captured once as a CUDA graph and replayed: what a real GPU runs), `launch` (the same passes,
+one launch from Python each), `stages` (stage by stage). In `exact` math all give the same bits, and the CPU's.
+Memory is taken with plain allocations, never managed memory.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.launch import Graphs, can_capture, new_stream
+from gpu_backend.mass_spring_kernels import BLOCK, make_passes, make_rk4_stages, make_tools
+from gpu_backend.mass_spring_stages import bind_stages
+from model.errors import SceneError
+from model.memory import require
+from model.plan import Executor, mass_spring_plan
+from model.scene import Scene
+from model.simulation import Options, Simulation
+
+KERNELS = ("graph", "launch", "stages")
+MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
+NOTHING_BAD = np.iinfo(np.int32).max
+
+
+class MassSpring(Simulation):
+    """See model/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    backend = "gpu"
+
+    def __init__(self, scene: Scene, options: Options):
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.kernel = options.kernel or ("graph" if can_capture() else "launch")
+        if self.kernel not in KERNELS:
+            raise SceneError("--kernel", options.kernel, f"must be one of {', '.join(KERNELS)} on the gpu")
+        if self.kernel == "graph" and not can_capture():
+            raise SceneError("--kernel", "graph", "the CUDA simulator cannot capture graphs; use launch")
+        self.plan = mass_spring_plan(scene, options.live)
+        rows, columns = self.body.rows, self.body.columns
+        self.particle_count = rows * columns
+        self.threads = BLOCK[0] * BLOCK[1]
+        self._pair = np.complex64 if self.real is np.float32 else np.complex128
+        arrays = 14 if self._is_rk4 else 6
+        needed = arrays * self.particle_count * np.dtype(self._pair).itemsize
+        shape_text = f"{rows} x {columns}"
+        if not simulated():
+            require(needed, memory_info()[0], "grid.rows x grid.columns", shape_text, "GPU memory")
+        blocks = ((columns + BLOCK[0] - 1) // BLOCK[0], (rows + BLOCK[1] - 1) // BLOCK[1])
+        if blocks[1] > MOST_BLOCKS_DOWN:
+            raise SceneError("grid.rows", rows, f"at most {MOST_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the grid")
+        self.stream = new_stream()
+        self._grid = (blocks, BLOCK, self.stream)
+        self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
+        self._allocate()
+        try:
+            self._build()
+        except Exception as error:
+            better = unsupported_code(error)
+            if better is None:
+                raise
+            raise better from error
+        self.reset()
+
+    @property
+    def _is_rk4(self) -> bool:
+        return self.scene.method.integrator == "rk4"
+
+    def new_array(self) -> Any:
+        """A complex (particles,) device array of zeros."""
+        return cuda.to_device(np.zeros(self.particle_count, self._pair), stream=self.stream)
+
+    def _allocate(self) -> None:
+        self.position = [self.new_array(), self.new_array()]
+        self.velocity = [self.new_array(), self.new_array()]
+        self.kept_position, self.kept_velocity = self.new_array(), self.new_array()
+        self._current = 0
+        self.record = cuda.to_device(self._record, stream=self.stream)
+        self._integers = np.zeros(2, np.uint64)  # seed of the external force; 1 + poked particle, 0 for none
+        self._integers[0] = self.scene.external.seed if self.scene.external else 0
+        self.integers = cuda.to_device(self._integers, stream=self.stream)
+        self._counter = cuda.to_device(np.zeros(1, np.int64), stream=self.stream)
+        self._bad = cuda.to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
+        pinned = (self.body.inverse_mass == 0).astype(np.uint8)
+        if not len(self.body.pinned):
+            pinned = np.zeros(1, np.uint8)  # a scene without pins has no such array
+            rows_pinned = pinned
+        else:
+            rows_pinned = pinned.reshape(self.body.rows, -1).max(axis=1)
+        self.pinned = cuda.to_device(pinned, stream=self.stream)
+        self._pinned_row = cuda.to_device(rows_pinned, stream=self.stream)
+        self._shape = (np.int32(self.body.rows), np.int32(self.body.columns))
+        self._counts = bool(self.plan.parts & {"external", "manufactured"})
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        self._tools = make_tools(self.real)
+        math, integrator, parts = self.options.math, self.scene.method.integrator, self.plan.parts
+        self._graphs: Graphs | None = None
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, bind_stages(self))
+            return
+        if self._is_rk4:
+            self._rk4 = make_rk4_stages(self.real, math, parts)
+            self._stage_p, self._stage_v = [self.new_array() for _ in range(2)], [self.new_array() for _ in range(2)]
+            self._total_p, self._total_v = self.new_array(), self.new_array()
+            launch, fused = self._launch_rk4, self._advance_steps
+        else:
+            self._passes = make_passes(self.real, math, integrator, parts)
+            launch = self._launch_passes
+            fused = self._advance_verlet if "middle" in self._passes else self._advance_steps
+        self._launch = launch
+        self._executor = Executor(self.plan, {}, fused)
+        if self.kernel == "graph":
+            fused(0, 3)
+            cuda.synchronize()
+            self._graphs = Graphs(self.stream, launch, self._count_on)
+
+    # ------------------------------------------------------------------ passes
+
+    def _pass(self, name: str, number: int) -> None:
+        """Launch one pass from the current buffer into the other; `number`: its place after the step counter."""
+        source, target = self._current, 1 - self._current
+        self._passes[name][self._grid](
+            self.position[source], self.velocity[source], self.position[target], self.velocity[target], self.record,
+            self.integers, self._counter, np.int64(number), self._pinned_row, self.pinned, *self._shape,
+        )  # fmt: skip
+        self._current = target
+
+    def _launch_passes(self, parity: int, count: int) -> None:
+        self._current = parity
+        name = "middle" if "middle" in self._passes else "step"
+        for number in range(count):
+            self._pass(name, number)
+
+    def _launch_rk4(self, parity: int, count: int) -> None:
+        base = (self.position[0], self.velocity[0])
+        stages = (
+            (self._stage_p[0], self._stage_v[0]),
+            (self._stage_p[1], self._stage_v[1]),
+            (self._stage_p[0], self._stage_v[0]),
+            base,
+        )
+        for number in range(count):
+            source = base
+            for kernel, target in zip(self._rk4, stages, strict=True):
+                kernel[self._grid](
+                    *source, *base, self._total_p, self._total_v, *target, self.record, self.integers, self._counter,
+                    np.int64(number), self._pinned_row, self.pinned, *self._shape,
+                )  # fmt: skip
+                source = target
+
+    def _count_on(self, passes: int) -> None:
+        if self._counts:
+            self._tools.count[1, 1, self.stream](self._counter, np.int64(passes))
+
+    def _set_counter(self, step: int) -> None:
+        if self._counts:
+            self._counter.copy_to_device(np.array([step], np.int64), stream=self.stream)
+
+    def _many(self, count: int) -> None:
+        """`count` equal passes (steps of RK4), through graphs where they are used."""
+        parity = self._current
+        if self._graphs is not None:
+            rest = self._graphs.run(parity, count)
+            self._current = parity  # a graph holds an even number of passes
+            count = rest
+        self._launch(self._current, count)
+        if count:
+            self._count_on(count)
+
+    def _advance_steps(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        self._many(steps)
+
+    def _advance_verlet(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        self._pass("opening", 0)
+        self._count_on(1)
+        self._many(steps - 1)
+        self._pass("closing", 0)
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        self._executor.run(self.step, steps)
+
+    def _keep(self) -> None:
+        self.kept_position.copy_to_device(self.position[self._current], stream=self.stream)
+        self.kept_velocity.copy_to_device(self.velocity[self._current], stream=self.stream)
+
+    def _restore(self) -> None:
+        self.position[self._current].copy_to_device(self.kept_position, stream=self.stream)
+        self.velocity[self._current].copy_to_device(self.kept_velocity, stream=self.stream)
+
+    def _first_bad(self) -> int:
+        self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
+        state = self.position[self._current], self.velocity[self._current]
+        self._tools.first_bad[self._flat](*state, self.real(self._bound), self._bad)
+        bad = int(self._bad.copy_to_host(stream=self.stream)[0]) if simulated() else self._fetch(self._bad)
+        return -1 if bad == NOTHING_BAD else bad
+
+    def _fetch(self, array: Any) -> int:
+        host = array.copy_to_host(stream=self.stream)
+        self.stream.synchronize()
+        return int(host[0])
+
+    def _parameters_changed(self) -> None:
+        self._integers[1] = self._poke_particle + 1
+        self.record.copy_to_device(self._record, stream=self.stream)
+        self.integers.copy_to_device(self._integers, stream=self.stream)
+        self.synchronize()
+
+    def _to_host(self, array: Any) -> np.ndarray:
+        host = array.copy_to_host(stream=self.stream)
+        self.synchronize()
+        return host.view(self.real).reshape(-1, 2)
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._to_host(self.position[self._current]), self._to_host(self.velocity[self._current])
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        for array, values in ((self.position[self._current], position), (self.velocity[self._current], velocity)):
+            array.copy_to_device(np.ascontiguousarray(values).view(self._pair).reshape(-1), stream=self.stream)
+        self.synchronize()
+
+    def _read_position(self, into: Any) -> Any:
+        if into is not None and hasattr(into, "__cuda_array_interface__"):
+            out = cuda.as_cuda_array(into)
+            self._tools.write_position[self._flat](self.position[self._current], out)
+            self.synchronize()
+            return into
+        position = self._to_host(self.position[self._current])
+        if into is None:
+            return position
+        into[...] = position
+        return into
+
+    def synchronize(self) -> None:
+        """Wait for the stream."""
+        if simulated():
+            cuda.synchronize()
+        else:
+            self.stream.synchronize()
+
+    def close(self) -> None:
+        if getattr(self, "_graphs", None) is not None:
+            self.synchronize()
+            self._graphs.close()
+            self._graphs = None

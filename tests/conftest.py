@@ -1,0 +1,82 @@
+"""Shared by the tests: how to open a scene on each backend.
+
+Tests of physics run in `exact` math and, unless they say otherwise, in float64, so that their tolerances follow from the
+equations alone.
+"""
+
+import os
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
+
+from collections.abc import Callable  # noqa: E402
+from typing import Any  # noqa: E402
+
+import pytest  # noqa: E402
+
+
+@pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
+def backend(request: pytest.FixtureRequest) -> str:
+    """"cpu", and "gpu" where there is one (kernels under the CUDA simulator have tests of their own, on small grids)."""
+    if request.param == "gpu":
+        from gpu_backend.device import gpu_available, simulated
+
+        available, reason = gpu_available()
+        if not available or simulated():
+            pytest.skip(reason if not available else "the CUDA simulator is no GPU: too slow for this test")
+    return request.param
+
+
+@pytest.fixture(params=["fused", "stages"])
+def kernel(request: pytest.FixtureRequest) -> str:
+    """Both executions of a plan: many steps in one kernel, and stage by stage."""
+    return request.param
+
+
+@pytest.fixture(params=["float64", "float32"])
+def precision(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def opened(backend: str) -> Callable[..., Any]:
+    """opened(scene, kernel=..., precision=..., ...) -> a simulation on `backend`; dt over the limit is allowed."""
+    from app.driver import open_simulation
+
+    def open_it(scene: Any, *, kernel: str = "fused", precision: str = "float64", math: str = "exact", **options: Any) -> Any:
+        if backend == "cpu":
+            options.setdefault("threads", 1)
+        else:
+            options.pop("threads", None)
+            kernel = {"fused": None}.get(kernel, kernel)  # type: ignore[assignment]  # the fused ones have names there
+        options.setdefault("allow_unstable", True)
+        return open_simulation(scene, backend, kernel=kernel, precision=precision, math=math, **options)
+
+    return open_it
+
+
+@pytest.fixture
+def run(opened: Callable[..., Any]) -> Callable[..., Any]:
+    """run(scene, steps, ...) -> the State after `steps` steps; `initial`: where to start, see `start_at`."""
+
+    def run_it(scene: Any, steps: int, **options: Any) -> Any:
+        with opened(scene, **options) as simulation:
+            simulation.advance(steps)
+            return simulation.state()
+
+    return run_it
+
+
+@pytest.fixture
+def start_at() -> Callable[..., Any]:
+    """start_at(scene, position, velocity=0) -> a State at time 0 to open the scene with."""
+    import numpy as np
+
+    from model.build import build
+    from model.simulation import State
+
+    def state(scene: Any, position: Any, velocity: Any = None) -> State:
+        position = np.asarray(position, dtype=np.float64).reshape(-1, 2)
+        velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64).reshape(-1, 2)
+        return State(position, velocity, build(scene).inverse_mass, 0.0, 0)
+
+    return state
