@@ -1,1 +1,242 @@
-def main(): pass
+"""The command line of the soft-body lab: one function a sub-command, nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+from rich.console import Console
+
+from model.errors import SoftlabError
+
+app = typer.Typer(
+    help="A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False)
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
+Settings = Annotated[
+    Optional[list[str]], typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable.")
+]
+Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
+Threads = Annotated[str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, or a number.")]
+Precision = Annotated[str, typer.Option(help="float32 or float64.")]
+Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
+StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
+Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
+DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
+DEFAULT_FIGURES = Path("softlab-results") / "figures"
+DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
+
+
+def main() -> None:
+    """Run the command line; an error a user can mend is one line on standard error and its exit status."""
+    os.environ.setdefault("PYTHONWARNINGS", "ignore::numba.NumbaPerformanceWarning")
+    try:
+        app()
+    except SoftlabError as error:
+        errors.print(f"softlab: {error}", markup=False)
+        sys.exit(error.exit_status)
+    except KeyboardInterrupt:
+        errors.print("softlab: stopped")
+        sys.exit(130)
+    except BrokenPipeError:  # the reader (head, less) has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+
+
+def _scene(name: str, settings: list[str] | None) -> Any:
+    from model.scene import load_scene, parse_settings
+
+    return load_scene(name).replace(parse_settings(settings))
+
+
+@app.command(epilog="Example: softlab run lab-grid --steps 1000 --backend gpu --set grid.rows=256 --json")
+def run(
+    scene: SceneName,
+    backend: Backend = "cpu",
+    threads: Threads = "1x",
+    precision: Precision = "float32",
+    math: Math = "fast",
+    kernel: Annotated[Optional[str], typer.Option(help="Force a kernel; cpu: fused, stages; gpu: graph, launch, stages.")] = None,
+    steps: Annotated[Optional[int], typer.Option(help="Steps to do (default 1000).")] = None,
+    time: Annotated[Optional[float], typer.Option(help="Seconds to simulate, rounded to whole steps.")] = None,
+    settings: Settings = None,
+    initial: Annotated[Optional[Path], typer.Option(help="Start from a state file (.npz).")] = None,
+    out_file: Annotated[Optional[Path], typer.Option("--out", help="Write the end state (.npz).")] = None,
+    record: Annotated[
+        Optional[tuple[str, Path]], typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
+    ] = None,
+    render: Annotated[Optional[Path], typer.Option(help="Draw the end (.png) or the whole run (.mp4).")] = None,
+    allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
+    judge: Annotated[bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Run a scene without a window."""
+    from app.run import Request, parse_record, run_scene
+    from bench.judge import judge_run
+
+    request = Request(
+        backend, threads, precision, math, kernel, steps, time, initial, out_file,
+        parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
+    )  # fmt: skip
+    result = run_scene(_scene(scene, settings), request)
+    for note in result.notes:
+        errors.print(note, markup=False)
+    if judge and not initial:
+        result.report["error"], result.report["error_reason"] = judge_run(result.scene, result.state, result.diverged)
+    elif initial:
+        result.report["error_reason"] = "started from a file, for which there is no reference"
+    if as_json:
+        print(json.dumps(result.report))
+    else:
+        from app.tables import print_report
+
+        print_report(out, result.report, result.written)
+    if result.diverged:
+        raise result.diverged
+
+
+@app.command(epilog="Example: softlab demo lab-grid --backend gpu   (H in the window shows the keys)")
+def demo(
+    scene: SceneName = "lab-grid",
+    backend: Backend = "cpu",
+    threads: Threads = "1x",
+    precision: Precision = "float32",
+    math: Math = "fast",
+    settings: Settings = None,
+    frames: Annotated[Optional[int], typer.Option(help="Close after so many frames.")] = None,
+) -> None:
+    """Show a scene in a window: G toggles gravity, the mouse pokes a mass."""
+    from app.viewer import run_demo
+
+    run_demo(_scene(scene, settings), backend=backend, threads=threads, precision=precision, math=math, frames=frames)
+
+
+@app.command(epilog="Example: softlab sweep --quick --backend cpu")
+def sweep(
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, about a minute.")] = False,
+    backend: Annotated[Optional[list[str]], typer.Option(help="Only this backend. Repeatable.")] = None,
+    size: Annotated[Optional[list[int]], typer.Option(help="Only N x N masses. Repeatable.")] = None,
+    max_seconds: Annotated[Optional[float], typer.Option(help="The most one configuration may take.")] = None,
+    graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
+    from app.tables import print_sweep
+    from bench.store import Store
+    from bench.sweep import run_sweep
+
+    with Store(store) as opened:
+        summary = run_sweep(
+            opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds, graphics=graphics,
+            command=" ".join(["softlab", *sys.argv[1:]]),
+        )  # fmt: skip
+        print_sweep(out, summary)
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
+@app.command(epilog="Example: softlab accuracy --quick")
+def accuracy(
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats.")] = False,
+    backend: Annotated[Optional[list[str]], typer.Option(help="Only this backend. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Hold every integrator, step size and precision against a converged reference: speed against error."""
+    from app.tables import print_points
+    from bench.accuracy import run_accuracy
+    from bench.store import Store
+
+    with Store(store) as opened:
+        print_points(out, run_accuracy(opened, quick=quick, backends=backend))
+
+
+@app.command(epilog="Example: softlab figures --out figures")
+def figures(
+    store: StorePath = DEFAULT_STORE,
+    folder: Folder = DEFAULT_FIGURES,
+    energies: Annotated[Optional[Path], typer.Option(help="Only the energies of a trajectory written by run --record.")] = None,
+) -> None:
+    """Draw every figure from the store, over the committed measurements."""
+    from labbook.jobs import make_figures
+
+    for path in make_figures(store, folder, energies):
+        out.print(str(path), markup=False)
+
+
+@app.command(epilog="Example: softlab labbook --out labbook.pdf")
+def labbook(store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF.")] = DEFAULT_BOOK) -> None:
+    """Write the lab book (PDF) from the store."""
+    from labbook.jobs import make_labbook
+
+    out.print(str(make_labbook(store, pdf)), markup=False)
+
+
+@app.command(epilog="Example: softlab lab --quick")
+def lab(
+    quick: Annotated[bool, typer.Option("--quick", help="Everything in under three minutes on two cores.")] = False,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Everything: doctor, sweep, accuracy, figures, lab book."""
+    from labbook.jobs import whole_lab
+
+    whole_lab(out, quick=quick, store_path=store, command=" ".join(["softlab", *sys.argv[1:]]))
+
+
+@app.command()
+def scenes() -> None:
+    """List the scenes that come with the lab."""
+    from app.tables import print_scenes
+
+    print_scenes(out)
+
+
+@app.command(epilog="Example: softlab plan lab-grid --set method.integrator=rk4")
+def plan(scene: SceneName, precision: Precision = "float32", settings: Settings = None) -> None:
+    """Print the stages of a step, their bytes and operations, and the stability limit."""
+    from app.tables import print_plan
+
+    print_plan(out, _scene(scene, settings), precision)
+
+
+@app.command()
+def doctor() -> None:
+    """Say what works on this machine, and how to get the rest."""
+    from app.doctor import examine
+    from app.tables import print_findings
+
+    print_findings(out, examine())
+
+
+@app.command(epilog="Example: softlab export my-machine.csv")
+def export(file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE) -> None:
+    """Write the store to one file, to keep or to send."""
+    from bench.store import Store
+    from bench.transfer import export as export_store
+
+    with Store(store, readonly=True) as opened:
+        out.print(str(export_store(opened, file)), markup=False)
+
+
+@app.command(epilog="Example: softlab merge other-machine.csv")
+def merge(other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE) -> None:
+    """Take the measurements of another store into this one; doing it twice adds nothing."""
+    from bench.store import Store
+    from bench.transfer import merge as merge_store
+
+    with Store(store) as opened:
+        new = merge_store(opened, other)
+    out.print(", ".join(f"{count} new in {table}" for table, count in new.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -37,7 +37,7 @@ class Controls:
         self._panning = False
         self.key, self.mouse = viewer.pyglet.window.key, viewer.pyglet.window.mouse
         key, demo = self.key, self.demo
-        self._key_actions: dict[int, Callable[[], None]] = {
+        self._key_actions: dict[int, Callable[[], object]] = {
             key.G: demo.toggle_gravity,
             key.SPACE: demo.toggle_pause,
             key.R: demo.restart,

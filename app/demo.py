@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
 from app.camera import finite_bounds
-from app.colours import strain_range
 from app.driver import open_simulation
 from app.hand import DOWN, Hand, Poke, nearest
-from model.energy import energies, spring_strain
+from app.measures import Statistics, measure, measure_picture
 from model.errors import Diverged, SoftlabError
 from model.scene import Scene
 from model.simulation import Simulation, State
@@ -25,22 +23,12 @@ from model.simulation import Simulation, State
 THREAD_WORDS = ("1x", "2x", "4x")
 FACTOR = 1.25  # one press of [ ] { }
 STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
+ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
+WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
 STATISTICS_INTERVAL = 0.1  # s, at least
 STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
 
 OpenWorld = Callable[..., Simulation]
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """What is shown about the first world: energy [J], the strain of largest size and the range of colours (both
-    relative to the rest length), `bounds` (left, bottom, right, top) [m] of all worlds."""
-
-    energy: float = 0.0
-    kinetic: float = 0.0
-    worst_strain: float = 0.0
-    strain_range: float = 0.1
-    bounds: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
 
 def live_parts(scene: Scene) -> tuple[str, ...]:
@@ -52,8 +40,8 @@ class Demo:
     """The running demo of one or more scenes. Raises what `open_simulation` raises, when opening only.
 
     Public: `worlds`, `positions` (one (particles, 2) float32 array a world: what is drawn), `statistics`, `message`,
-    `paused`, `frozen` (diverged: only `restart` goes on), `steps_per_frame`, `hand` (selected mass, held poke),
-    `physics_seconds` of the last frame.
+    `paused`, `frozen` (diverged, with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand`
+    (selected mass, held poke), `physics_seconds` of the last frame.
     """
 
     def __init__(
@@ -78,8 +66,9 @@ class Demo:
             self.close()
             raise
         self.positions = [world.read("position").astype(np.float32) for world in self.worlds]
+        self._watchable = [position.copy() for position in self.positions]
         self.statistics = Statistics()
-        self.message = ""
+        self.message = self.failure = ""
         self.message_count = 0  # so that the same message twice is seen as new
         self.paused = False
         self.frozen = False
@@ -143,6 +132,11 @@ class Demo:
         with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
             for world, position in zip(self.worlds, self.positions, strict=True):
                 world.read("position", into=position)
+        if self.over_limit or len(self.positions[0]) <= ALWAYS_KEPT:
+            for world, position, watchable in zip(self.worlds, self.positions, self._watchable, strict=True):
+                bounds = finite_bounds(position)
+                if bounds and max(map(abs, bounds)) <= WATCHABLE * world.body.size and np.isfinite(position).all():
+                    watchable[...] = position
 
     def refresh(self, force: bool = False) -> None:
         """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
@@ -154,30 +148,14 @@ class Demo:
         self._statistics_due = now + max(STATISTICS_INTERVAL, cost / STATISTICS_SHARE)
 
     def _measure(self) -> None:
-        world = self.world
-        state = world.state()  # looks for divergence, too
-        energy = energies(world.scene, state.position, state.velocity)
-        strain = spring_strain(world.scene, state.position) if world.scene.springs else np.zeros(0)
-        worst = float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
-        every = [bounds for bounds in map(finite_bounds, self.positions) if bounds]
-        if every:
-            left, bottom, right, top = zip(*every, strict=True)
-            bounds = (min(left), min(bottom), max(right), max(top))
-        else:
-            bounds = self.statistics.bounds
-        wanted = strain_range(strain)
-        if wanted < self.statistics.strain_range <= 2.6 * wanted:
-            wanted = self.statistics.strain_range  # a legend that flickers between two ranges cannot be read
-        self.statistics = Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds)
+        self.statistics = measure(self.world, self.positions, self.statistics)
 
     def _guard(self, action: Callable[[], object]) -> bool:
         """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
         try:
             action()
         except Diverged as error:
-            self.frozen = True
-            self.hand.held = None
-            self.say(f"{error}  -  R restarts")
+            self._freeze(f"{error}. R restarts; the picture is the last that fitted the window")
             return False
         except SoftlabError as error:
             self.say(str(error))
@@ -189,9 +167,17 @@ class Demo:
         self.message = message
         self.message_count += 1
 
+    def _freeze(self, failure: str) -> None:
+        self.frozen, self.failure = True, failure
+        self.message = ""
+        self.hand.held = None
+        for position, watchable in zip(self.positions, self._watchable, strict=True):
+            position[...] = watchable
+        self.statistics = measure_picture(self.world.scene, self.positions, self.statistics)
+
     def _blocked(self) -> bool:
         if self.frozen:
-            self.say(self.message if "diverged" in self.message else "diverged; R restarts")
+            self.say("diverged: first restart with R")
         return self.frozen
 
     # ------------------------------------------------------------------ keys
@@ -273,7 +259,7 @@ class Demo:
 
         self.hand.held = None
         self.hand.forget()
-        self.frozen = False
+        self.frozen, self.failure = False, ""
         if self._guard(back):
             self._read()
             self.refresh(force=True)

@@ -23,17 +23,17 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float) -> str:
         f"{world.threads} threads ({demo.threads})" if world.backend == "cpu" else f"{world.threads} threads a block"
     )
     springs = f"stiffness {scene.springs.stiffness:.4g} N/m   " if scene.springs else ""
-    state = "DIVERGED" if demo.frozen else "paused" if demo.paused else ""
+    state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
+    gravity = "on" if demo.gravity else "off"
+    physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
     return "\n".join(
         (
-            f"{speed:5.1f} frames/s   {speed * demo.steps_per_frame * running:8.0f} steps/s   "
-            f"{demo.steps_per_frame} steps a frame   {state}",
-            f"a frame: physics {1e3 * demo.physics_seconds:6.2f} ms   drawing {1e3 * draw_seconds:6.2f} ms",
-            f"{world.backend}   {threads}   {world.options.precision}   {world.body.rows} x {world.body.columns} masses",
-            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.integrator})",
-            f"{springs}gravity {'on' if demo.gravity else 'off'}",
-            f"time {world.time:.2f} s   step {world.step}",
-            f"energy {demo.statistics.energy:.4g} J   worst strain {demo.statistics.worst_strain:+.3f}",
+            f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms, "
+            f"{demo.steps_per_frame} steps   {speed * demo.steps_per_frame * running:.0f} steps/s",
+            f"{world.backend}   {threads}   {world.options.precision}   "
+            f"{world.body.rows} x {world.body.columns} masses   {springs}gravity {gravity}",
+            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.integrator})   time {world.time:.2f} s   "
+            f"energy {demo.statistics.energy:.4g} J   worst strain {demo.statistics.worst_strain:+.4g}{state}",
         )
     )
 
@@ -69,7 +69,9 @@ def demo_state(demo: Demo, camera: Camera) -> dict[str, Any]:
         "time": world.time,
         "paused": demo.paused,
         "diverged": demo.frozen,
+        "failure": demo.failure,
         "message": demo.message,
+        "message_count": demo.message_count,
         "selected": demo.hand.selected,
         "poke": {"particle": held.particle, "force": list(demo.force())} if held else None,
         "energy": demo.statistics.energy,

@@ -85,7 +85,7 @@ def legend_of(scene: Scene) -> Legend | None:
 
 
 class Panel:
-    """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left`, `centre`, `top`."""
+    """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left` or `centre`."""
 
     def __init__(self, corner: str, size: int = 10, monospaced: bool = True, warning: bool = False) -> None:
         import pyglet
@@ -120,13 +120,13 @@ class Panel:
         self._label.text = text
         self._label.end_update()
         wide, high = self._label.content_width, self._label.content_height
-        left = 8.0 if self.corner.endswith("left") else (width - wide) / 2 - 8
+        left = 8 if self.corner.endswith("left") else (width - wide) // 2 - 8  # whole pixels, or its border blurs
         if self.corner == "bottom-left":
-            top = high + 24.0
+            top = high + 20
         elif self.corner == "centre":
-            top = (height + high) / 2 + 8
+            top = (height + high) // 2 + 8
         else:
-            top = height - 8.0 - below
+            top = height - 8 - below
         self._back.position = (left, top - high - 12)
         self._back.width, self._back.height = wide + 16, high + 12
         self._label.position = (left + 8, top - 6, 0)

@@ -13,14 +13,14 @@ import numpy as np
 from model.errors import InputError
 
 
-def check_target(path: Path | str, suffixes: tuple[str, ...]) -> Path:
-    """`path` as a Path, if a picture may be written there: known suffix, existing folder, not a folder itself.
+def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a picture") -> Path:
+    """`path` as a Path, if `what` may be written there: known suffix, existing folder, not a folder itself.
 
-    Raises InputError; to be called before the work whose picture it is.
+    Raises InputError; to be called before the work whose result it is.
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes:
-        raise InputError(f"{path}: a picture's name must end in {' or '.join(suffixes)}")
+        raise InputError(f"{path}: the name of {what} must end in {' or '.join(suffixes)}")
     if path.is_dir():
         raise InputError(f"{path} is a folder; name a file in it")
     if not path.parent.is_dir():

@@ -21,14 +21,15 @@ from model.errors import BackendUnavailable, InputError
 from model.scene import Scene
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
-POINTS_FROM = 9.0  # pixels between neighbours from which on the masses are drawn as points
+POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
 PIN_SIZE = 9.0  # pixels
 
 
 class SceneView:
     """`scene`'s masses and springs on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
 
-    Raises BackendUnavailable where the driver is too old for it. `upload(position)` sends the state, `draw(camera, strain_range, selected)` draws it; `delete()` frees the buffers.
+    `upload(position)` sends the state, `draw(camera, strain_range, selected)` draws it; `delete()` frees the buffers.
+    Raises BackendUnavailable where the driver is too old for it.
     """
 
     def __init__(self, scene: Scene):
@@ -129,7 +130,9 @@ class SceneView:
         self._look(program, camera)
         gl.glBindVertexArray(self._point_array)
         if apart >= POINTS_FROM or not self.springs:
-            self._style(program, min(max(0.28 * apart, 3.0), 16.0), colours.INK, colours.BACKGROUND)
+            size = min(max(0.28 * apart, 3.0), 16.0)
+            rim = colours.BACKGROUND if size > 5 else colours.INK  # a bright rim would hide a thin spring's ends
+            self._style(program, size, colours.INK, rim)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.particles)
         if self.pins:
             self._style(program, PIN_SIZE, colours.PIN, colours.BACKGROUND, square=True)

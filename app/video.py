@@ -1,4 +1,4 @@
-"""Clips: frames piped into the ffmpeg that comes with imageio-ffmpeg (h264 in MP4), and `render`, by a file's suffix."""
+"""Clips: frames piped into the ffmpeg of imageio-ffmpeg (h264 in MP4); and `render`, which goes by a file's suffix."""
 
 from __future__ import annotations
 
@@ -38,8 +38,9 @@ def ffmpeg_path() -> str:
 class VideoWriter:
     """Writes frames (height, width, 3 or 4) uint8, top row first, as an MP4 (h264, yuv420p); a context manager.
 
-    `width`, `height` must be even (the pixel format needs it). The file appears, whole, when the block ends well; nothing
-    is left behind when it does not. Raises InputError (name, folder, size, disk full) and BackendUnavailable (no ffmpeg).
+    `width`, `height` must be even (the pixel format needs it). The file appears, whole, when the block ends well, and
+    nothing is left behind when it does not. Raises InputError (name, folder, size, disk full) and BackendUnavailable
+    (no ffmpeg).
     """
 
     def __init__(self, path: Path | str, width: int, height: int, fps: int = 60):
@@ -69,7 +70,7 @@ class VideoWriter:
             except OSError as error:
                 raise BackendUnavailable(
                     f"{executable} cannot be started ({error.strerror})", "pip install imageio-ffmpeg"
-                )
+                ) from None
             self._stack = stack.pop_all()
         return self
 
@@ -205,8 +206,8 @@ def render(
 ) -> Path:
     """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
 
-    `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions (particles, 2) for a
-    frame, (frames, particles, 2) for a clip, which need their `scene`. Raises InputError and BackendUnavailable.
+    `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles, 2)
+    for a frame and (frames, particles, 2) for a clip, which need their `scene`. Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP

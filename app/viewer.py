@@ -50,7 +50,7 @@ class Viewer:
                 self.legend = legend_of(demo.world.scene)
                 self.numbers, self.keys = Panel("top-left", 10), Panel("centre", 11)
                 self.hint = Panel("bottom-left", 9, monospaced=False)
-                self.notice, self.warning = Panel("top", 11), Panel("top", 11, warning=True)
+                self.notice, self.warning = Panel("top-left", 10), Panel("top-left", 11, warning=True)
                 self.arrow = Arrow()
         except BaseException:
             self.window.close()
@@ -167,10 +167,14 @@ class Viewer:
             self.legend.draw()
         if demo.message_count != self._message[0]:
             self._message = (demo.message_count, now)
-        if demo.message and (demo.frozen or now < self._message[1] + MESSAGE_SECONDS):
-            panel = self.warning if demo.frozen else self.notice
-            panel.place(demo.message, width, height, self.numbers.height + 8)
-            panel.draw()
+        below = self.numbers.height + 8
+        if demo.frozen:
+            self.warning.place(demo.failure, width, height, below)
+            self.warning.draw()
+            below += self.warning.height + 8
+        if demo.message and now < self._message[1] + MESSAGE_SECONDS:
+            self.notice.place(demo.message, width, height, below)
+            self.notice.draw()
         if self.show_keys:
             self.keys.place(KEYS, width, height)
             self.keys.draw()
@@ -230,8 +234,8 @@ def run_demo(
 ) -> None:
     """Show `scene` in a window until it is closed, or for `frames` frames.
 
-    `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing: its keys are
-    those of `Viewer.state`. Raises BackendUnavailable (no display, no OpenGL, no GPU) and what a scene's opening raises.
+    `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing (its keys:
+    `Viewer.state`). Raises BackendUnavailable (no display, no OpenGL, no GPU) and what opening the scene raises.
     """
     load_pyglet(False)  # no display: say so before anything is compiled
     with Demo([scene], backend=backend, threads=threads, precision=precision, math=math) as demo:

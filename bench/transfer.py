@@ -15,7 +15,6 @@ configuration share a line. Numbers are written so that they read back bit for b
 from __future__ import annotations
 
 import csv
-import io
 import json
 import os
 import sqlite3
@@ -128,34 +127,33 @@ def _insert(store: Store, rows: Rows) -> dict[str, int]:
 
 
 def _text(rows: Rows) -> str:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([MAGIC, TEXT_VERSION])
-    writer.writerow(["machine:", "key", "label", "field", "value"])
+    lines: list[list[str]] = [[MAGIC, str(TEXT_VERSION)], ["machine:", "key", "label", "field", "value"]]
     for key, label, record in rows["machine"]:
-        fields = _flatten(json.loads(record))
-        for field, value in sorted(fields.items()) or [("", "")]:
-            writer.writerow(["machine", key, label, field, value])
-    writer.writerow(["run:", *TABLES["run"]])
-    writer.writerows(["run", *map(_cell, row)] for row in rows["run"])
+        for field, value in sorted(_flatten(json.loads(record)).items()) or [("", "")]:
+            lines.append(["machine", key, label, field, value])
+    lines.append(["run:", *TABLES["run"]])
+    lines += (["run", *map(_cell, row)] for row in rows["run"])
     flat = [(key, _flatten(json.loads(description))) for key, description in rows["configuration"]]
     columns = sorted({column for _, cells in flat for column in cells})
-    writer.writerow(["configuration:", "hash", *columns])
-    writer.writerows(["configuration", key, *(cells.get(column, "") for column in columns)] for key, cells in flat)
-    writer.writerow(["sample:", *GROUP, "repeats", "seconds", "joules"])
+    lines.append(["configuration:", "hash", *columns])
+    lines += (["configuration", key, *(cells.get(column, "") for column in columns)] for key, cells in flat)
+    lines.append(["sample:", *GROUP, "repeats", "seconds", "joules"])
     groups: dict[tuple[Any, ...], list[tuple[int, float, float | None]]] = {}
     for key, run, sources, stage, repeat, seconds, steps, joules, suspect in rows["sample"]:
         groups.setdefault((key, run, sources, stage, steps, suspect), []).append((repeat, seconds, joules))
     for group, samples in groups.items():
-        lists = [
+        repeats, times, energies = (
             " ".join("-" if value is None else repr(value) for value in column) for column in zip(*samples, strict=True)
-        ]
-        if all(joules is None for _, _, joules in samples):
-            lists[2] = ""
-        writer.writerow(["sample", *map(_cell, group), *lists])
-    writer.writerow(["measure:", *TABLES["measure"]])
-    writer.writerows(["measure", *map(_cell, row)] for row in rows["measure"])
-    return buffer.getvalue()
+        )
+        lines.append(["sample", *map(_cell, group), repeats, times, energies if energies.strip("- ") else ""])
+    lines.append(["measure:", *TABLES["measure"]])
+    lines += (["measure", *map(_cell, row)] for row in rows["measure"])
+    return "".join(",".join(map(_quoted, line)) + "\n" for line in lines)
+
+
+def _quoted(cell: str) -> str:
+    """A cell of CSV. (csv.writer leaves a lone carriage return bare, which csv.reader takes for the line's end.)"""
+    return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
 
 
 def _cell(value: Any) -> str:

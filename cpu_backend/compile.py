@@ -91,3 +91,12 @@ def _empty_region() -> Any:
 def start_threads() -> None:
     """Run one parallel region, so that the threading layer is chosen."""
     _empty_region()(1)
+
+
+def can_cache() -> bool:
+    """Whether machine code can be kept on disk; NUMBA_CACHE_DIR names a folder where it cannot."""
+    try:
+        _VariantCache(can_cache)
+    except RuntimeError:
+        return False
+    return True

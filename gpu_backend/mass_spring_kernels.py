@@ -96,7 +96,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
             )  # fmt: skip
             ax, ay = ax + fx, ay + fy
         if has_poke:
-            if integers[1] == k + 1:
+            if np.int64(integers[1]) == k + 1:  # compared as they are, the two kinds of integer would meet as doubles
                 ax, ay = ax + record[K_POKE_X], ay + record[K_POKE_Y]
         return ax, ay
 

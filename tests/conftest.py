@@ -13,6 +13,8 @@ from typing import Any  # noqa: E402
 
 import pytest  # noqa: E402
 
+import cpu_backend.threads  # noqa: E402, F401  # before numba: it asks for four times the cores
+
 
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 def backend(request: pytest.FixtureRequest) -> str:

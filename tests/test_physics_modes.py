@@ -78,4 +78,4 @@ def test_y_modes_swap_the_two_stiffnesses(run, start_at):
 def test_semi_implicit_eulers_frequency(p, q, printed):
     """A5's numerical frequencies at dt = 0.01, acos(1 - (h w)^2 / 2) / h, are the angles of M's eigenvalues."""
     eigenvalue = np.linalg.eigvals(amplification_matrix("semi-implicit-euler", 0.01, frequency(p, q), 0.0))[0]
-    assert abs(np.angle(eigenvalue)) / 0.01 == pytest.approx(printed, abs=5e-9)
+    assert abs(np.angle(eigenvalue)) / 0.01 == pytest.approx(printed, abs=5e-8)  # its own digits hold to 3e-8

@@ -1,0 +1,84 @@
+"""State and trajectory files (.npz): read with care, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.pictures import check_target, replacing
+from model.build import build
+from model.errors import InputError
+from model.scene import Scene
+from model.simulation import State
+
+STATE = ".npz"
+
+
+def check_state_target(path: Path | str) -> Path:
+    """`path`, if a state or trajectory could be written there. Raises InputError."""
+    return check_target(path, (STATE,), "a state or trajectory file")
+
+
+def _write(path: Path, arrays: dict[str, Any]) -> Path:
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, **arrays)
+    return path
+
+
+def write_state(path: Path | str, state: State) -> Path:
+    """Write `position`, `velocity` (particles, 2), `inverse_mass` (particles,), `time` [s] and `step`."""
+    arrays = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
+    return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
+
+
+def read_state(path: Path | str, scene: Scene) -> State:
+    """The state in a .npz file: `position` is needed; velocity is 0 and the masses are the scene's where not given.
+
+    Raises InputError for a file that is missing, unreadable, no .npz, or holds no position; what the arrays hold is
+    checked where they are loaded.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise InputError(f"{path} is not a .npz file; it needs named arrays, position among them")
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a directory; a state is a .npz file") from None
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InputError(f"{path} cannot be read as a .npz file: {reason}") from None
+    except AttributeError:
+        raise InputError(f"{path} is not a .npz file; it needs named arrays, position among them") from None
+    if "position" not in arrays:
+        raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
+    position = arrays["position"]
+    inverse_mass = arrays.get("inverse_mass")
+    if inverse_mass is None:
+        inverse_mass = build(scene).inverse_mass
+    try:
+        time, step = float(arrays.get("time", 0.0)), int(arrays.get("step", 0))
+    except (TypeError, ValueError):
+        raise InputError(f"{path}: time and step must be single numbers") from None
+    if not np.isfinite(time) or step < 0:
+        raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step})")
+    return State(position, arrays.get("velocity", np.zeros_like(position)), inverse_mass, time, step)
+
+
+def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:
+    """Write `position`, `velocity` (frames, particles, 2), `time` [s] and `step` (frames,), and the scene as JSON text."""
+    return _write(
+        check_state_target(path),
+        {
+            "position": np.stack([state.position for state in states]),
+            "velocity": np.stack([state.velocity for state in states]),
+            "time": np.array([state.time for state in states]),
+            "step": np.array([state.step for state in states]),
+            "scene": np.array(json.dumps(scene.as_dict())),
+        },
+    )

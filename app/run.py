@@ -1,0 +1,244 @@
+"""One headless run: open a scene, step it, keep what was asked for, and say how it went."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from app.driver import open_simulation
+from app.files import check_state_target, read_state, write_state, write_trajectory
+from app.video import check_render, render
+from model.energy import energies, spring_strain
+from model.errors import Diverged, InputError, SceneError
+from model.memory import available_bytes, require
+from model.scene import Scene
+from model.simulation import CHECK_INTERVAL, Simulation, State
+
+WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
+PROGRESS_SECONDS = 0.2  # how often the progress bar moves
+
+
+@dataclass(frozen=True)
+class Request:
+    """What `softlab run` was asked to do. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]."""
+
+    backend: str = "cpu"
+    threads: str = "1x"
+    precision: str = "float32"
+    math: str = "fast"
+    kernel: str | None = None
+    steps: int | None = None
+    time: float | None = None
+    initial: Path | None = None
+    out: Path | None = None
+    record_every: int = 0
+    record: Path | None = None
+    render: Path | None = None
+    allow_unstable: bool = False
+
+
+@dataclass
+class Result:
+    """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
+    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it."""
+
+    report: dict[str, Any]
+    state: State
+    scene: Scene
+    written: list[Path] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    diverged: Diverged | None = None
+
+
+def parse_record(words: Iterable[str] | None) -> int:
+    """N of `every=N`. Raises SceneError."""
+    word = next(iter(words or ()), "")
+    key, _, number = word.partition("=")
+    if key != "every" or not (number.isascii() and number.isdigit()) or int(number) < 1:
+        raise SceneError("--record", word, "must be every=N FILE.npz, N at least 1")
+    return int(number)
+
+
+def step_count(scene: Scene, request: Request, notes: list[str]) -> int:
+    """The number of steps asked for; a time is rounded to whole steps, and a note says so."""
+    if request.steps is not None and request.time is not None:
+        raise SceneError("--time", request.time, "give --steps or --time, not both")
+    if request.steps is not None:
+        if request.steps < 0:
+            raise SceneError("--steps", request.steps, "must be at least 0")
+        return request.steps
+    if request.time is None:
+        return 1000
+    dt = scene.method.dt
+    if not math.isfinite(request.time) or request.time < 0:
+        raise SceneError("--time", request.time, "must be a finite number of seconds, at least 0")
+    if request.time / dt > 2**62:
+        raise SceneError("--time", request.time, f"is more than 2^62 steps of {dt:g} s")
+    steps = round(request.time / dt)
+    if abs(steps * dt - request.time) > 1e-9 * max(dt, request.time):
+        notes.append(f"--time {request.time:g} s rounded to {steps} steps of {dt:g} s = {steps * dt:.9g} s")
+    return steps
+
+
+def check_targets(scene: Scene, request: Request, steps: int) -> None:
+    """Everything that could stop a result from being written, before any work. Raises InputError, SceneError."""
+    if request.out:
+        check_state_target(request.out)
+    if request.render:
+        check_render(request.render)
+    if request.record:
+        check_state_target(request.record)
+        frames = steps // request.record_every + 1
+        item = 8 if request.precision == "float64" else 4
+        needed = 2 * frames * scene.grid.particle_count * 4 * item
+        require(needed, available_bytes(), "--record", f"every={request.record_every}", "main memory")
+
+
+def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
+    """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
+    notes: list[str] = []
+    steps = step_count(scene, request, notes)
+    check_targets(scene, request, steps)
+    initial = read_state(request.initial, scene) if request.initial else None
+    begin = time.perf_counter()
+    simulation = open_simulation(
+        scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
+        kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable,
+    )  # fmt: skip
+    with simulation:
+        start = simulation.state()
+        _warm_up(simulation, start, steps)
+        compile_seconds = time.perf_counter() - begin
+        clip = request.render is not None and request.render.suffix.lower() == ".mp4"
+        recorder = _Recorder(start, request.record_every if request.record else 0)
+        seconds, diverged = _advance(simulation, steps, recorder, progress)
+        state = simulation.state()
+        result = Result(
+            _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
+            notes=notes, diverged=diverged,
+        )  # fmt: skip
+        _write_results(result, request, recorder, simulation, start, clip)
+    return result
+
+
+def _warm_up(simulation: Simulation, start: State, steps: int) -> None:
+    """Compile, and on a GPU capture, everything the run will use; then go back to the start."""
+    if steps == 0:
+        return
+    try:
+        simulation.advance(min(steps, WARM_UP_STEPS) if simulation.kernel == "graph" else 1)
+        simulation.check()
+    except Diverged:
+        pass  # the run itself will find and report it
+    simulation.load(start)
+
+
+class _Recorder:
+    """Keeps a state every `every` steps, the start among them; 0 keeps nothing."""
+
+    def __init__(self, start: State, every: int):
+        self.every = every
+        self.states = [start] if every else []
+
+    def steps_to_next(self, done: int) -> int:
+        return self.every - done % self.every if self.every else 2**62
+
+    def keep(self, simulation: Simulation, done: int) -> None:
+        if self.every and done % self.every == 0:
+            self.states.append(simulation.state())
+
+
+def _advance(simulation: Simulation, steps: int, recorder: _Recorder, progress: bool) -> tuple[float, Diverged | None]:
+    """Seconds of stepping alone, and the divergence that ended it, if any."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
+    done, seconds, batch = 0, 0.0, CHECK_INTERVAL
+    shown = None
+    try:
+        while done < steps:
+            now = min(batch, steps - done, recorder.steps_to_next(done))
+            begin = time.perf_counter()
+            simulation.advance(now)
+            simulation.synchronize()
+            took = time.perf_counter() - begin
+            seconds += took
+            done += now
+            recorder.keep(simulation, done)
+            if progress and took > 0:
+                batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
+                if shown is None and seconds / done * (steps - done) > 1:
+                    shown = Progress(*columns, console=Console(stderr=True), transient=True)
+                    shown.start()
+                    task = shown.add_task("stepping", total=steps)
+                if shown is not None:
+                    shown.update(task, completed=done)
+        simulation.check()
+    except Diverged as error:
+        return seconds, error
+    finally:
+        if shown is not None:
+            shown.stop()
+    return seconds, None
+
+
+def _report(
+    simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
+) -> dict[str, Any]:
+    scene = simulation.scene
+    energy = energies(scene, state.position, state.velocity)
+    strain = spring_strain(scene, state.position) if scene.springs else ()
+    speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
+    count = scene.grid.particle_count
+    rate = count * steps / seconds if seconds > 0 and not diverged else None
+    return {
+        "scene": scene.name,
+        "backend": simulation.backend,
+        "device": simulation.device,
+        "threads": simulation.threads,
+        "precision": simulation.options.precision,
+        "math": simulation.options.math,
+        "kernel": simulation.kernel,
+        "method": f"{scene.method.solver} {scene.method.integrator}",
+        "particles": count,
+        "dimensions": 2,
+        "steps": steps if diverged is None else state.step,
+        "dt": scene.method.dt,
+        "substeps": 1,
+        "iterations": 1,
+        "time": state.time,
+        "seconds": seconds,
+        "compile_seconds": compile_seconds,
+        "particle_steps_per_second": rate,
+        "kinetic_energy": energy["kinetic"],
+        "potential_energy": energy["potential"],
+        "conserved": energy["conserved"],
+        "max_speed": float(speed.max() ** 0.5),
+        "max_strain": float(abs(strain).max()) if len(strain) else 0.0,
+        "error": None,
+        "error_reason": "not judged",
+        "outcome": "ok" if diverged is None else "diverged",
+    }
+
+
+def _write_results(
+    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool
+) -> None:
+    if request.out:
+        result.written.append(write_state(request.out, result.state))
+    if request.record:
+        result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
+    if request.render and not clip:
+        result.written.append(render(result.state.position, request.render, scene=simulation.scene))
+    elif request.render:
+        steps = result.state.step - start.step
+        if steps < 1:
+            raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
+        simulation.load(start)
+        per_frame = max(1, round(1 / 60 / simulation.scene.method.dt))
+        result.written.append(render(simulation, request.render, steps=steps, steps_per_frame=per_frame))

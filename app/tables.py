@@ -1,0 +1,119 @@
+"""What the command line prints: tables for people. (`--json` prints for programs.)"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from app.doctor import Finding
+from model.integrators import INTEGRATORS, stability_limit
+from model.plan import Node, Stage, mass_spring_plan
+from model.scene import Scene, catalogue, load_scene
+
+UNITS = {
+    "dt": "s",
+    "time": "s",
+    "seconds": "s",
+    "compile_seconds": "s",
+    "kinetic_energy": "J",
+    "potential_energy": "J",
+    "conserved": "J",
+    "max_speed": "m/s",
+    "error": "of the spacing",
+}
+
+
+def number(value: Any) -> str:
+    """A value as a person reads it."""
+    if isinstance(value, bool) or value is None:
+        return "-" if value is None else str(value)
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", " ")
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)
+
+
+def print_report(console: Console, report: dict[str, Any], written: list[Path]) -> None:
+    """The result of one run."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for key, value in report.items():
+        if key == "error_reason" or (key == "error" and value is None):
+            continue
+        table.add_row(key.replace("_", " "), f"{number(value)} {UNITS.get(key, '')}".rstrip())
+    if report["error_reason"]:
+        label = "error" if report["error"] is None else ""
+        table.add_row(label, ("not known: " if report["error"] is None else "") + report["error_reason"])
+    console.print(table)
+    for path in written:
+        console.print(f"wrote {path}", markup=False)
+
+
+def print_scenes(console: Console) -> None:
+    """The catalogue."""
+    table = Table("scene", "title", "masses", "pinned", "integrator", "dt [s]", "limit [s]")
+    for name in catalogue():
+        scene = load_scene(name)
+        grid, method = scene.grid, scene.method
+        table.add_row(
+            name, scene.title, f"{grid.rows} x {grid.columns}", str(grid.pinned), method.integrator, f"{method.dt:g}",
+            f"{stability_limit(scene):.4g}",
+        )  # fmt: skip
+    console.print(table)
+
+
+def print_plan(console: Console, scene: Scene, precision: str) -> None:
+    """The stages of a step, each with what it moves and computes, and the stability limit."""
+    from model.errors import SceneError
+    from model.simulation import PRECISIONS
+
+    if precision not in PRECISIONS:
+        raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
+    item = 4 if precision == "float32" else 8
+    plan, grid = mass_spring_plan(scene), scene.grid
+    limit, integrator = stability_limit(scene), scene.method.integrator
+    console.print(
+        f"{scene.name}  {number(grid.particle_count)} masses, {number(grid.spring_count)} springs, 2-D, {precision}"
+    )
+    state = "running at" if scene.method.dt <= limit else "OVER IT at"
+    bound = f"limit dt {limit:.6g} s" if limit > 0 else "no stable dt"
+    console.print(f"{bound} ({integrator}: {INTEGRATORS[integrator].note}), {state} {scene.method.dt:g} s")
+    table = Table("stage", "bytes a mass", "operations a mass", title="one step, stage by stage", title_justify="left")
+
+    def add(node: Node | Stage, depth: int) -> None:
+        name = "  " * depth + node.name
+        if isinstance(node, Stage):
+            table.add_row(name, str(node.bytes(item)), str(node.operations))
+            return
+        table.add_row(name + (f" (x {node.times})" if node.times > 1 else ""), "", "")
+        for child in node.children:
+            add(child, depth + 1)
+
+    add(plan.root, 0)
+    console.print(table)
+    console.print(
+        f"fused, one thread a mass (gpu) or a band of rows (cpu): {plan.bytes(item)} bytes and {plan.operations} "
+        "operations a mass and step"
+    )
+
+
+def print_findings(console: Console, findings: list[Finding]) -> None:
+    """The doctor's report."""
+    table = Table("", "works", "found", "how to get it", box=None)
+    for finding in findings:
+        mark = "[green]yes[/green]" if finding.works else "[yellow]no[/yellow]"
+        table.add_row(finding.name, mark, finding.found, finding.remedy)
+    console.print(table)
+
+
+def print_sweep(console: Console, summary: Any) -> None:
+    """What a sweep did."""
+    console.print(str(summary), markup=False)
+
+
+def print_points(console: Console, points: Any) -> None:
+    """Speed against error, a row a point."""
+    console.print(str(points), markup=False)

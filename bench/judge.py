@@ -1,0 +1,50 @@
+"""The error of one run, so that no time is told without one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.reference.mass_spring import converged
+from model.errors import Diverged
+from model.integrators import damping_rate, frequency_bound
+from model.scene import Scene
+from model.simulation import State
+
+# The reference costs about 50 ns a mass and force evaluation in NumPy; four evaluations a step, at h and h/2.
+SECONDS_PER_EVALUATION = 1e-7
+BUDGET = 4.0  # s
+STEPS_PER_RADIAN = 4  # as in the reference
+
+
+def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[float | None, str | None]:
+    """(error, None) or (None, why there is none).
+
+    The error is the root mean square over the free masses of the distance to the converged reference at the same
+    physical time, over the spacing. References that would cost over BUDGET seconds are not made.
+    """
+    if diverged is not None:
+        return None, "diverged"
+    free = state.inverse_mass > 0
+    if not free.any():
+        return 0.0, None
+    if state.step == 0:
+        return 0.0, None
+    if scene.external and scene.external.magnitude > 0:
+        return None, "a random force is another force at every step size, so no converged reference exists"
+    steps = state.time * (frequency_bound(scene) + damping_rate(scene)) * STEPS_PER_RADIAN
+    cost = 3 * steps * 4 * (scene.grid.particle_count * SECONDS_PER_EVALUATION + 1e-4)
+    if cost > BUDGET:
+        return None, f"a converged reference would take about {cost:.0f} s; softlab accuracy judges the integrators"
+    reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
+    error = distance(state.position, reference, free, scene.grid.spacing)
+    if not np.isfinite(error):
+        return None, "the reference did not converge"
+    if error < 10 * estimate / scene.grid.spacing:
+        return None, f"below what the reference resolves ({10 * estimate / scene.grid.spacing:.1e} of the spacing)"
+    return error, None
+
+
+def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> float:
+    """Root mean square over the masses `free` of |position - reference| [m], over `spacing` [m]."""
+    away = position[free].astype(np.float64) - reference[free]
+    return float(np.sqrt(np.mean(np.sum(away * away, axis=1))) / spacing)

@@ -1,0 +1,198 @@
+"""What figures and lab book draw from: a user's own measurements and the committed ones, machine by machine.
+
+`load` reads stores and text exports; a `Source` is what one machine holds of the sweep and of the accuracy runs. The
+sources that a figure is about are `featured`: the user's own, or the committed ones where there are no others. Committed
+sources beside own ones are `background`: drawn lightly, and labelled.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from bench.results import Machine, Measure, Store, Timing, canonical, machines, measures, open_readonly, timings
+
+Origin = Store | str | Path
+THREAD_WORDS = ("1x", "2x", "4x")
+SIMULATOR = "CUDA simulator"  # in a suspect mark: no time of a GPU at all
+WRONG = ("wrong answer", "state not finite")  # suspect marks that say more than "noisy"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a measuring command. `commit`: source revision or None; `started`: UTC, ISO 8601."""
+
+    commit: str | None
+    started: str
+    command: str
+
+
+@dataclass(frozen=True)
+class Source:
+    """What one machine measured. `own`: by the user, else committed with the lab. `timings`: of the sweep, by the
+    kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one). `scene`:
+    the sweep's, as nested tables without the grid's size."""
+
+    machine: Machine
+    own: bool
+    timings: tuple[Timing, ...]
+    measures: tuple[Measure, ...]
+    runs: tuple[Run, ...]
+    scene: dict[str, Any] = field(default_factory=dict)
+    threading: tuple[str | None, str | None] = (None, None)
+
+    @property
+    def processor(self) -> str:
+        """`AMD EPYC, 2 cores`."""
+        return self.machine.label.split(";")[0].strip()
+
+    @property
+    def gpu(self) -> str | None:
+        """The GPU's name; None for a machine without."""
+        return self.machine.record.get("gpu")
+
+    @property
+    def commit(self) -> str:
+        """The revision that was measured last."""
+        return next((run.commit for run in reversed(self.runs) if run.commit), "unknown")
+
+    @property
+    def date(self) -> str:
+        """The day of the last measurement, `2026-11-21`."""
+        return self.runs[-1].started[:10] if self.runs else "unknown"
+
+    @property
+    def provenance(self) -> str:
+        """Machine, commit and date in one line, for captions."""
+        committed = "" if self.own else "committed measurements: "
+        return f"{committed}{self.machine.label}; commit {self.commit}, measured {self.date}"
+
+    def select(
+        self,
+        backend: str,
+        word: str | None = None,
+        precision: str = "float32",
+        *,
+        graphics: bool = False,
+        square: bool = True,
+    ) -> list[Timing]:
+        """The sweep's timings of one curve, smallest grid first. `word`: 1x, 2x, 4x or a number; None on the GPU."""
+        return [
+            timing
+            for timing in self.timings
+            if timing.backend == backend
+            and timing.thread_word == word
+            and timing.precision == precision
+            and timing.graphics == graphics
+            and (not square or timing.rows == timing.columns)
+        ]
+
+    @property
+    def has_gpu_times(self) -> bool:
+        return any(timing.backend == "gpu" for timing in self.timings)
+
+
+@dataclass(frozen=True)
+class Results:
+    """All sources, the user's own first."""
+
+    sources: tuple[Source, ...]
+
+    @property
+    def featured(self) -> tuple[Source, ...]:
+        own = tuple(source for source in self.sources if source.own)
+        return own or self.sources
+
+    @property
+    def background(self) -> tuple[Source, ...]:
+        return tuple(source for source in self.sources if source not in self.featured)
+
+    def with_gpu(self) -> Source | None:
+        """The first source that timed a GPU: a featured one, else a committed one."""
+        return next((s for s in (*self.featured, *self.background) if s.has_gpu_times), None)
+
+
+def is_wrong(timing: Timing) -> bool:
+    """Whether the answer of a timed configuration failed its check: such a time wins nothing."""
+    infinite = timing.error is not None and timing.error == float("inf")
+    return infinite or any(reason.startswith(WRONG) for mark in timing.suspect for reason in mark.split("; "))
+
+
+def is_suspect(timing: Timing) -> bool:
+    """Whether a time is to be read with care: noisy, disturbed, or of an answer that nothing was held against."""
+    return bool(timing.suspect) or timing.error is None
+
+
+def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] = ()) -> Results:
+    """Read the user's own store(s) (None: there are none) and the committed text exports. Raises InputError."""
+    origins: list[Origin] = [] if own is None else [own] if isinstance(own, Store | str | Path) else list(own)
+    found: list[Source] = []
+    with ExitStack() as stack:
+        for origin in origins:
+            store = origin if isinstance(origin, Store) else stack.enter_context(open_readonly(origin))
+            found += _sources(store, own=True)
+        for path in committed:
+            found += _sources(stack.enter_context(open_readonly(path)), own=False)
+    found.sort(key=lambda source: (not source.own, not source.has_gpu_times))
+    return Results(tuple(found))
+
+
+def _sources(store: Store, own: bool) -> list[Source]:
+    descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
+    result = []
+    for machine in machines(store):
+        times = [
+            timing
+            for timing in timings(store, machine.key)
+            if descriptions[timing.configuration]["kernel"] == "auto"
+            and timing.peer is None
+            and not any(SIMULATOR in mark for mark in timing.suspect)
+        ]
+        numbers = measures(store, machine=machine.key)
+        runs = tuple(
+            Run(*row)
+            for row in store.query(
+                "SELECT commit_hash, started, command FROM run WHERE machine = ? ORDER BY started, rowid",
+                (machine.key,),
+            )
+        )
+        scene, times = _one_family(times, descriptions)
+        threading, times = _one_threading(times)
+        if times or numbers:
+            result.append(Source(machine, own, tuple(times), tuple(numbers), runs, scene, threading))
+    return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
+
+
+def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict[str, Any], list[Timing]]:
+    """The timings of the scene that was swept over most sizes: scenes timed at one size are no curve."""
+
+    def family(timing: Timing) -> str:
+        scene = json.loads(canonical(descriptions[timing.configuration]["scene"]))
+        for table in scene.values():
+            if isinstance(table, dict) and "rows" in table:
+                del table["rows"], table["columns"]
+        return canonical(scene | {"math": descriptions[timing.configuration]["math"]})
+
+    sizes: dict[str, set[tuple[int, int]]] = {}
+    for timing in times:
+        sizes.setdefault(family(timing), set()).add((timing.rows, timing.columns))
+    if not sizes:
+        return {}, []
+    chosen = max(sizes, key=lambda key: len(sizes[key]))
+    scene = json.loads(chosen)
+    scene.pop("math")
+    return scene, [timing for timing in times if family(timing) == chosen]
+
+
+def _one_threading(times: list[Timing]) -> tuple[tuple[str | None, str | None], list[Timing]]:
+    """The timings of the threading layer and wait policy that were measured most: mixed curves would compare those."""
+    count = Counter((timing.layer, timing.wait_policy) for timing in times if timing.backend == "cpu")
+    if not count:
+        return (None, None), times
+    (chosen, _), *_ = count.most_common(1)
+    return chosen, [t for t in times if t.backend != "cpu" or (t.layer, t.wait_policy) == chosen]

@@ -1,0 +1,111 @@
+"""Every figure of the lab, drawn from the store: what `softlab figures` calls.
+
+>>> from plots.draw import draw_all
+>>> draw_all("softlab-results/results.sqlite", "figures", committed=["labbook/data/h200.csv"])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from model.errors import InputError
+from plots import (
+    bandwidth,
+    graphics,
+    lab_step,
+    overtaking,
+    precisions,
+    shapes,
+    thread_scaling,
+    time_per_step,
+    work_precision,
+)
+from plots.data import Origin, Results, load
+from plots.style import Drawing, save, settings
+
+FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
+    "time-per-step": time_per_step.draw,
+    "thread-scaling": thread_scaling.draw,
+    "overtaking": overtaking.draw,
+    "graphics": graphics.draw,
+    "bandwidth": bandwidth.draw,
+    "precisions": precisions.draw,
+    "shapes": shapes.draw,
+    "work-precision": work_precision.draw,
+    "lab-step": lab_step.draw,
+}
+TITLES = {
+    "time-per-step": time_per_step.TITLE,
+    "thread-scaling": thread_scaling.TITLE,
+    "overtaking": overtaking.TITLE,
+    "graphics": graphics.TITLE,
+    "bandwidth": bandwidth.TITLE,
+    "precisions": precisions.TITLE,
+    "shapes": shapes.TITLE,
+    "work-precision": work_precision.TITLE,
+    "lab-step": lab_step.TITLE,
+}
+
+
+@dataclass(frozen=True)
+class FigureFiles:
+    """A figure on disk: `paths` (.svg, .png) and `caption`; or, where the data do not hold it, no paths and `reason`."""
+
+    name: str
+    title: str
+    paths: tuple[Path, ...]
+    caption: str
+    reason: str | None = None
+
+
+def draw_figures(results: Results, out_dir: str | Path, *, footer: bool = True) -> list[FigureFiles]:
+    """Draw what the results hold into an existing folder. `footer`: machine, commit and date on the figure itself.
+
+    A figure that the data do not hold is left out, with its reason; an older file of its name is removed then, so that
+    the folder never mixes two states. Raises InputError where the folder cannot be written.
+    """
+    folder = Path(out_dir)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
+    note = "; ".join(dict.fromkeys(source.provenance for source in results.featured)) if footer else None
+    made = []
+    with settings():
+        for name, draw in FIGURES.items():
+            drawing = draw(results)
+            if isinstance(drawing, str):
+                for suffix in ("svg", "png"):
+                    _remove(folder / f"{name}.{suffix}")
+                made.append(FigureFiles(name, TITLES[name], (), "", drawing))
+                continue
+            paths = save(drawing, folder, name, footer=note)
+            made.append(FigureFiles(name, drawing.title, tuple(paths), drawing.caption))
+    return made
+
+
+def draw_all(
+    store_or_paths: Origin | Sequence[Origin] | None, out_dir: str | Path, committed: Iterable[str | Path] = ()
+) -> list[Path]:
+    """Every figure that the results hold, as .svg and .png in `out_dir`; the paths.
+
+    `store_or_paths`: the user's own store(s), open or as paths (.sqlite, .csv), None where there is none; `committed`:
+    text exports to draw lightly behind them (or as the main thing where there is no own store). `out_dir` is made where
+    its parent exists. Raises InputError.
+    """
+    results = load(store_or_paths, committed)
+    folder = Path(out_dir)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder} cannot be made: {error.strerror or error}; give another path for the figures"
+        ) from None
+    return [path for figure in draw_figures(results, folder) for path in figure.paths]
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be replaced: {error.strerror or error}; check its permissions") from None

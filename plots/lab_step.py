@@ -1,0 +1,92 @@
+"""The finding about the hand-out's step: against Newton's law its error does not fall, against half the acceleration it
+falls in proportion to the step size. Beside it, the orders of the other integrators."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from plots.accuracy_points import Point, points
+from plots.data import Results
+from plots.style import GREY, VERMILLION, Drawing, legend_below, new_figure, provenance
+from plots.work_precision import INTEGRATORS, SCENES, accurate_source
+
+TITLE = "What the hand-out's step converges to"
+
+
+def order_points(found: list[Point], integrator: str) -> list[Point]:
+    """The runs that show an integrator's order: float64, finite, resolved, of the first backend that has any."""
+    for backend in ("cpu", "gpu"):
+        mine = [
+            p
+            for p in found
+            if p.integrator == integrator and p.precision == "float64" and p.backend == backend and not p.diverged
+        ]
+        if mine:
+            return mine
+    return []
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, one panel a scene, or why there is none."""
+    source = accurate_source(results)
+    if source is None:
+        return "no accuracy runs were measured"
+    here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
+    if not here:
+        return "the hand-out's step was not among the accuracy runs in float64"
+    figure, axes = new_figure(len(here), 3.8)
+    for ax, scene in zip(axes, here, strict=True):
+        _draw_panel(ax, points(source, scene))
+        ax.set_title(scene)
+    axes[0].set_ylabel("error / spacings")
+    legend_below(figure, axes, columns=3)
+    caption = (
+        "Error in float64 against step size. The hand-out's step (lab) held against Newton's law stays where it is "
+        "(order 0); held against the equation with half the acceleration it is first order. Thin: slopes of order 1, 2 "
+        f"and 4. {provenance([source])}"
+    )
+    return Drawing(figure, TITLE, caption)
+
+
+def _draw_panel(ax: Any, found: list[Point]) -> None:
+    for name, (colour, marker) in INTEGRATORS.items():
+        mine = [p for p in order_points(found, name) if p.error > 0]
+        if not mine:
+            continue
+        label = "lab, against Newton's law" if name == "lab" else name
+        ax.plot([p.dt for p in mine], [p.error for p in mine], marker=marker, color=colour, label=label)
+        hollow = [p for p in mine if not p.resolved]
+        ax.plot([p.dt for p in hollow], [p.error for p in hollow], marker, color=colour, markerfacecolor="white")
+    halves = [p for p in order_points(found, "lab") if p.half]
+    if halves:
+        x, y = [p.dt for p in halves], [p.half for p in halves]
+        ax.plot(
+            x,
+            y,
+            "--",
+            marker="X",
+            markerfacecolor="white",
+            color=VERMILLION,
+            label="lab, against half the acceleration",
+        )
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    steps = sorted({p.dt for p in found if not p.diverged})
+    _draw_slopes(ax, found, steps)
+    ax.set_xticks(steps, [f"{1000 * dt:g}" for dt in steps])
+    ax.set_xticks([], minor=True)
+    ax.set_xlabel("step size / ms")
+
+
+def _draw_slopes(ax: Any, found: list[Point], steps: list[float]) -> None:
+    """Thin lines of order 1, 2 and 4, through the integrator that should have that order, a little below it."""
+    for name, order in (("semi-implicit-euler", 1), ("velocity-verlet", 2), ("rk4", 4)):
+        mine = order_points(found, name)
+        if len(mine) < 2 or not steps:
+            continue
+        anchor = max(mine, key=lambda p: p.dt)
+        ax.plot(
+            steps, [0.6 * anchor.error * (dt / anchor.dt) ** order for dt in steps], color=GREY, linewidth=0.7, zorder=1
+        )
+        ax.annotate(f"order {order}", (steps[0], 0.6 * anchor.error * (steps[0] / anchor.dt) ** order), (0, -3),
+                    textcoords="offset points", fontsize=7, color="#555555", ha="left", va="top")  # fmt: skip

@@ -1,0 +1,233 @@
+"""How every figure looks: colours that colour-blind readers tell apart (Okabe and Ito, 2008), a marker for each curve,
+sizes that stay legible in a column, and how a measured point is shown.
+
+Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the answer was wrong; it belongs
+to no curve. matplotlib is imported where it is used, with its object interface: no window, no global state.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.results import Timing
+from model.errors import InputError
+from plots.data import Results, Source, is_suspect, is_wrong
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
+)  # fmt: skip
+GREY = "#8A8A8A"
+WIDTH = 6.3  # inch: the text's width on A4
+HEIGHT = 3.6  # inch
+PNG_DPI = 160
+MOST_PANELS = 3
+
+SETTINGS: dict[str, Any] = {
+    "font.size": 9,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.grid.which": "major",
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 4.5,
+    "legend.frameon": False,
+    "svg.hashsalt": "softlab",  # equal figures are equal files
+    "figure.constrained_layout.use": True,
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How one curve is drawn."""
+
+    label: str
+    colour: str
+    marker: str
+    line: str = "-"
+
+
+THREADS = {
+    "1": Curve("1 thread", PURPLE, "v"),
+    "1x": Curve("1x threads", BLUE, "o"),
+    "2x": Curve("2x threads", ORANGE, "s"),
+    "4x": Curve("4x threads", VERMILLION, "^"),
+}
+GPU = Curve("GPU", GREEN, "D")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A finished figure: `figure` (matplotlib), `title`, `caption` (what is shown, then machine, commit and date)."""
+
+    figure: Any
+    title: str
+    caption: str
+
+
+@contextmanager
+def settings() -> Iterator[None]:
+    """matplotlib's settings for the lab, while a figure is made and saved."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcParams.update({**matplotlib.rcParamsDefault, "backend": matplotlib.rcParams["backend"]})
+        matplotlib.rcParams.update(SETTINGS)
+        yield
+
+
+def new_figure(columns: int = 1, height: float = HEIGHT, share_y: bool = True) -> tuple[Any, list[Any]]:
+    """A figure with its axes, on the Agg canvas."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, columns, sharey=share_y, squeeze=False)[0]
+    return figure, list(axes)
+
+
+def panels(
+    results: Results, holds: Callable[[Source], bool], height: float = HEIGHT
+) -> tuple[Any, list[tuple[Any, Source]]]:
+    """A panel for each featured source that `holds` what is drawn; no figure (None) where none does."""
+    chosen = [source for source in results.featured if holds(source)][:MOST_PANELS]
+    if not chosen:
+        return None, []
+    figure, axes = new_figure(len(chosen), height)
+    for ax, source in zip(axes, chosen, strict=True):
+        if len(chosen) > 1:
+            ax.set_title(source.machine.label.replace("; ", "\n"), fontsize=8)
+    return figure, list(zip(axes, chosen, strict=True))
+
+
+def draw_times(
+    ax: Any,
+    times: Sequence[Timing],
+    curve: Curve,
+    value: Callable[[Timing, float], float] = lambda _, seconds: seconds,
+    *,
+    light: bool = False,
+) -> None:
+    """One curve over the number of masses: medians, a band from the least to the greatest repeat, marks.
+
+    `value(timing, seconds)` turns seconds per step into what the axis shows. `light`: a committed curve behind others.
+    """
+    sound = [timing for timing in times if not is_wrong(timing)]
+    x = np.array([timing.particles for timing in sound], float)
+    y = np.array([value(timing, timing.median) for timing in sound])
+    if light:
+        ax.plot(x, y, curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
+        return
+    low = np.array([value(timing, timing.low) for timing in sound])
+    high = np.array([value(timing, timing.high) for timing in sound])
+    if len(x):
+        ax.fill_between(x, np.minimum(low, high), np.maximum(low, high), color=curve.colour, alpha=0.18, linewidth=0)
+        ax.plot(x, y, curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
+    hollow = np.array([is_suspect(timing) for timing in sound], bool)
+    if hollow.any():
+        face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
+        ax.plot(x[hollow], y[hollow], curve.marker, **face, zorder=4)
+    wrong = [timing for timing in times if is_wrong(timing)]
+    ax.plot([t.particles for t in wrong], [value(t, t.median) for t in wrong], "x", color=BLACK, zorder=5)
+
+
+def log_axes(ax: Any, y_label: str | None = None, *, log_y: bool = True) -> None:
+    """Masses on a logarithmic x axis, and the label of the y axis."""
+    ax.set_xscale("log")
+    if log_y:
+        ax.set_yscale("log")
+    ax.set_xlabel("masses")
+    if y_label:
+        ax.set_ylabel(y_label)
+
+
+def plain_ticks(axis: Any) -> None:
+    """1, 2, 5, 10 instead of powers, for an axis that spans little."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend_below(figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4) -> None:
+    """One legend under the panels, every label once, with what hollow marks and crosses mean where they occur."""
+    from matplotlib.lines import Line2D
+
+    handles: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    if any(is_suspect(timing) and not is_wrong(timing) for timing in times):
+        handles["suspect"] = Line2D([], [], color=GREY, marker="o", markerfacecolor="white", linestyle="")
+    if any(is_wrong(timing) for timing in times):
+        handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
+    if handles:
+        figure.legend(
+            list(handles.values()), list(handles), loc="outside lower center", ncols=min(columns, len(handles))
+        )
+
+
+def provenance(sources: Sequence[Source]) -> str:
+    """Where the numbers of a figure come from, as the end of its caption."""
+    return " ".join(f"{source.provenance}." for source in _unique(sources))
+
+
+def _unique(sources: Sequence[Source]) -> list[Source]:
+    seen: dict[tuple[str, bool], Source] = {}
+    for source in sources:
+        seen.setdefault((source.machine.key, source.own), source)
+    return list(seen.values())
+
+
+def threading_note(sources: Sequence[Source]) -> str:
+    """Threading layer and wait policy in words, for captions of CPU times."""
+    known = {source.threading for source in sources if source.threading[0]}
+    return "; ".join(f"threading layer {layer}, wait policy {policy}" for layer, policy in sorted(known, key=str))
+
+
+def save(
+    drawing: Drawing,
+    folder: Path,
+    name: str,
+    footer: str | None = None,
+    suffixes: Sequence[str] = ("svg", "png"),
+) -> list[Path]:
+    """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError."""
+    if footer:
+        drawing.figure.supxlabel(footer, fontsize=6, color="#555555", x=0.99, ha="right")
+    written = []
+    for suffix in suffixes:
+        path = folder / f"{name}.{suffix}"
+        temporary = folder / f".{name}.{os.getpid()}.part"
+        metadata: dict[str, Any] = {"Title": drawing.title}
+        metadata |= {"pdf": {"Subject": drawing.caption, "CreationDate": None}}.get(
+            suffix, {"Description": drawing.caption}
+        )
+        if suffix == "svg":
+            metadata["Date"] = None  # a date would make equal figures differ
+        try:
+            drawing.figure.savefig(temporary, format=suffix, dpi=PNG_DPI, metadata=metadata)
+            os.replace(temporary, path)
+        except OSError as error:
+            raise InputError(
+                f"{path} cannot be written: {error.strerror or error}; check permissions and space"
+            ) from None
+        finally:
+            temporary.unlink(missing_ok=True)
+        written.append(path)
+    return written

@@ -1,0 +1,107 @@
+"""Speed against error: what a simulated second costs with each integrator, precision and backend, and what it is worth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from plots.accuracy_points import Point, pareto, points
+from plots.data import Results, Source
+from plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Drawing,
+    legend_below,
+    new_figure,
+    provenance,
+)
+
+TITLE = "Speed against error"
+SCENES = ("S1", "S2")
+INTEGRATORS = {  # colour, marker
+    "lab": (VERMILLION, "X"),
+    "semi-implicit-euler": (ORANGE, "s"),
+    "velocity-verlet": (BLUE, "o"),
+    "rk4": (GREEN, "D"),
+    "explicit-euler": (PURPLE, "v"),
+    "taylor": (SKY, "P"),
+}
+LINES = {("cpu", "float32"): "-", ("cpu", "float64"): "--", ("gpu", "float32"): "-.", ("gpu", "float64"): ":"}
+EDGE = 3.0  # times the largest finite error: where diverged runs are put
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure (one panel a scene) of the first featured machine that has accuracy runs, or why there is none."""
+    source = accurate_source(results)
+    if source is None:
+        return "no accuracy runs were measured"
+    here = [scene for scene in SCENES if any(p.seconds for p in points(source, scene))]
+    if not here:
+        return "the accuracy runs were not timed"
+    figure, axes = new_figure(len(here), 4.4)
+    for ax, scene in zip(axes, here, strict=True):
+        _draw_panel(ax, [p for p in points(source, scene) if p.seconds is not None], scene)
+    axes[0].set_ylabel("wall time per simulated second / s")
+    _add_line_keys(axes[0], [p for scene in here for p in points(source, scene) if p.seconds is not None])
+    legend_below(figure, axes, columns=4)
+    caption = (
+        "Cost of a simulated second against the error of its end state (root mean square over the free masses, in "
+        "spacings, against the converged reference), one line an integrator, precision and backend, a marker a step "
+        "size. Black: the Pareto front. Hollow: below what the reference resolves. At the right edge: runs that "
+        "diverged. The hand-out's step (lab) has an error that no step size lowers, because it solves the equation "
+        f"with half the acceleration. {provenance([source])}"
+    )
+    return Drawing(figure, TITLE, caption)
+
+
+def accurate_source(results: Results) -> Source | None:
+    """The first source with accuracy runs, featured ones first."""
+    return next((s for s in (*results.featured, *results.background) if points(s)), None)
+
+
+def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
+    finite = [p.error for p in found if not p.diverged and p.error > 0]
+    edge = EDGE * max(finite, default=1.0)
+    for name, (colour, marker) in INTEGRATORS.items():
+        for (backend, precision), line in LINES.items():
+            mine = [p for p in found if (p.integrator, p.backend, p.precision) == (name, backend, precision)]
+            if not mine:
+                continue
+            sound = [p for p in mine if not p.diverged and p.error > 0]
+            ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=1.1, zorder=2)
+            for p in mine:
+                x = edge if p.diverged else p.error
+                face = colour if p.resolved and not p.diverged else "white"
+                ax.plot([x], [p.seconds], marker, color=colour, markerfacecolor=face, zorder=3, clip_on=False)
+        if any(p.integrator == name for p in found):
+            ax.plot([], [], marker, color=colour, label=name)
+    front = [p for p in pareto(found) if p.resolved]
+    ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
+    if front:
+        ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    if any(p.diverged for p in found):
+        ax.axvline(edge, color=GREY, linestyle=":", linewidth=1)
+        ax.annotate("diverged", (edge, 1), (-3, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
+                    fontsize=7, color="#555555", va="top", ha="right", rotation=90)  # fmt: skip
+    lab = [p for p in found if p.integrator == "lab" and not p.diverged]
+    if lab:
+        top = max(lab, key=lambda p: p.seconds or 0.0)
+        ax.annotate("lab: flat, it solves\nhalf the acceleration", (top.error, top.seconds or 1.0), (0, 8),
+                    textcoords="offset points", fontsize=7, color="#555555", ha="center", va="bottom")  # fmt: skip
+        ax.margins(y=0.14)
+    ax.set_title(scene)
+    ax.set_xlabel("error / spacings")
+
+
+def _add_line_keys(ax: Any, found: list[Point]) -> None:
+    """What the line styles mean, for the legend."""
+    for (backend, precision), line in LINES.items():
+        if any((p.backend, p.precision) == (backend, precision) for p in found):
+            ax.plot([], [], line, color="#555555", linewidth=1.1, label=f"{backend.upper()}, {precision}")

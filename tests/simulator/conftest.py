@@ -1,0 +1,7 @@
+"""These tests run under numba's CUDA simulator only: tests/test_cuda_simulator.py starts them in a process of its own,
+because the simulator must be chosen before numba is imported."""
+
+import os
+
+if os.environ.get("NUMBA_ENABLE_CUDASIM", "0") in ("0", ""):
+    collect_ignore_glob = ["test_*.py"]

@@ -1,0 +1,119 @@
+"""The CUDA kernels' logic, in plain Python at 8 x 9 masses, against the CPU: the same operations in the same order."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from app.driver import open_simulation
+from model.errors import Diverged, SceneError
+from model.scene import INTEGRATORS, load_scene
+from model.simulation import State
+
+SCENES = {
+    "busy": {
+        "grid.rows": 8,
+        "grid.columns": 9,
+        "grid.pinned": "every:3",
+        "external.magnitude": 0.05,
+        "perturbation.amplitude": 0.05,
+    },
+    "bare": {"grid.rows": 8, "grid.columns": 9, "grid.pinned": "none", "gravity.enabled": False, "damping.coefficient": 0.0},
+}
+
+
+def end_state(changes: dict, backend: str, **options: object) -> State:
+    scene = load_scene("lab-grid").replace(changes)
+    live = ("poke",) if "external.magnitude" in changes else ()
+    with open_simulation(scene, backend, math="exact", live=live, allow_unstable=True, **options) as simulation:
+        if live:
+            simulation.poke(20, (0.05, -0.02))
+        simulation.advance(5)
+        simulation.advance(4)
+        return simulation.state()
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("name", SCENES)
+def test_passes_do_what_the_cpu_does(name: str, integrator: str, precision: str) -> None:
+    changes = SCENES[name] | {"method.integrator": integrator}
+    expected = end_state(changes, "cpu", precision=precision)
+    state = end_state(changes, "gpu", precision=precision)
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+
+
+@pytest.mark.parametrize("integrator", ["lab", "velocity-verlet", "rk4"])
+def test_stages_do_what_the_cpu_does(integrator: str) -> None:
+    changes = SCENES["busy"] | {"method.integrator": integrator}
+    expected = end_state(changes, "cpu", precision="float64")
+    state = end_state(changes, "gpu", precision="float64", kernel="stages")
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+
+
+@pytest.mark.parametrize("integrator", ["velocity-verlet", "rk4"])
+def test_the_manufactured_force(integrator: str) -> None:
+    scene = load_scene("manufactured").replace({"method.integrator": integrator})
+    states = []
+    for backend in ("cpu", "gpu"):
+        with open_simulation(scene, backend, math="exact", precision="float64") as simulation:
+            simulation.advance(8)
+            states.append(simulation.state())
+    # sine and cosine are library functions, right to an ulp or so, on amplitudes of 0.1 m
+    assert np.abs(states[0].position - states[1].position).max() < 1e-13
+
+
+def test_a_divergence_is_named() -> None:
+    scene = load_scene("lab-grid").replace({"grid.rows": 4, "grid.columns": 4, "method.dt": 0.2, "perturbation.amplitude": 0.1})
+    found = []
+    for backend in ("cpu", "gpu"):
+        with open_simulation(scene, backend, math="exact", allow_unstable=True) as simulation:
+            with pytest.raises(Diverged) as caught:
+                simulation.advance(400)
+            assert np.isfinite(simulation.state().position).all()
+            found.append((caught.value.step, caught.value.particle))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("rows,columns", [(1, 1), (1, 5), (5, 1)])
+def test_the_smallest_grids(rows: int, columns: int) -> None:
+    changes = {"grid.rows": rows, "grid.columns": columns, "grid.pinned": "none"}
+    expected, state = end_state(changes, "cpu"), end_state(changes, "gpu")
+    assert np.array_equal(state.position, expected.position)
+
+
+def test_live_changes_and_a_state_that_moves_over() -> None:
+    scene = load_scene("lab-grid").replace({"grid.rows": 5, "grid.columns": 5})
+    with open_simulation(scene, "cpu", math="exact", live=("gravity",)) as cpu:
+        with open_simulation(scene, "gpu", math="exact", live=("gravity",)) as gpu:
+            cpu.advance(3)
+            gpu.load(cpu.state())
+            for simulation in (cpu, gpu):
+                simulation.set("gravity.enabled", False)
+                simulation.advance(4)
+            assert np.array_equal(cpu.state().position, gpu.state().position)
+            assert np.array_equal(cpu.read("position"), gpu.read("position"))
+
+
+def test_a_graph_is_refused_with_the_reason() -> None:
+    with pytest.raises(SceneError, match="simulator"):
+        open_simulation("lab-grid", "gpu", kernel="graph")
+
+
+def test_run_prints_one_json_object(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    import softlab
+
+    command = "softlab run lab-grid --backend gpu --set grid.rows=8 --set grid.columns=8 --steps 20 --json"
+    monkeypatch.setattr(sys, "argv", command.split())
+    with pytest.raises(SystemExit) as caught:
+        softlab.main()
+    assert caught.value.code in (0, None)
+    report = json.loads(capsys.readouterr().out)
+    assert report["backend"] == "gpu" and report["particles"] == 64 and report["outcome"] == "ok"
+    assert report["error"] is None or report["error"] > 0
