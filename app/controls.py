@@ -8,21 +8,39 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from app.viewer import Viewer
 
-KEYS = """\
-G        gravity on, off            space    pause, go on
-[ ]      time step / 1.25, x 1.25   { }      stiffness / 1.25, x 1.25
-- +      fewer, more steps a frame  T        threads 1x, 2x, 4x the cores
-B        CPU or GPU, state kept     R        restart as the scene says
-mouse    drag a mass: pull it       arrows   select a mass
-wheel    zoom at the pointer        Enter    push it the last arrow's way
-right    drag: move the view                 (downward at first)
-F        frame everything           S        save a picture (PNG)
-H        these keys                 Escape   close"""
+KEYS = (
+    ("G", "gravity on, off"),
+    ("[ ]", "time step / 1.25, x 1.25"),
+    ("{ }", "stiffness / 1.25, x 1.25"),
+    ("- +", "fewer, more steps a frame"),
+    ("space", "pause, go on"),
+    ("R", "restart as the scene says"),
+    ("B", "CPU or GPU, state kept"),
+    ("T", "threads 1x, 2x, 4x the cores"),
+    ("mouse", "drag a mass: pull it"),
+    ("arrows", "select a mass"),
+    ("Enter", "push it (down, or last arrow)"),
+    ("wheel", "zoom at the pointer"),
+    ("right", "drag: move the view"),
+    ("F", "frame everything"),
+    ("S", "save a picture (PNG)"),
+    ("Escape", "close"),
+)
+TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
     "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
 )
 REACH = 22.0  # pixels from the pointer within which a mass is taken
 ZOOM = 1.15  # per notch of the wheel
+
+
+def keys_text(width: int) -> str:
+    """What the keys do, in lines that fit a window of `width` pixels."""
+    lines = [f"{key:8}{meaning:30}" for key, meaning in KEYS]
+    if width >= TWO_COLUMNS_FROM:
+        half = len(lines) // 2
+        lines = [left + right for left, right in zip(lines[:half], lines[half:], strict=True)]
+    return "\n".join(line.rstrip() for line in [*lines, "H       shows and hides these keys"])
 
 
 class Controls:

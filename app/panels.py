@@ -14,7 +14,7 @@ FONTS = ["DejaVu Sans", "Helvetica Neue", "Segoe UI", "Arial"]
 MONOSPACED = ["DejaVu Sans Mono", "Menlo", "Consolas", "Courier New"]
 MINUS = "\N{MINUS SIGN}"
 STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"
-ZERO_REST_TITLE = "strain of a spring: length / spacing (its rest length is 0)"
+ZERO_REST_TITLE = "strain of a spring: length / spacing"
 LEGEND_WIDTH, LEGEND_HEIGHT, LEGEND_PARTS = 260, 14, 64  # pixels, pixels, rectangles
 
 

@@ -22,7 +22,7 @@ from model.scene import Scene
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
 POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
-PIN_SIZE = 9.0  # pixels
+PIN_SIZE = 9.0  # pixels, at least: a pin is always larger than a mass
 
 
 class SceneView:
@@ -129,13 +129,14 @@ class SceneView:
         program.use()
         self._look(program, camera)
         gl.glBindVertexArray(self._point_array)
+        size = min(max(0.28 * apart, 3.0), 16.0)
         if apart >= POINTS_FROM or not self.springs:
-            size = min(max(0.28 * apart, 3.0), 16.0)
             rim = colours.BACKGROUND if size > 5 else colours.INK  # a bright rim would hide a thin spring's ends
             self._style(program, size, colours.INK, rim)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.particles)
         if self.pins:
-            self._style(program, PIN_SIZE, colours.PIN, colours.BACKGROUND, square=True)
+            rim = colours.BACKGROUND if apart > PIN_SIZE else colours.PIN  # rims of a dense row would hide its pins
+            self._style(program, max(PIN_SIZE, size + 4), colours.PIN, rim, square=True)
             gl.glDrawElements(gl.GL_POINTS, self.pins, gl.GL_UNSIGNED_INT, None)
         if selected is not None:
             self._style(program, 22.0, colours.SELECTED, colours.SELECTED, hollow=True)

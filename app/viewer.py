@@ -6,6 +6,7 @@ pyglet is imported inside functions: this module can be imported where there is 
 from __future__ import annotations
 
 import math as mathematics
+import os
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 
 from app import colours
 from app.camera import Camera
-from app.controls import HINT, KEYS, Controls
+from app.controls import HINT, Controls, keys_text
 from app.demo import Demo
 from app.demo_report import demo_state, numbers_text, write_state
 from app.opengl import drawing_text, load_pyglet, open_window
@@ -176,7 +177,7 @@ class Viewer:
             self.notice.place(demo.message, width, height, below)
             self.notice.draw()
         if self.show_keys:
-            self.keys.place(KEYS, width, height)
+            self.keys.place(keys_text(width), width, height)
             self.keys.draw()
         elif not self.keys_seen:
             self.hint.place(HINT, width, height)
@@ -238,5 +239,7 @@ def run_demo(
     `Viewer.state`). Raises BackendUnavailable (no display, no OpenGL, no GPU) and what opening the scene raises.
     """
     load_pyglet(False)  # no display: say so before anything is compiled
+    # Idle threads that spin between frames would take the processor away from the drawing.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     with Demo([scene], backend=backend, threads=threads, precision=precision, math=math) as demo:
         Viewer(demo, state_file, frames).run()

@@ -54,7 +54,8 @@ class Graphs:
         return count
 
     def _handle(self) -> Any:
-        return self._runtime.cudaStream_t(int(self._stream.handle.value or 0))
+        handle = self._stream.handle  # an integer-like object of cuda.bindings, or a ctypes pointer of older versions
+        return self._runtime.cudaStream_t(int(getattr(handle, "value", handle) or 0))
 
     def _capture(self, parity: int, count: int) -> Any:
         runtime = self._runtime

@@ -12,6 +12,10 @@ class SoftlabError(Exception):
 
     exit_status = 2
 
+    def __init__(self, message: str):
+        # one line, and printable, whatever a user's file held
+        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
+
 
 class SceneError(SoftlabError):
     """A field of a scene (or an option of a command) holds a value it cannot hold.

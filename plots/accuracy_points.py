@@ -24,7 +24,7 @@ SCENES = {"top": "S1", "top-corners": "S2"}
 @dataclass(frozen=True)
 class Point:
     """One accuracy run. `error` in spacings against Newton's law, infinite when it diverged; `half`: against the
-    half-acceleration equation, where that was asked; `seconds`: wall seconds per simulated second, None if not timed."""
+    half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed."""
 
     scene: str
     integrator: str
@@ -80,7 +80,10 @@ def _point(named: dict[str, Measure]) -> Point | None:
 
 
 def pareto(candidates: Iterable[Point]) -> list[Point]:
-    """The points that no other beats in both error and cost, cheapest first. Diverged and untimed ones do not compete."""
+    """The points that no other beats in both error and cost, cheapest first.
+
+    Diverged and untimed ones do not compete.
+    """
     entered = sorted(
         (p for p in candidates if p.seconds is not None and not p.diverged), key=lambda p: (p.seconds or 0.0, p.error)
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from bench.results import Timing
@@ -18,6 +19,7 @@ from plots.style import (
     legend_below,
     log_axes,
     panels,
+    plain_ticks,
     provenance,
 )
 
@@ -53,11 +55,12 @@ def draw(results: Results) -> Drawing | str:
         for backend, word, precision, curve in CURVES:
             mine = [t for t in source.select(backend, word, precision) if fraction(source, t) is not None]
             if mine:
-                draw_times(ax, mine, curve, lambda t, seconds, source=source: 100 * (fraction(source, t, seconds) or 0))
+                draw_times(ax, mine, curve, _percent(source))
                 times += mine
         ax.axhline(100, color=GREY, linewidth=1, zorder=1)
         log_axes(ax)
         _mark_caches(ax, source, times)
+    plain_ticks(chosen[0][0].yaxis)
     chosen[0][0].set_ylabel("bytes moved / copy bandwidth / %")
     legend_below(figure, [ax for ax, _ in chosen], times)
     sources = [source for _, source in chosen]
@@ -68,6 +71,10 @@ def draw(results: Results) -> Drawing | str:
         f"{_bandwidths(sources)}{provenance(sources)}"
     )
     return Drawing(figure, TITLE, caption)
+
+
+def _percent(source: Source) -> Callable[[Timing, float], float]:
+    return lambda timing, seconds: 100 * (fraction(source, timing, seconds) or 0.0)
 
 
 def _bandwidths(sources: list[Source]) -> str:

@@ -1,8 +1,8 @@
 """What figures and lab book draw from: a user's own measurements and the committed ones, machine by machine.
 
 `load` reads stores and text exports; a `Source` is what one machine holds of the sweep and of the accuracy runs. The
-sources that a figure is about are `featured`: the user's own, or the committed ones where there are no others. Committed
-sources beside own ones are `background`: drawn lightly, and labelled.
+sources that a figure is about are `featured`: the user's own, or the committed ones where there are no others.
+Committed sources beside own ones are `background`: drawn lightly, and labelled.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Run:
 @dataclass(frozen=True)
 class Source:
     """What one machine measured. `own`: by the user, else committed with the lab. `timings`: of the sweep, by the
-    kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one). `scene`:
-    the sweep's, as nested tables without the grid's size."""
+    kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one).
+    `scene`: the sweep's, as nested tables without the grid's size."""
 
     machine: Machine
     own: bool

@@ -51,7 +51,7 @@ TITLES = {
 
 @dataclass(frozen=True)
 class FigureFiles:
-    """A figure on disk: `paths` (.svg, .png) and `caption`; or, where the data do not hold it, no paths and `reason`."""
+    """A figure on disk: `paths` (.svg, .png) and `caption`; where the data do not hold it, no paths but a `reason`."""
 
     name: str
     title: str
@@ -69,7 +69,7 @@ def draw_figures(results: Results, out_dir: str | Path, *, footer: bool = True) 
     folder = Path(out_dir)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
-    note = "; ".join(dict.fromkeys(source.provenance for source in results.featured)) if footer else None
+    note = "\n".join(dict.fromkeys(source.provenance for source in results.featured)) if footer else None
     made = []
     with settings():
         for name, draw in FIGURES.items():

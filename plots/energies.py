@@ -30,9 +30,7 @@ CURVES = (
 
 @dataclass(frozen=True)
 class EnergyRecord:
-    """Energies over a trajectory, (frames,) float64: `time` [s]; `kinetic`, `spring`, `gravity`, `total`, `conserved` [J].
-
-    `scene`: what was run."""
+    """Energies over a trajectory of `scene`, (frames,) float64: `time` [s], all others [J]; see model/energy.py."""
 
     scene: Scene
     time: np.ndarray
@@ -100,7 +98,7 @@ def energy_drawing(record: EnergyRecord) -> Drawing:
 
 
 def draw_energies(trajectory: str | Path, out: str | Path) -> Path:
-    """Draw a trajectory's energies to `out` (.png, .svg or .pdf, in an existing folder); the path. Raises InputError."""
+    """Draw a trajectory's energies to `out` (.png, .svg or .pdf, in an existing folder). Raises InputError."""
     path = Path(out)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"{path}: a figure is a .png, .svg or .pdf file; name it so")

@@ -15,6 +15,7 @@ from plots.style import (
     log_axes,
     panels,
     provenance,
+    time_ticks,
 )
 
 TITLE = "With against without graphics"
@@ -35,7 +36,8 @@ def draw(results: Results) -> Drawing | str:
             draw_times(ax, drawn, Curve(f"{name}, with graphics", style.colour, "v" if word else "p", "--"))
             times += [*without, *drawn]
         log_axes(ax)
-    chosen[0][0].set_ylabel("time per step / s")
+    chosen[0][0].set_ylabel("time per step")
+    time_ticks(chosen[0][0].yaxis)
     legend_below(figure, [ax for ax, _ in chosen], times, columns=2)
     sources = [source for _, source in chosen]
     caption = (

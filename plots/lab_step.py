@@ -76,6 +76,7 @@ def _draw_panel(ax: Any, found: list[Point]) -> None:
     ax.set_xticks(steps, [f"{1000 * dt:g}" for dt in steps])
     ax.set_xticks([], minor=True)
     ax.set_xlabel("step size / ms")
+    ax.margins(y=0.1)
 
 
 def _draw_slopes(ax: Any, found: list[Point], steps: list[float]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 from bench.results import Timing
 from plots.data import Results, Source, is_suspect, is_wrong
@@ -14,8 +15,8 @@ TITLE = "Where the GPU overtakes"
 
 @dataclass(frozen=True)
 class Pair:
-    """The fastest CPU timing and the GPU's, of one size. `ratio`: CPU time over GPU time; `low`, `high`: of the repeats.
-    `clear`: the repeats do not overlap."""
+    """The fastest CPU timing and the GPU's, of one size. `ratio`: CPU time over GPU time; `low`, `high`: the least and
+    the greatest that the repeats allow; `clear`: the repeats do not overlap."""
 
     cpu: Timing
     gpu: Timing
@@ -55,7 +56,7 @@ def pairs(source: Source, precision: str = "float32", *, graphics: bool = False)
 def crossing(found: list[Pair]) -> float | None:
     """Masses at which the ratio last passes 1 upwards, interpolated between two sizes; None where it does not."""
     result = None
-    for left, right in zip(found, found[1:], strict=False):
+    for left, right in pairwise(found):
         if left.ratio < 1 <= right.ratio:
             share = math.log(1 / left.ratio) / math.log(right.ratio / left.ratio)
             result = left.gpu.particles * (right.gpu.particles / left.gpu.particles) ** share
@@ -87,6 +88,11 @@ def draw(results: Results) -> Drawing | str:
                 f"the GPU overtakes at about {where:,.0f} masses".replace(",", " "), (where, 1), (10, -14),
                 textcoords="offset points", fontsize=8,
             )  # fmt: skip
+        elif precision == "float32":
+            side = "faster" if found[-1].ratio >= 1 else "slower"
+            ax.set_title(
+                f"no crossing: the GPU is {side} from the smallest size to the largest", loc="right", fontsize=8
+            )
     ax.axhline(1, color=GREY, linewidth=1, zorder=1)
     log_axes(ax, "CPU time / GPU time")
     plain_ticks(ax.yaxis)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from bench.results import Timing
 from plots.data import Results, Source, is_wrong
 from plots.style import (
@@ -41,7 +43,7 @@ def draw(results: Results) -> Drawing | str:
             single = {t.configuration: s for s, t in both}
             mine = [t for _, t in both]
             if mine:
-                draw_times(ax, mine, curve, lambda t, s, single=single: s / single[t.configuration].median)
+                draw_times(ax, mine, curve, _against(single))
                 times += mine
         for level in (1, 2):
             ax.axhline(level, color=GREY, linewidth=1, linestyle="-" if level == 1 else ":", zorder=1)
@@ -55,3 +57,8 @@ def draw(results: Results) -> Drawing | str:
         f"{provenance(sources)}"
     )
     return Drawing(figure, TITLE, caption)
+
+
+def _against(single: Mapping[str, Timing]) -> Callable[[Timing, float], float]:
+    """Seconds over those of the float32 timing that belongs to a float64 configuration."""
+    return lambda timing, seconds: seconds / single[timing.configuration].median

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from bench.results import Timing
 from plots.data import Results, Source, is_suspect, is_wrong
-from plots.style import BLUE, GPU, GREY, Curve, Drawing, legend_below, panels, plain_ticks, provenance
+from plots.style import BLUE, GPU, GREY, Curve, Drawing, legend_below, panels, provenance
 
 TITLE = "Shape at equal mass count"
 CURVES = (("cpu", "1x", Curve("CPU, 1x threads", BLUE, "o")), ("gpu", None, GPU))
@@ -64,13 +64,13 @@ def draw(results: Results) -> Drawing | str:
                 times.append(timing)
                 label = None
         ax.axhline(1, color=GREY, linewidth=1, zorder=1)
-        ax.set_yscale("log")
-        plain_ticks(ax.yaxis)
+        low, high = ax.get_ylim()
+        ax.set_ylim(min(low, 0.75), max(high, 1.25))  # wobble is not to look like a difference
         ax.set_xticks(
-            range(len(names)), [f"{r} × {c}" for _, r, c in names], rotation=60, ha="right", rotation_mode="anchor"
+            range(len(names)), [f"{r} x {c}" for _, r, c in names], rotation=60, ha="right", rotation_mode="anchor"
         )
         ax.set_xlim(-0.6, len(names) - 0.4)
-        ax.set_xlabel("rows × columns / masses")
+        ax.set_xlabel("rows x columns / masses")
     chosen[0][0].set_ylabel("time / time of a square")
     legend_below(figure, [ax for ax, _ in chosen], times)
     sources = [source for _, source in chosen]

@@ -1,8 +1,8 @@
 """How every figure looks: colours that colour-blind readers tell apart (Okabe and Ito, 2008), a marker for each curve,
 sizes that stay legible in a column, and how a measured point is shown.
 
-Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the answer was wrong; it belongs
-to no curve. matplotlib is imported where it is used, with its object interface: no window, no global state.
+Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the answer was wrong; it
+belongs to no curve. matplotlib is imported where it is used, with its object interface: no window, no global state.
 """
 
 from __future__ import annotations
@@ -84,8 +84,9 @@ def settings() -> Iterator[None]:
     import matplotlib
 
     with matplotlib.rc_context():
-        matplotlib.rcParams.update({**matplotlib.rcParamsDefault, "backend": matplotlib.rcParams["backend"]})
-        matplotlib.rcParams.update(SETTINGS)
+        matplotlib.rcdefaults()  # a user's own settings would make figures differ from machine to machine
+        for name, value in SETTINGS.items():
+            matplotlib.rcParams[name] = value  # type: ignore[index]  # typed as one of many literal names
         yield
 
 
@@ -159,9 +160,19 @@ def plain_ticks(axis: Any) -> None:
     """1, 2, 5, 10 instead of powers, for an axis that spans little."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_view_interval()
+    subs = (1.0, 2.0, 5.0) if high < 300 * low else (1.0,)
+    axis.set_major_locator(LogLocator(base=10, subs=subs))
     axis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def time_ticks(axis: Any) -> None:
+    """Seconds with their prefix (20 \N{MICRO SIGN}s), for a logarithmic axis of times."""
+    from matplotlib.ticker import EngFormatter
+
+    plain_ticks(axis)
+    axis.set_major_formatter(EngFormatter(unit="s"))
 
 
 def legend_below(figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4) -> None:
@@ -209,7 +220,7 @@ def save(
 ) -> list[Path]:
     """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError."""
     if footer:
-        drawing.figure.supxlabel(footer, fontsize=6, color="#555555", x=0.99, ha="right")
+        drawing.figure.suptitle(footer, fontsize=6, color="#555555", x=0.995, ha="right")
     written = []
     for suffix in suffixes:
         path = folder / f"{name}.{suffix}"

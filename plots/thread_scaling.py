@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from bench.results import Timing
 from plots.data import THREAD_WORDS, Results, Source, is_wrong
 from plots.style import GREY, THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks, provenance
@@ -33,7 +35,7 @@ def draw(results: Results) -> Drawing | str:
         for word in THREAD_WORDS:
             mine = [t for t in source.select("cpu", word) if (t.rows, t.columns) in held and word != base]
             if mine:
-                draw_times(ax, mine, THREADS[word], lambda t, s, held=held: held[t.rows, t.columns].median / s)
+                draw_times(ax, mine, THREADS[word], _speed_up(held))
                 times += mine
         ax.axhline(1, color=GREY, linewidth=1, zorder=1)
         log_axes(ax)
@@ -48,3 +50,7 @@ def draw(results: Results) -> Drawing | str:
         f"faster. {provenance(sources)}"
     )
     return Drawing(figure, TITLE, caption)
+
+
+def _speed_up(held: Mapping[tuple[int, int], Timing]) -> Callable[[Timing, float], float]:
+    return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds

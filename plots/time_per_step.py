@@ -15,6 +15,7 @@ from plots.style import (
     panels,
     provenance,
     threading_note,
+    time_ticks,
 )
 
 TITLE = "Time per step against size"
@@ -37,7 +38,8 @@ def draw(results: Results) -> Drawing | str:
             draw_times(ax, on_gpu, GPU)
             times += on_gpu
         log_axes(ax)
-    chosen[0][0].set_ylabel("time per step / s")
+    chosen[0][0].set_ylabel("time per step")
+    time_ticks(chosen[0][0].yaxis)
     legend_below(figure, [ax for ax, _ in chosen], times)
     sources = [source for _, source in chosen]
     caption = (

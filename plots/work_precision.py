@@ -1,4 +1,4 @@
-"""Speed against error: what a simulated second costs with each integrator, precision and backend, and what it is worth."""
+"""Speed against error: what a simulated second costs with each integrator, precision and backend."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
     lab = [p for p in found if p.integrator == "lab" and not p.diverged]
     if lab:
         top = max(lab, key=lambda p: p.seconds or 0.0)
-        ax.annotate("lab: flat, it solves\nhalf the acceleration", (top.error, top.seconds or 1.0), (0, 8),
-                    textcoords="offset points", fontsize=7, color="#555555", ha="center", va="bottom")  # fmt: skip
+        ax.annotate("lab: flat, it solves\nhalf the acceleration", (top.error, top.seconds or 1.0), (5, 8),
+                    textcoords="offset points", fontsize=7, color="#555555", ha="right", va="bottom")  # fmt: skip
         ax.margins(y=0.14)
     ax.set_title(scene)
     ax.set_xlabel("error / spacings")

@@ -206,3 +206,18 @@ def test_groups_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sweep, "available_bytes", lambda: 64 * 10)
         summary = run_sweep(store, sizes=[8], **options)
         assert groups == [] and all("main memory" in reason for _, reason in summary.skipped)
+
+
+@pytest.mark.gpu
+def test_on_a_real_gpu_both_backends_are_timed_and_agree() -> None:
+    from bench.machine import gpu_or_reason, gpu_simulated, measured_limits
+
+    available, reason = gpu_or_reason()
+    if not available or gpu_simulated():
+        pytest.skip(reason if not available else "the CUDA simulator is no GPU")
+    assert measured_limits()["gpu_copy_bandwidth"] > 0
+    with Store(":memory:") as store:
+        summary = run_sweep(store, sizes=[8, 64], **(SMALL | {"backends": None}))
+        assert summary.wrong == [] and {t.backend for t in timings(store)} == {"cpu", "gpu"}
+        differences = measures(store, "difference")
+        assert len(differences) == 4 and all(m.value is not None and m.value < 1e-3 for m in differences)

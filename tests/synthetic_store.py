@@ -1,0 +1,124 @@
+"""Stores of made-up measurements for the tests of figures and lab book: shapes of real ones, numbers of none.
+
+Times follow simple laws (a launch or region cost, plus bytes over bandwidth) with a fixed wobble, so that every claim
+that the lab book may make can be made to hold, to fail, or to be drowned in spread.
+"""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from bench.results import configuration
+from bench.store import Store
+from model.scene import load_scene
+from plots import accuracy_points
+
+SIZES = (16, 32, 64, 128, 256, 512)
+STEPS = (0.02, 0.01, 0.005, 0.0025)
+CPU_RECORD = {
+    "cpu": "Made-up CPU", "cores": 2, "caches": {"L1d": 32768, "L2": 1048576, "L3": 33554432}, "memory_gib": 8,
+    "system": "Linux", "python": "3.11", "python_build": "CPython 3.11.7", "numba": "0.68.1", "llvmlite": "0.50.0",
+    "numpy": "2.4.6", "numba_cuda": None, "gpu": None, "gpu_driver": None, "copy_bandwidth": 2e10,
+    "gpu_copy_bandwidth": None, "gpu_launch_seconds": None, "threading_layer": "omp", "wait_policy": "passive",
+    "region_seconds": {"1": 8e-7, "2": 1.5e-6, "4": 1.8e-5, "8": 4.3e-5},
+}  # fmt: skip
+GPU_RECORD = CPU_RECORD | {
+    "cores": 16, "numba_cuda": "0.30.4", "gpu": "Made-up GPU", "gpu_count": 1, "gpu_memory_gib": 80,
+    "gpu_driver": "580.1", "gpu_copy_bandwidth": 4e12, "gpu_launch_seconds": 9e-6, "copy_bandwidth": 2e11,
+    "region_seconds": {"1": 8e-7, "16": 5e-6, "32": 1e-4, "64": 2e-4},
+}  # fmt: skip
+
+
+def cpu_seconds(record: dict, threads: int, masses: int, precision: str) -> float:
+    """A region's cost, and the bytes of a step at 1.5 times the copy bandwidth."""
+    item = 8 if precision == "float64" else 4
+    return record["region_seconds"][str(threads)] + 8 * item * masses / (1.5 * record["copy_bandwidth"])
+
+
+def gpu_seconds(record: dict, masses: int, precision: str) -> float:
+    """A launch inside a graph, and the bytes of a step at 0.8 times the copy bandwidth."""
+    item = 8 if precision == "float64" else 4
+    return 2e-6 + 8 * item * masses / (0.8 * record["gpu_copy_bandwidth"])
+
+
+class Maker:
+    """Fills one store with what one machine might have measured."""
+
+    def __init__(self, store: Store, record: dict, key: str, wobble: float = 0.02):
+        self.store, self.record, self.wobble = store, record, wobble
+        label = f"{record['cpu']}, {record['cores']} cores; {record['gpu'] or 'no GPU'}"
+        store.add_machine(key, label, record)
+        self.run = store.start_run(key, "softlab sweep", "abc123def456")
+
+    def timing(self, shape: tuple[int, int], seconds: float, *, suspect: str | None = None, error: float = 1e-5, **how):
+        """Three repeats of a configuration, with its error."""
+        rows, columns = shape
+        scene = load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
+        description = configuration(scene, **how)
+        for factor in (1, 1 + self.wobble, 1 - self.wobble):
+            self.store.add_sample(self.run, description, "sources", 1000 * factor * seconds, 1000, suspect=suspect)
+        self.store.add_measure(self.run, description, "sources", "error", error, "spacing", "made up")
+        return description
+
+    def sweep(self, sizes: Iterable[int] = SIZES, law: Callable = cpu_seconds, *, graphics: bool = True) -> None:
+        """Squares, and a 1:4, a 4:1 and an odd grid, of every backend that the record has."""
+        shapes = [(n, n) for n in sizes] + [(32, 128), (128, 32), (100, 100)]
+        cores = self.record["cores"]
+        for precision in ("float32", "float64"):
+            for shape in shapes:
+                masses = shape[0] * shape[1]
+                for drawn in (False, True) if graphics else (False,):
+                    picture = 2e-4 + 4e-9 * masses if drawn else 0.0
+                    for threads in (cores, 2 * cores, 4 * cores):
+                        seconds = law(self.record, threads, masses, precision) + picture
+                        how = {"backend": "cpu", "threads": threads, "layer": "omp", "wait_policy": "passive"}
+                        self.timing(shape, seconds, precision=precision, graphics=drawn, **how)
+                    if self.record["gpu"]:
+                        seconds = gpu_seconds(self.record, masses, precision) + picture
+                        self.timing(shape, seconds, precision=precision, graphics=drawn, backend="gpu")
+
+    def accuracy(self) -> None:
+        """Both scenes, four integrators and one that diverges, at four step sizes."""
+        laws = {  # error at 10 ms, order, force evaluations
+            "lab": (0.3, 0, 1), "semi-implicit-euler": (1e-2, 1, 1),
+            "velocity-verlet": (5e-4, 2, 1), "rk4": (2e-5, 4, 4),
+        }  # fmt: skip
+        backends = ["cpu", *(["gpu"] if self.record["gpu"] else [])]
+        for scene_name in ("lab-curtain", "lab-hammock"):
+            for precision, floor in (("float32", 5e-5), ("float64", 0.0)):
+                for backend in backends:
+                    for integrator, (error, order, forces) in laws.items():
+                        for dt in STEPS:
+                            reached = max(error * (dt / 0.01) ** order, floor)
+                            cost = forces * (2e-5 if backend == "cpu" else 2e-6) / dt
+                            half = error / 20 * dt / 0.01 if integrator == "lab" else None
+                            self.point(scene_name, integrator, dt, reached, cost, half, precision, backend)
+                    for dt in STEPS:
+                        self.point(scene_name, "explicit-euler", dt, float("inf"), 2e-5 / dt, None, precision, backend)
+
+    def point(self, scene_name, integrator, dt, error, cost, half, precision, backend) -> None:
+        """One accuracy run."""
+        scene = load_scene(scene_name).replace({"method.integrator": integrator, "method.dt": dt})
+        threads = self.record["cores"] if backend == "cpu" else None
+        description = configuration(scene, backend=backend, threads=threads, precision=precision)
+        names = {accuracy_points.ERROR: error, accuracy_points.HALF: half, accuracy_points.COST: cost}
+        for name, value in names.items():
+            if value is not None:
+                self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
+
+
+def cpu_store(path: str | Path = ":memory:", **options) -> Store:
+    """A machine without a GPU: sweep and accuracy."""
+    store = Store(path)
+    maker = Maker(store, CPU_RECORD, "cpu000000000", **options)
+    maker.sweep()
+    maker.accuracy()
+    return store
+
+
+def gpu_store(path: str | Path = ":memory:", **options) -> Store:
+    """A machine with a GPU: sweep to larger sizes, and accuracy."""
+    store = Store(path)
+    maker = Maker(store, GPU_RECORD, "gpu000000000", **options)
+    maker.sweep((*SIZES, 1024, 2048, 4096))
+    maker.accuracy()
+    return store
