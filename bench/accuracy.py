@@ -1,9 +1,10 @@
 """Speed against error: every integrator, step size, precision and backend on scenes with a converged reference.
 
 Scenes S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s, a time at which a perturbation has not yet grown (the
-damped net contracts), so that the distance to the reference means something. Reference: RK4 at h and h/2 with Richardson
-extrapolation in NumPy float64 (bench/reference/), with its own error estimate; a point under ten times that is marked as
-not resolved. Runs that diverge are points with an infinite error and a reason: where a method breaks is a result.
+damped net contracts), so that the distance to the reference means something. Reference: RK4 at h and h/2 with
+Richardson extrapolation in NumPy float64 (bench/reference/), with its own error estimate; a point under ten times that
+is marked as not resolved. Runs that diverge are points with an infinite error and a reason: where a method breaks is a
+result.
 
 The hand-out's step is held against Newton's law like all others, and beside it against x'' = a / 2, which it solves.
 
@@ -16,15 +17,32 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
 from app.driver import open_simulation
+from bench.accuracy_points import (
+    COST,
+    END,
+    ENERGY,
+    ENERGY_OFF,
+    ERROR,
+    ESTIMATE,
+    HALF,
+    LARGEST,
+    SCENES,
+    STRAIN,
+    UNRESOLVED,
+    AccuracyPoint,
+    AccuracySummary,
+    pareto_front,
+    point,
+)
 from bench.machine import enter_machine, gpu_simulated, source_revision
 from bench.reference import cache
 from bench.results import configuration, measures
@@ -38,17 +56,12 @@ from model.errors import Diverged
 from model.scene import INTEGRATORS, Scene, load_scene
 from model.simulation import PRECISIONS, Simulation
 
-SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
-END = 1.5  # s: the horizon of both scenes
+__all__ = ["AccuracyPoint", "AccuracySummary", "pareto_front", "run_accuracy"]
+
 STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
 RESOLVED = 10  # an error under so many times the reference's own is not resolved
 STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
-
-ERROR, LARGEST = "accuracy_error", "accuracy_error_largest"
-HALF = "accuracy_error_half"
-ENERGY, ENERGY_OFF, STRAIN = "accuracy_energy", "accuracy_energy_off", "accuracy_strain"
-COST, UNRESOLVED, ESTIMATE = "seconds_per_simulated_second", "unresolved", "reference_estimate"
 
 
 @dataclass(frozen=True)
@@ -62,94 +75,6 @@ class Effort:
 
 QUICK = Effort(3, 0.015, 0.5)
 FULL = Effort(7, 0.1, 5.0)
-
-
-@dataclass(frozen=True)
-class AccuracyPoint:
-    """One configuration. `scene`: S1 or S2; `error`, `largest`: root mean square and maximum over the free masses, in
-    spacings, against Newton's law, infinite when it diverged; `half`: against half the acceleration (`lab` alone);
-    `energy` [J] and how far it is `energy_off` [J] the reference's; `strain`: the worst; `seconds`: wall time per
-    simulated second, None if not timed; `resolved`: the reference is good enough to tell; `note`: how, or why not."""
-
-    scene: str
-    integrator: str
-    dt: float
-    precision: str
-    backend: str
-    threads: int | None
-    error: float
-    largest: float | None
-    half: float | None
-    energy: float | None
-    energy_off: float | None
-    strain: float | None
-    seconds: float | None
-    resolved: bool
-    note: str | None
-
-    @property
-    def diverged(self) -> bool:
-        return not math.isfinite(self.error)
-
-    def __str__(self) -> str:
-        cost = "not timed" if self.seconds is None else f"{self.seconds * 1e3:9.3f} ms a simulated second"
-        return f"{self.error:8.2e}  {cost}  {self.integrator}, dt {self.dt:g} s, {self.precision}, {self.backend}"
-
-
-class Judged(Protocol):
-    """What can stand in a Pareto front."""
-
-    @property
-    def error(self) -> float: ...
-    @property
-    def seconds(self) -> float | None: ...
-    @property
-    def resolved(self) -> bool: ...
-
-
-Candidate = TypeVar("Candidate", bound=Judged)
-
-
-def pareto_front(points: Iterable[Candidate]) -> list[Candidate]:
-    """The points that no other beats in both error and seconds, cheapest first (and so by falling error).
-
-    Points that diverged, were not timed or are not resolved do not compete. Of equal points the first one stands.
-    """
-    entered = [p for p in points if p.seconds is not None and math.isfinite(p.error) and p.resolved]
-    front: list[Candidate] = []
-    for point in sorted(entered, key=lambda p: (p.seconds or 0.0, p.error)):
-        if not front or point.error < front[-1].error:
-            front.append(point)
-    return front
-
-
-@dataclass
-class AccuracySummary:
-    """What `run_accuracy` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `points`: all of
-    the grid of cases, those `held` in the store from before included; `seconds` of wall time; `interrupted`: by Ctrl-C."""
-
-    machine: str
-    run: str = ""
-    points: list[AccuracyPoint] = field(default_factory=list)
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    interrupted: bool = False
-
-    def __str__(self) -> str:
-        lines = []
-        for label, name in SCENES.items():
-            mine = [p for p in self.points if p.scene == label]
-            if not mine:
-                continue
-            broken = sum(p.diverged for p in mine)
-            lines.append(f"{label} ({name}) at {END:g} s: {len(mine)} runs, of which {broken} diverged; the Pareto front:")
-            lines += [f"  {point}" for point in pareto_front(mine)]
-        lines.append(
-            f"{self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
-            + ("; interrupted: the same command resumes" if self.interrupted else "")
-        )
-        return "\n".join(lines)
 
 
 @dataclass(frozen=True)
@@ -286,9 +211,9 @@ class _Group:
         try:
             simulation.advance(case.steps)
             state = simulation.state()
-        except Diverged as error:
-            broken = error
-            numbers[ERROR] = numbers[LARGEST] = (math.inf, "spacing", str(error))
+        except Diverged as divergence:
+            broken = divergence
+            numbers[ERROR] = numbers[LARGEST] = (math.inf, "spacing", str(divergence))
             numbers[UNRESOLVED] = (0.0, "", None)
         else:
             free = state.inverse_mass > 0
@@ -310,7 +235,7 @@ class _Group:
         return broken
 
     def _prepare(self, subject: Subject, broken: Diverged | None) -> None:
-        """Choose the steps of a sample: of a run that broke, those before it broke; of one over its limit, the run's."""
+        """Choose the steps of a sample: of a run that broke those before it did, of one over its limit the run's."""
         if broken is not None:
             subject.steps = max(1, broken.step - 1)
             return
@@ -338,43 +263,17 @@ class _Group:
                 self.tell(f"{case}: timed", 1)
 
 
-def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
-    """(root mean square, maximum) over the masses `free` of |position - reference| [m], over `spacing` [m]."""
-    away = position[free].astype(np.float64) - reference[free]
-    squared = np.sum(away * away, axis=1)
-    return float(np.sqrt(np.mean(squared)) / spacing), float(np.sqrt(squared.max()) / spacing)
-
-
 def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:
     """What the store holds of the cases."""
     named: dict[str, dict[str, Any]] = {}
     for measure in measures(store, machine=machine):
         named.setdefault(measure.configuration, {})[measure.name] = measure
-    found = []
-    for case in everything:
-        mine = named.get(configuration_hash(case.description), {})
-        if ERROR not in mine or mine[ERROR].value is None:
-            continue
+    found = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
+    return [entry for entry in found if entry is not None]
 
-        values = {name: measure.value for name, measure in mine.items()}
-        method = case.scene.method
-        found.append(
-            AccuracyPoint(
-                scene=case.label,
-                integrator=method.integrator,
-                dt=method.dt,
-                precision=case.precision,
-                backend=case.backend,
-                threads=case.description["threads"],
-                error=values[ERROR],
-                largest=values.get(LARGEST),
-                half=values.get(HALF),
-                energy=values.get(ENERGY),
-                energy_off=values.get(ENERGY_OFF),
-                strain=values.get(STRAIN),
-                seconds=values.get(COST),
-                resolved=not values.get(UNRESOLVED),
-                note=mine[ERROR].reason,
-            )
-        )
-    return found
+
+def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
+    """(root mean square, maximum) over the masses `free` of |position - reference| [m], over `spacing` [m]."""
+    away = position[free].astype(np.float64) - reference[free]
+    squared = np.sum(away * away, axis=1)
+    return float(np.sqrt(np.mean(squared)) / spacing), float(np.sqrt(squared.max()) / spacing)

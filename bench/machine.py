@@ -22,13 +22,14 @@ import numpy as np
 
 from bench.store import Store, canonical
 from cpu_backend.threads import MULTIPLES, core_count, threading_layer, wait_policy
+from model.memory import available_bytes
 
 PACKAGES = ("numba", "llvmlite", "numpy", "numba-cuda")
 IDENTITY = (  # what tells two machines apart: hardware, and the versions that compile the kernels
     "cpu", "cores", "caches", "memory_gib", "system", "architecture", "python", "numba", "llvmlite", "numba_cuda",
     "gpu", "gpu_count", "gpu_memory_gib", "gpu_driver",
 )  # fmt: skip
-COPY_BYTES = 1 << 28  # of one array: beyond every cache, small enough to fit anywhere
+LEAST_COPY_BYTES = 1 << 28  # of one array
 
 
 def machine_record() -> dict[str, Any]:
@@ -92,9 +93,10 @@ def measured_limits() -> dict[str, Any]:
 
     None where it cannot be had.
     """
+    size = copy_bytes()
     limits: dict[str, Any] = {
-        "copy_bandwidth": copy_bandwidth(),
-        "copy_bytes": 2 * COPY_BYTES,
+        "copy_bandwidth": copy_bandwidth(size),
+        "copy_bytes": 2 * size,
         "region_seconds": {str(count): region_seconds(count) for count in _thread_counts()},
     }
     return limits | _gpu_limits()
@@ -144,15 +146,22 @@ def _region_kernel() -> Any:
     return Compiler("int64", "exact").kernel(regions)
 
 
-def copy_bandwidth() -> float:
-    """Bytes a second, read and written, of copying between two arrays far larger than the caches, on all cores."""
+def copy_bytes() -> int:
+    """Bytes of one array to copy: four times the largest cache (servers have 300 MiB and more), as memory allows."""
+    wanted = max(LEAST_COPY_BYTES, 4 * max((_caches() or {"": 0}).values()))
+    return min(wanted, (available_bytes() or 8 * wanted) // 8) // 4096 * 4096
+
+
+def copy_bandwidth(size: int) -> float:
+    """Bytes a second, read and written, of copying between two arrays of `size` bytes, on all cores."""
     import numba
 
     numba.set_num_threads(min(core_count(), _numba_threads()))
-    source, target = np.ones(COPY_BYTES // 4, np.float32), np.zeros(COPY_BYTES // 4, np.float32)
+    source, target = np.ones(size // 4, np.float32), np.zeros(size // 4, np.float32)
     kernel, bands = _copy_kernel(), core_count()
+    copied = 8 * (size // 4 // bands * bands)
     kernel(source, target, bands)
-    return 2 * COPY_BYTES / _best(lambda: kernel(source, target, bands), 0.3)
+    return copied / _best(lambda: kernel(source, target, bands), 0.3)
 
 
 def region_seconds(threads: int) -> float:

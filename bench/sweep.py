@@ -134,6 +134,9 @@ def run_sweep(
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
     begin = time.perf_counter()
+    for name, value in (("--max-seconds", max_seconds), ("total_seconds", total_seconds), ("repeats", repeats)):
+        if value is not None and not 0 < value < float("inf"):
+            raise SceneError(name, value, "must be greater than 0 and finite")
     base = scene if isinstance(scene, Scene) else load_scene(scene)
     preset = QUICK if quick else FULL
     effort = Effort(

@@ -1,47 +1,46 @@
-"""The accuracy runs as points: what error a configuration reached, and what a simulated second of it cost.
-
-An accuracy configuration is a run of S1 or S2 (`lab-curtain`, `lab-hammock`) with its measures by the names below. A
-point is told from one of the sweep by its measure `seconds_per_simulated_second`, or `error_half`, or `not_resolved`.
-"""
+"""The accuracy runs as points: what error a configuration reached, and what a simulated second of it cost."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from bench.accuracy import COST, ERROR, HALF, SCENES, UNRESOLVED
 from bench.results import Measure
+from model.scene import load_scene
 from plots.data import Source
 
-ERROR = "accuracy_error"  # root mean square over the free masses, in spacings, against Newton's law
-HALF = "accuracy_error_half"  # the same against the half-acceleration equation
-COST = "seconds_per_simulated_second"
-UNRESOLVED = "unresolved"  # 1: the error is below what the reference resolves
-SCENES = {"top": "S1", "top-corners": "S2"}
+LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
 
 
 @dataclass(frozen=True)
 class Point:
     """One accuracy run. `error` in spacings against Newton's law, infinite when it diverged; `half`: against the
-    half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed."""
+    half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed;
+    `low`, `high`: the least and greatest of its repeats, where they are known."""
 
     scene: str
     integrator: str
     dt: float
     precision: str
-    math: str
     backend: str
-    threads: int | None
     error: float
     half: float | None
     seconds: float | None
+    low: float | None
+    high: float | None
     resolved: bool
-    note: str | None
 
     @property
     def diverged(self) -> bool:
         return not math.isfinite(self.error)
+
+    @property
+    def name(self) -> str:
+        """`rk4, 5 ms, float64, CPU`."""
+        return f"{self.integrator}, {1000 * self.dt:g} ms, {self.precision}, {self.backend.upper()}"
 
 
 def points(source: Source, scene: str | None = None) -> list[Point]:
@@ -50,54 +49,54 @@ def points(source: Source, scene: str | None = None) -> list[Point]:
     for measure in source.measures:
         if measure.name in (ERROR, HALF, COST, UNRESOLVED):
             gathered.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [_point(named) for named in gathered.values() if ERROR in named]
+    found = [_point(source, named) for named in gathered.values() if ERROR in named]
     result = [p for p in found if p is not None and scene in (None, p.scene)]
     return sorted(result, key=lambda p: (p.scene, p.integrator, p.backend, p.precision, -p.dt))
 
 
-def _point(named: dict[str, Measure]) -> Point | None:
+def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     error = named[ERROR]
     description = error.description
     tables: dict[str, Any] = description["scene"]
     kinds = {table.get("kind", name): table for name, table in tables.items() if isinstance(table, dict)}
-    if error.value is None:
+    label = LABELS.get(str(kinds["grid"].get("pinned")))
+    if error.value is None or label is None:
         return None
     half, cost, unresolved = (named.get(name) for name in (HALF, COST, UNRESOLVED))
+    repeats = source.costs.get(error.configuration)
+    dt = kinds["method"]["dt"]
     return Point(
-        scene=SCENES.get(str(kinds["grid"].get("pinned")), "other"),
+        scene=label,
         integrator=kinds["method"]["integrator"],
-        dt=kinds["method"]["dt"],
+        dt=dt,
         precision=description["precision"],
-        math=description["math"],
         backend=description["backend"],
-        threads=description["threads"],
         error=error.value,
         half=half.value if half else None,
         seconds=cost.value if cost else None,
+        low=repeats.low / dt if repeats else None,
+        high=repeats.high / dt if repeats else None,
         resolved=not (unresolved and unresolved.value),
-        note=error.reason,
     )
 
 
-def pareto(candidates: Iterable[Point]) -> list[Point]:
-    """The points that no other beats in both error and cost, cheapest first.
-
-    Diverged and untimed ones do not compete.
-    """
-    entered = sorted(
-        (p for p in candidates if p.seconds is not None and not p.diverged), key=lambda p: (p.seconds or 0.0, p.error)
-    )
-    front: list[Point] = []
-    for point in entered:
-        if not front or point.error < front[-1].error:
-            front.append(point)
-    return front
+def reaching(candidates: Sequence[Point], error: float) -> list[Point]:
+    """The timed points with at most `error` spacings of error, cheapest first."""
+    found = [p for p in candidates if p.seconds is not None and p.error <= error]
+    return sorted(found, key=lambda p: p.seconds or 0.0)
 
 
-def fastest(candidates: Sequence[Point], error: float) -> Point | None:
-    """The cheapest point with at most `error` spacings of error; None where none reaches it."""
-    reaching = [p for p in candidates if p.seconds is not None and p.error <= error]
-    return min(reaching, key=lambda p: p.seconds or 0.0, default=None)
+def order_points(found: Sequence[Point], integrator: str) -> list[Point]:
+    """The runs that show an integrator's order: float64, finite, resolved, of the first backend that has any."""
+    for backend in ("cpu", "gpu"):
+        mine = [
+            p
+            for p in found
+            if (p.integrator, p.precision, p.backend) == (integrator, "float64", backend) and not p.diverged and p.error
+        ]
+        if mine:
+            return mine
+    return []
 
 
 def observed_order(errors: Sequence[tuple[float, float]]) -> float | None:

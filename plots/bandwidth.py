@@ -20,7 +20,6 @@ from plots.style import (
     log_axes,
     panels,
     plain_ticks,
-    provenance,
 )
 
 TITLE = "Fraction of the copy bandwidth"
@@ -68,9 +67,9 @@ def draw(results: Results) -> Drawing | str:
         "Bytes that one step must move (every mass read and written once), over its time, as a share of the copy "
         "bandwidth measured on arrays beyond every cache. More than 100 % is possible: a grid that stays in a cache "
         f"is not bound by main memory. Dotted: where the float32 state outgrows the processor's L2 and L3. "
-        f"{_bandwidths(sources)}{provenance(sources)}"
+        f"{_bandwidths(sources)}"
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, tuple(sources))
 
 
 def _percent(source: Source) -> Callable[[Timing, float], float]:

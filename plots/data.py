@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bench.accuracy import STAGE as ACCURACY_STAGE
 from bench.results import Machine, Measure, Store, Timing, canonical, machines, measures, open_readonly, timings
 
 Origin = Store | str | Path
@@ -36,7 +37,7 @@ class Run:
 class Source:
     """What one machine measured. `own`: by the user, else committed with the lab. `timings`: of the sweep, by the
     kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one).
-    `scene`: the sweep's, as nested tables without the grid's size."""
+    `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration."""
 
     machine: Machine
     own: bool
@@ -45,6 +46,7 @@ class Source:
     runs: tuple[Run, ...]
     scene: dict[str, Any] = field(default_factory=dict)
     threading: tuple[str | None, str | None] = (None, None)
+    costs: dict[str, Timing] = field(default_factory=dict)
 
     @property
     def processor(self) -> str:
@@ -153,7 +155,11 @@ def _sources(store: Store, own: bool) -> list[Source]:
             and timing.peer is None
             and not any(SIMULATOR in mark for mark in timing.suspect)
         ]
-        numbers = measures(store, machine=machine.key)
+        simulated = machine.record.get("gpu_count") is None
+        numbers = [
+            m for m in measures(store, machine=machine.key) if not (simulated and m.description["backend"] == "gpu")
+        ]
+        costs = {timing.configuration: timing for timing in timings(store, machine.key, ACCURACY_STAGE)}
         runs = tuple(
             Run(*row)
             for row in store.query(
@@ -164,7 +170,7 @@ def _sources(store: Store, own: bool) -> list[Source]:
         scene, times = _one_family(times, descriptions)
         threading, times = _one_threading(times)
         if times or numbers:
-            result.append(Source(machine, own, tuple(times), tuple(numbers), runs, scene, threading))
+            result.append(Source(machine, own, tuple(times), tuple(numbers), runs, scene, threading, costs))
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
 
 

@@ -69,7 +69,6 @@ def draw_figures(results: Results, out_dir: str | Path, *, footer: bool = True) 
     folder = Path(out_dir)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
-    note = "\n".join(dict.fromkeys(source.provenance for source in results.featured)) if footer else None
     made = []
     with settings():
         for name, draw in FIGURES.items():
@@ -79,7 +78,7 @@ def draw_figures(results: Results, out_dir: str | Path, *, footer: bool = True) 
                     _remove(folder / f"{name}.{suffix}")
                 made.append(FigureFiles(name, TITLES[name], (), "", drawing))
                 continue
-            paths = save(drawing, folder, name, footer=note)
+            paths = save(drawing, folder, name, footer=footer)
             made.append(FigureFiles(name, drawing.title, tuple(paths), drawing.caption))
     return made
 

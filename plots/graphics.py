@@ -14,7 +14,6 @@ from plots.style import (
     legend_below,
     log_axes,
     panels,
-    provenance,
     time_ticks,
 )
 
@@ -42,9 +41,9 @@ def draw(results: Results) -> Drawing | str:
     sources = [source for _, source in chosen]
     caption = (
         f"Time of one step alone, and with every {DRAW_EVERY} steps drawn off-screen (each spring a line), float32, "
-        f"square grids. {provenance(sources)}"
+        f"square grids."
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, tuple(sources))
 
 
 def skipped_reason(results: Results) -> str | None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from bench.results import Timing
 from plots.data import Results, Source, is_suspect, is_wrong
-from plots.style import BLACK, GREEN, GREY, HEIGHT, PURPLE, Drawing, log_axes, new_figure, plain_ticks, provenance
+from plots.style import BLACK, GREEN, GREY, HEIGHT, PURPLE, Drawing, log_axes, new_figure, plain_ticks
 
 TITLE = "Where the GPU overtakes"
 
@@ -99,6 +99,6 @@ def draw(results: Results) -> Drawing | str:
     ax.legend(loc="upper left")
     caption = (
         "Time of a step with the fastest of the CPU's thread counts over the GPU's, square grids without graphics; "
-        f"above 1 the GPU is faster. {provenance([source])}"
+        "above 1 the GPU is faster."
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, (source,))

@@ -17,7 +17,6 @@ from plots.style import (
     log_axes,
     panels,
     plain_ticks,
-    provenance,
 )
 
 TITLE = "float64 against float32"
@@ -54,9 +53,8 @@ def draw(results: Results) -> Drawing | str:
     sources = [source for _, source in chosen]
     caption = (
         "Time of a step in float64 over float32 at the same size, square grids. Dotted: 2, the ratio of the bytes. "
-        f"{provenance(sources)}"
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, tuple(sources))
 
 
 def _against(single: Mapping[str, Timing]) -> Callable[[Timing, float], float]:

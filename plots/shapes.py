@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from bench.results import Timing
 from plots.data import Results, Source, is_suspect, is_wrong
-from plots.style import BLUE, GPU, GREY, Curve, Drawing, legend_below, panels, provenance
+from plots.style import BLUE, GPU, GREY, Curve, Drawing, legend_below, panels
 
 TITLE = "Shape at equal mass count"
 CURVES = (("cpu", "1x", Curve("CPU, 1x threads", BLUE, "o")), ("gpu", None, GPU))
@@ -76,6 +76,6 @@ def draw(results: Results) -> Drawing | str:
     sources = [source for _, source in chosen]
     caption = (
         "Time of a step over that of a square grid of as many masses (between two measured squares where there is none "
-        f"of that count), float32, least to greatest repeat. {provenance(sources)}"
+        "of that count), float32, least to greatest repeat."
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, tuple(sources))

@@ -71,11 +71,22 @@ GPU = Curve("GPU", GREEN, "D")
 
 @dataclass(frozen=True)
 class Drawing:
-    """A finished figure: `figure` (matplotlib), `title`, `caption` (what is shown, then machine, commit and date)."""
+    """A finished figure: `figure` (matplotlib), `title`, `text` (what is shown), and the `sources` it is drawn from."""
 
     figure: Any
     title: str
-    caption: str
+    text: str
+    sources: tuple[Source, ...] = ()
+
+    @property
+    def caption(self) -> str:
+        """What is shown, then machine, commit and date of every source."""
+        return " ".join([self.text.strip(), *(f"{line}." for line in self.provenance)])
+
+    @property
+    def provenance(self) -> list[str]:
+        """Machine, commit and date, one line a source."""
+        return list(dict.fromkeys(source.provenance for source in self.sources))
 
 
 @contextmanager
@@ -193,18 +204,6 @@ def legend_below(figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (),
         )
 
 
-def provenance(sources: Sequence[Source]) -> str:
-    """Where the numbers of a figure come from, as the end of its caption."""
-    return " ".join(f"{source.provenance}." for source in _unique(sources))
-
-
-def _unique(sources: Sequence[Source]) -> list[Source]:
-    seen: dict[tuple[str, bool], Source] = {}
-    for source in sources:
-        seen.setdefault((source.machine.key, source.own), source)
-    return list(seen.values())
-
-
 def threading_note(sources: Sequence[Source]) -> str:
     """Threading layer and wait policy in words, for captions of CPU times."""
     known = {source.threading for source in sources if source.threading[0]}
@@ -215,12 +214,16 @@ def save(
     drawing: Drawing,
     folder: Path,
     name: str,
-    footer: str | None = None,
+    *,
+    footer: bool = False,
     suffixes: Sequence[str] = ("svg", "png"),
 ) -> list[Path]:
-    """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError."""
-    if footer:
-        drawing.figure.suptitle(footer, fontsize=6, color="#555555", x=0.995, ha="right")
+    """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError.
+
+    `footer`: with machine, commit and date on the figure itself.
+    """
+    if footer and drawing.sources:
+        drawing.figure.suptitle("\n".join(drawing.provenance), fontsize=6, color="#555555", x=0.995, ha="right")
     written = []
     for suffix in suffixes:
         path = folder / f"{name}.{suffix}"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from bench.results import Timing
 from plots.data import THREAD_WORDS, Results, Source, is_wrong
-from plots.style import GREY, THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks, provenance
+from plots.style import GREY, THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
 
 TITLE = "Thread scaling"
 
@@ -47,9 +47,9 @@ def draw(results: Results) -> Drawing | str:
     cores = ", ".join(sorted({f"{s.machine.record.get('cores')} cores" for s in sources}))
     caption = (
         f"Speed-up of more threads against {against} at the same size, float32, square grids ({cores}); above 1 is "
-        f"faster. {provenance(sources)}"
+        f"faster."
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, tuple(sources))
 
 
 def _speed_up(held: Mapping[tuple[int, int], Timing]) -> Callable[[Timing, float], float]:

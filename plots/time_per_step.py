@@ -13,7 +13,6 @@ from plots.style import (
     legend_below,
     log_axes,
     panels,
-    provenance,
     threading_note,
     time_ticks,
 )
@@ -44,9 +43,9 @@ def draw(results: Results) -> Drawing | str:
     sources = [source for _, source in chosen]
     caption = (
         "Time of one step of the square grid without graphics against its masses, float32: medians, "
-        f"and bands from the least to the greatest repeat. {_threads_text(sources)}{provenance([*sources, *behind])}"
+        f"and bands from the least to the greatest repeat. {_threads_text(sources)}"
     )
-    return Drawing(figure, TITLE, caption)
+    return Drawing(figure, TITLE, caption, (*sources, *behind))
 
 
 def _threads_text(sources: list[Source]) -> str:

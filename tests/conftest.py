@@ -1,24 +1,24 @@
 """Shared by the tests: how to open a scene on each backend.
 
-Tests of physics run in `exact` math and, unless they say otherwise, in float64, so that their tolerances follow from the
-equations alone.
+Tests of physics run in `exact` math and, unless they say otherwise, in float64, so that their tolerances follow from
+the equations alone.
 """
 
 import os
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
 
-from collections.abc import Callable  # noqa: E402
-from typing import Any  # noqa: E402
+from collections.abc import Callable
+from typing import Any
 
-import pytest  # noqa: E402
+import pytest
 
-import cpu_backend.threads  # noqa: E402, F401  # before numba: it asks for four times the cores
+import cpu_backend.threads  # noqa: F401  # before numba: it asks for four times the cores
 
 
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 def backend(request: pytest.FixtureRequest) -> str:
-    """"cpu", and "gpu" where there is one (kernels under the CUDA simulator have tests of their own, on small grids)."""
+    """`cpu`, and `gpu` where there is one (kernels under the CUDA simulator have their own tests, on small grids)."""
     if request.param == "gpu":
         from gpu_backend.device import gpu_available, simulated
 
@@ -44,7 +44,9 @@ def opened(backend: str) -> Callable[..., Any]:
     """opened(scene, kernel=..., precision=..., ...) -> a simulation on `backend`; dt over the limit is allowed."""
     from app.driver import open_simulation
 
-    def open_it(scene: Any, *, kernel: str = "fused", precision: str = "float64", math: str = "exact", **options: Any) -> Any:
+    def open_it(
+        scene: Any, *, kernel: str = "fused", precision: str = "float64", math: str = "exact", **options: Any
+    ) -> Any:
         if backend == "cpu":
             options.setdefault("threads", 1)
         else:
@@ -78,7 +80,9 @@ def start_at() -> Callable[..., Any]:
 
     def state(scene: Any, position: Any, velocity: Any = None) -> State:
         position = np.asarray(position, dtype=np.float64).reshape(-1, 2)
-        velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64).reshape(-1, 2)
+        velocity = (
+            np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64).reshape(-1, 2)
+        )
         return State(position, velocity, build(scene).inverse_mass, 0.0, 0)
 
     return state

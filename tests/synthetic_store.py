@@ -7,10 +7,10 @@ that the lab book may make can be made to hold, to fail, or to be drowned in spr
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from bench.accuracy import COST, ERROR, HALF, STAGE
 from bench.results import configuration
 from bench.store import Store
 from model.scene import load_scene
-from plots import accuracy_points
 
 SIZES = (16, 32, 64, 128, 256, 512)
 STEPS = (0.02, 0.01, 0.005, 0.0025)
@@ -100,10 +100,12 @@ class Maker:
         scene = load_scene(scene_name).replace({"method.integrator": integrator, "method.dt": dt})
         threads = self.record["cores"] if backend == "cpu" else None
         description = configuration(scene, backend=backend, threads=threads, precision=precision)
-        names = {accuracy_points.ERROR: error, accuracy_points.HALF: half, accuracy_points.COST: cost}
+        names = {ERROR: error, HALF: half, COST: cost}
         for name, value in names.items():
             if value is not None:
                 self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
+        for factor in (1, 1 + self.wobble, 1 - self.wobble):
+            self.store.add_sample(self.run, description, "sources", 100 * factor * cost * dt, 100, stage=STAGE)
 
 
 def cpu_store(path: str | Path = ":memory:", **options) -> Store:

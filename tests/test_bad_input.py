@@ -25,7 +25,11 @@ def one_line(error: SoftlabError) -> str:
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        *[(f"grid.{side}", bad) for side in ("rows", "columns") for bad in (0, -3, 2.5, "many", NAN, INF, True, None, [])],
+        *[
+            (f"grid.{side}", bad)
+            for side in ("rows", "columns")
+            for bad in (0, -3, 2.5, "many", NAN, INF, True, None, [])
+        ],
         *[
             (path, bad)
             for path in ("grid.mass", "grid.spacing", "springs.stiffness", "method.dt")
@@ -67,7 +71,10 @@ def test_bad_value(path, value):
         ({"grid": {"rows": 2, "columns": 2, "colums": 3}}, "did you mean columns"),
         ({"grid": 4}, "grid"),
         ({"grid": {"rows": 2, "columns": 2}, "title": 3}, "title"),
-        ({"left": {"kind": "grid", "rows": 2, "columns": 2}, "right": {"kind": "grid", "rows": 2, "columns": 2}}, "one part"),
+        (
+            {"left": {"kind": "grid", "rows": 2, "columns": 2}, "right": {"kind": "grid", "rows": 2, "columns": 2}},
+            "one part",
+        ),
         ({"grid": {"rows": 2, "columns": 2}, "sheet": {"kind": "cloth"}}, "sheet.kind"),
         ({"grid": {"rows": 2, "columns": 2}, "sheet": {"kind": 3}}, "sheet.kind"),
         ({"grid": {"rows": 2, "columns": 2}, "gravity": {}, "moon": {"kind": "gravity"}}, "gravity"),
@@ -98,7 +105,8 @@ def test_larger_than_memory(side):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"grid.mass": 1e-300}, {"springs.stiffness": 1e300}, {"method.dt": 1e-200}, {"gravity.acceleration": 1e200}]
+    "changes",
+    [{"grid.mass": 1e-300}, {"springs.stiffness": 1e300}, {"method.dt": 1e-200}, {"gravity.acceleration": 1e200}],
 )
 def test_values_that_the_precision_cannot_hold(changes):
     scene = load_scene("lab-grid").replace({"grid.rows": 3, "grid.columns": 3} | changes)
@@ -153,8 +161,12 @@ def test_unreadable_scene_file(tmp_path):
 # ---------------------------------------------------------------------- anything at all
 
 KEYS = sorted({key for kind in KINDS.values() for key in kind.model_fields} | {"kind", "title", "worlds", "row"})
-SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from(["top", "rk4"])
-VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3))
+SCALARS = (
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from(["top", "rk4"])
+)
+VALUES = st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+)
 TABLES = st.dictionaries(st.sampled_from(KEYS) | st.text(max_size=6), VALUES, max_size=5)
 SCENES = st.dictionaries(st.sampled_from([*KINDS, "title"]) | st.text(max_size=6), TABLES | VALUES, max_size=5)
 
@@ -193,7 +205,10 @@ def test_any_scene_name(text):
 
 
 @settings(deadline=None, max_examples=150)
-@given(st.sampled_from(["grid.rows", "grid.pinned", "method.dt", "external.seed", "gravity.enabled", "x"]), st.text(max_size=20))
+@given(
+    st.sampled_from(["grid.rows", "grid.pinned", "method.dt", "external.seed", "gravity.enabled", "x"]),
+    st.text(max_size=20),
+)
 def test_any_setting(path, text):
     only_softlab_errors(lambda: load_scene("lab-grid").replace(parse_settings([f"{path}={text}"])).canonical())
 

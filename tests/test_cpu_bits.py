@@ -1,4 +1,4 @@
-"""In `exact` math the answer does not depend on how it was computed: threads, kernels, batches, restarts, spare parts."""
+"""In `exact` math the answer does not depend on how it was had: threads, kernels, batches, restarts, spare parts."""
 
 import dataclasses
 

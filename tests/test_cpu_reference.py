@@ -27,7 +27,7 @@ def allowed(scene: Scene, steps: int, precision: str) -> tuple[float, float]:
     """(position [m], velocity [m/s]) that rounding may differ by after `steps` steps.
 
     A step rounds p a few times by eps |p| (4 covers RK4's sums), a force by eps k |p| / m. Damped scenes contract
-    (NUMERICS.md, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p| a
+    (docs/method.md, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p| a
     step, and the hand-out's division of positions by dt by eps |p| / dt: both are under eps |p| (dt w^2 + 1 / dt).
     """
     size = max(scene.grid.rows, scene.grid.columns) * 1.5 * scene.grid.spacing
@@ -148,12 +148,13 @@ def converged_scenes():
     ],
 )
 def test_published_errors_of_s1_and_s2(run, converged_scenes, scene_name, name, dt, printed, against_half):
-    """NUMERICS.md C: RMS over all 1024 masses [m] at 1.5 s, within 2 %. lab is off by 0.3 m at any step size, and
+    """docs/method.md C: RMS over all 1024 masses [m] at 1.5 s, within 2 %. lab is off by 0.3 m at any step size, and
     converges, at first order, to half the acceleration."""
     scene = load_scene(scene_name).replace({"method.integrator": name, "method.dt": dt})
     state = run(scene, round(1.5 / dt))
     newton, half = (
-        float(np.sqrt(np.mean(np.sum((state.position - target) ** 2, axis=1)))) for target in converged_scenes[scene_name]
+        float(np.sqrt(np.mean(np.sum((state.position - target) ** 2, axis=1))))
+        for target in converged_scenes[scene_name]
     )
     assert newton == pytest.approx(printed, rel=0.02)
     if against_half is not None:

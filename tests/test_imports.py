@@ -39,7 +39,7 @@ def sources() -> list[Path]:
 
 @pytest.mark.parametrize("file", sources(), ids=lambda file: file.relative_to(ROOT).as_posix())
 def test_imports_point_one_way(file):
-    """softlab.py -> labbook -> plots -> bench -> app -> (cpu_backend | gpu_backend) -> model; the backends never meet."""
+    """softlab -> labbook -> plots -> bench -> app -> (cpu_backend | gpu_backend) -> model; the backends never meet."""
     here = file.relative_to(ROOT).parts[0].removesuffix(".py")
     for package in imported(file) - {here}:
         assert LEVELS[package] < LEVELS[here], f"{file.relative_to(ROOT)} imports {package}"
@@ -51,7 +51,9 @@ def test_every_package_is_in_the_order():
     assert found <= set(LEVELS)
 
 
-@pytest.mark.parametrize("statement", ["import softlab", "import model.scene, model.simulation", "import app.driver", "import bench"])
+@pytest.mark.parametrize(
+    "statement", ["import softlab", "import model.scene, model.simulation", "import app.driver", "import bench"]
+)
 def test_no_heavy_import_at_the_door(statement):
     """`softlab --help` and test collection need no GPU, display or driver."""
     code = f"{statement}; import sys; print([m for m in ('pyglet', 'matplotlib', 'numba.cuda') if m in sys.modules])"

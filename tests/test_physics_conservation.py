@@ -1,4 +1,4 @@
-"""Energy, momentum, rotation (NUMERICS.md A8), and fact 1: the hand-out's step is semi-implicit Euler of doubled masses."""
+"""Energy, momentum, rotation (docs/method.md A8), and the hand-out's step as semi-implicit Euler of doubled masses."""
 
 from math import sqrt
 
@@ -84,7 +84,7 @@ def spin(state, mass: float) -> float:
 
 @pytest.mark.parametrize(("omega", "length"), [(5.0, 1.012658228), (20.0, 1.25), (40.0, 5.0)])
 def test_spinning_dumbbell_keeps_its_length(run, start_at, omega, length):
-    """A circular motion of radius d/2: after 1 s of RK4 at 1e-3 still d long and at angle omega t. Error of a fourth-order
+    """A circular motion of radius d/2: after 1 s of RK4 at 1e-3 still d long and at angle omega t. Error of an order-4
     step: t omega (h w)^4 / 120 with w at most sqrt(2 k/m) = 44.7 gives 1e-6 rad; 1e-5 for length and angle."""
     scene = dumbbell("rk4", 1e-3)
     d, initial = spinning(start_at, scene, omega)
@@ -117,11 +117,9 @@ def test_rk4_loses_angular_momentum(run, start_at, omega):
 
 @pytest.mark.parametrize("name", ["lab", "velocity-verlet"])
 def test_momentum_of_a_free_net(run, start_at, name, precision, kernel):
-    """Pulls are equal and opposite to the last bit (see springs.py): the sum of momenta changes by rounding alone, 1e-13
+    """Pulls are equal and opposite to the last bit (springs.py): the sum of momenta changes by rounding alone, 1e-13
     of sum |m v| in float64 and 1e-5 in float32; lab divides rounded positions by dt: times ulp(p) / (dt v)."""
-    scene = Scene(
-        {"grid": {"rows": 9, "columns": 7}, "springs": {}, "method": {"integrator": name, "dt": 0.005}}
-    )
+    scene = Scene({"grid": {"rows": 9, "columns": 7}, "springs": {}, "method": {"integrator": name, "dt": 0.005}})
     random = np.random.default_rng(2)
     from model.build import rest_positions
 

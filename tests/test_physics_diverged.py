@@ -79,5 +79,3 @@ def test_float32_reports_the_same_way(opened):
             simulation.advance(1000)
         assert abs(caught.value.step - step) <= 2
         assert np.isfinite(simulation.state().position).all()
-
-

@@ -1,4 +1,4 @@
-"""Hard cases of NUMERICS.md B that concern this solver: B4, B5, B6, B10, B12, B14, B15 (B8: test_physics_diverged.py,
+"""Hard cases of docs/method.md B that concern this solver: B4, B5, B6, B10, B12, B14, B15 (B8: test_physics_diverged.py,
 B9: test_stability_limits.py, B11: test_physics_statics.py, B24: test_cpu_reference.py)."""
 
 import numpy as np
@@ -12,7 +12,9 @@ from model.simulation import State
 LIVE = ("damping", "gravity")
 
 
-def grid(rows: int = 10, columns: int = 10, pinned: object = "top", name: str = "velocity-verlet", dt: float = 0.02) -> Scene:
+def grid(
+    rows: int = 10, columns: int = 10, pinned: object = "top", name: str = "velocity-verlet", dt: float = 0.02
+) -> Scene:
     changes = {
         "grid.rows": rows,
         "grid.columns": columns,
@@ -117,8 +119,11 @@ def test_float32_far_from_the_origin(run, start_at, offset):
         scene = grid(11, 1, name=name, dt=0.01)
         position = reference.rest(scene).astype(float).reshape(-1, 2)
         exact = reference.simulate(scene, 100, position, np.zeros_like(position))[0]
-        state = run(scene, 100, precision="float32", initial=start_at(scene, position + (0, offset)), live=LIVE)
-        errors[name] = float(np.abs(state.position - (0, offset) - exact).max() / np.spacing(np.float32(offset)))
+        away = position + np.array([0, offset])
+        state = run(scene, 100, precision="float32", initial=start_at(scene, away), live=LIVE)
+        errors[name] = float(
+            np.abs(state.position - np.array([0, offset]) - exact).max() / np.spacing(np.float32(offset))
+        )
     assert errors["velocity-verlet"] < 10 < errors["lab"]
 
 

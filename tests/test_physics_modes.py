@@ -1,4 +1,4 @@
-"""Normal modes of the pre-stretched lattice with all edges fixed (NUMERICS.md A5): closed-form frequencies."""
+"""Normal modes of the pre-stretched lattice with all edges fixed (docs/method.md A5): closed-form frequencies."""
 
 from math import cos, pi, sin, sqrt
 
@@ -66,7 +66,7 @@ def test_mode_follows_the_steps_own_matrix(run, start_at, name, p, q):
 
 
 def test_y_modes_swap_the_two_stiffnesses(run, start_at):
-    """A displacement in y with (p, q) on the N x M grid has the springs along y pull with k: w with the roles swapped."""
+    """A displacement in y with (p, q): the springs along y pull with k, so w has the two roles swapped."""
     p, q = 2, 3
     along = sin(q * pi / (2 * (ROWS - 1))) ** 2
     across = (1 - 1 / STRETCH) * sin(p * pi / (2 * (COLUMNS - 1))) ** 2

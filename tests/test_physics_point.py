@@ -1,4 +1,4 @@
-"""One mass: free fall in closed form (NUMERICS.md A2), and the oscillator on one spring (A3)."""
+"""One mass: free fall in closed form (docs/method.md A2), and the oscillator on one spring (A3)."""
 
 from math import acos, exp, sqrt
 
@@ -138,7 +138,10 @@ def test_frequency(opened, start_at, name, printed, kernel):
     assert frequency == pytest.approx(printed, abs=1e-6)
     before = np.flatnonzero(x[:-1] * x[1:] < 0)
     # between two samples of a sin(W' t + p): the zero lies at atan2(x0 sin, x1 - x0 cos) after the first, over W'
-    zero = before * h + np.arctan2(-x[before] * np.sin(frequency * h), x[before + 1] - x[before] * cosine) % np.pi / frequency
+    zero = (
+        before * h
+        + np.arctan2(-x[before] * np.sin(frequency * h), x[before + 1] - x[before] * cosine) % np.pi / frequency
+    )
     assert np.pi / np.diff(zero) == pytest.approx(printed, abs=1e-6)
 
 

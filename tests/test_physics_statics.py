@@ -1,4 +1,4 @@
-"""At rest: hanging chain, hanging grid, two-corner equilibrium (NUMERICS.md A4), gravity toggled (B11)."""
+"""At rest: hanging chain, hanging grid, two-corner equilibrium (docs/method.md A4), gravity toggled (B11)."""
 
 from math import sqrt
 

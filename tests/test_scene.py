@@ -12,9 +12,22 @@ from model.plan import present_parts
 from model.scene import Scene, catalogue, load_scene, parse_settings, parse_value
 
 MINIMAL = {"grid": {"rows": 3, "columns": 4}}
-SETTABLE = """grid.rows grid.columns grid.spacing grid.mass grid.pinned springs.stiffness springs.rest_length
-damping.coefficient gravity.enabled gravity.acceleration external.magnitude external.seed method.integrator
-method.dt""".split()
+SETTABLE = [
+    "grid.rows",
+    "grid.columns",
+    "grid.spacing",
+    "grid.mass",
+    "grid.pinned",
+    "springs.stiffness",
+    "springs.rest_length",
+    "damping.coefficient",
+    "gravity.enabled",
+    "gravity.acceleration",
+    "external.magnitude",
+    "external.seed",
+    "method.integrator",
+    "method.dt",
+]
 
 
 def test_a_scene_that_names_no_method_gets_velocity_verlet():

@@ -1,4 +1,4 @@
-"""Where each explicit step stops being stable: the table of NUMERICS.md A1, and runs on both sides of the limit."""
+"""Where each explicit step stops being stable: the table of docs/method.md A1, and runs on both sides of the limit."""
 
 from math import inf, sin, sqrt
 
@@ -72,7 +72,7 @@ def test_limit_is_the_edge_of_every_slower_mode(name, w, gamma):
 
 
 def test_the_labs_own_limit_is_a_32nd_of_a_second():
-    """8000 dt^2 + 6 dt - 8 = 0 has the root 1/32 exactly (NUMERICS.md, fact 2): 3.125 times the default."""
+    """8000 dt^2 + 6 dt - 8 = 0 has the root 1/32 exactly (docs/method.md, fact 2): 3.125 times the default."""
     assert stability_limit(load_scene("lab-grid")) == pytest.approx(0.03125, rel=1e-14)
     scene = load_scene("lab-grid").replace({"grid.rows": 4, "grid.columns": 4})
     open_simulation(scene.replace({"method.dt": 0.03125})).close()
@@ -84,7 +84,7 @@ def test_the_labs_own_limit_is_a_32nd_of_a_second():
 
 @pytest.mark.parametrize(("rows", "columns"), [(10, 10), (1, 30), (2, 2), (1, 1), (7, 2)])
 def test_frequency_bound_holds_for_any_state(rows, columns):
-    """w^2 <= k/m lambda_max(Laplacian) (A1), checked on the force's own Jacobian at random states, stretched and not."""
+    """w^2 <= k/m lambda_max(Laplacian) (A1), checked on the force's own Jacobian at random states."""
     scene = load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
     random = np.random.default_rng(1)
     bound = frequency_bound(scene)

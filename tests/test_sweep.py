@@ -66,6 +66,9 @@ def test_an_unknown_backend_or_thread_word_is_refused_before_anything_is_stored(
     with Store(tmp_path / "results.sqlite") as store:
         with pytest.raises(SceneError):
             run_sweep(store, **(SMALL | {"threads": ("3y",)}))
+        for value in (0, -1, float("nan"), float("inf")):
+            with pytest.raises(SceneError):
+                run_sweep(store, max_seconds=value, **SMALL)
         assert not store.query("SELECT * FROM run") and not store.query("SELECT * FROM machine")
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+import zlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -33,7 +35,7 @@ def _sources() -> bytes:
 
 
 def key(scene: Scene, time: float, inertia: float, tolerance: float) -> str:
-    """16 hexadecimal digits of the scene without its method (which the reference does not use), the time and the rest."""
+    """16 hexadecimal digits of the scene without its method (the reference does not use it), the time and the rest."""
     material = scene.replace({"method.dt": 1.0, "method.integrator": "rk4"}).canonical()
     text = f"{material} {time!r} {inertia!r} {tolerance!r} ".encode()
     return hashlib.sha256(text + _sources()).hexdigest()[:16]
@@ -53,7 +55,7 @@ def kept(
                 found = Converged(held["position"], held["velocity"], float(held["estimate"]))
             if found.position.shape == found.velocity.shape == (scene.grid.particle_count, 2):
                 return found
-        except (OSError, ValueError, KeyError, EOFError):  # not there, or cut short
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # not there, or cut short
             pass
     made = Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance))
     if file:

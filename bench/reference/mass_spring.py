@@ -1,7 +1,7 @@
 """The mass-spring grid in slow, plain NumPy float64: the judge of both backends.
 
-Written from the equations, by array slicing, on purpose without model/formulas, model/build or a backend (a test asserts
-it): a mistake would have to be made twice to go unnoticed. Newton's law per mass m,
+Written from the equations, by array slicing, on purpose without model/formulas, model/build or a backend (a test
+asserts it): a mistake would have to be made twice to go unnoticed. Newton's law per mass m,
 
     m p'' = sum over neighbours k (|d| - L0) d / |d|  -  c v  +  m (0, -g)  +  external  +  poke,
 
@@ -173,7 +173,7 @@ def simulate(
     `position`, `velocity` (particles, 2): where to start (None: the scene's own start). `first_step`: the number of the
     first step, for the random force and the time of the manufactured one. `poke`: (particle, (fx, fy) [N]), held for
     all steps. `integrator` replaces the scene's. `inertia` multiplies every mass but gravity's: 2 gives the motion
-    x'' = a/2 that the hand-out's step converges to (NUMERICS.md, fact 1). Nothing is checked for divergence.
+    x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1). Nothing is checked for divergence.
     """
     grid, dt = scene.grid, scene.method.dt
     shape = (grid.rows, grid.columns, 2)
