@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -24,7 +24,8 @@ out = Console(highlight=False)
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
 Settings = Annotated[
-    Optional[list[str]], typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable.")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable."),
 ]
 Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
 Threads = Annotated[str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, or a number.")]
@@ -66,18 +67,22 @@ def run(
     threads: Threads = "1x",
     precision: Precision = "float32",
     math: Math = "fast",
-    kernel: Annotated[Optional[str], typer.Option(help="Force a kernel; cpu: fused, stages; gpu: graph, launch, stages.")] = None,
-    steps: Annotated[Optional[int], typer.Option(help="Steps to do (default 1000).")] = None,
-    time: Annotated[Optional[float], typer.Option(help="Seconds to simulate, rounded to whole steps.")] = None,
-    settings: Settings = None,
-    initial: Annotated[Optional[Path], typer.Option(help="Start from a state file (.npz).")] = None,
-    out_file: Annotated[Optional[Path], typer.Option("--out", help="Write the end state (.npz).")] = None,
-    record: Annotated[
-        Optional[tuple[str, Path]], typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
+    kernel: Annotated[
+        str | None, typer.Option(help="Force a kernel; cpu: fused, stages; gpu: graph, launch, stages.")
     ] = None,
-    render: Annotated[Optional[Path], typer.Option(help="Draw the end (.png) or the whole run (.mp4).")] = None,
+    steps: Annotated[int | None, typer.Option(help="Steps to do (default 1000).")] = None,
+    time: Annotated[float | None, typer.Option(help="Seconds to simulate, rounded to whole steps.")] = None,
+    settings: Settings = None,
+    initial: Annotated[Path | None, typer.Option(help="Start from a state file (.npz).")] = None,
+    out_file: Annotated[Path | None, typer.Option("--out", help="Write the end state (.npz).")] = None,
+    record: Annotated[
+        tuple[str, Path] | None, typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
+    ] = None,
+    render: Annotated[Path | None, typer.Option(help="Draw the end (.png) or the whole run (.mp4).")] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
-    judge: Annotated[bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")] = True,
+    judge: Annotated[
+        bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
+    ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Run a scene without a window."""
@@ -113,7 +118,7 @@ def demo(
     precision: Precision = "float32",
     math: Math = "fast",
     settings: Settings = None,
-    frames: Annotated[Optional[int], typer.Option(help="Close after so many frames.")] = None,
+    frames: Annotated[int | None, typer.Option(help="Close after so many frames.")] = None,
 ) -> None:
     """Show a scene in a window: G toggles gravity, the mouse pokes a mass."""
     from app.viewer import run_demo
@@ -124,16 +129,16 @@ def demo(
 @app.command(epilog="Example: softlab sweep --quick --backend cpu")
 def sweep(
     quick: Annotated[bool, typer.Option("--quick", help="Small sizes, about a minute.")] = False,
-    backend: Annotated[Optional[list[str]], typer.Option(help="Only this backend. Repeatable.")] = None,
-    size: Annotated[Optional[list[int]], typer.Option(help="Only N x N masses. Repeatable.")] = None,
-    max_seconds: Annotated[Optional[float], typer.Option(help="The most one configuration may take.")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
+    max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
     graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
-    from app.tables import print_sweep
     from bench.store import Store
     from bench.sweep import run_sweep
+    from bench.tables import print_sweep
 
     with Store(store) as opened:
         summary = run_sweep(
@@ -148,23 +153,27 @@ def sweep(
 @app.command(epilog="Example: softlab accuracy --quick")
 def accuracy(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats.")] = False,
-    backend: Annotated[Optional[list[str]], typer.Option(help="Only this backend. Repeatable.")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Hold every integrator, step size and precision against a converged reference: speed against error."""
-    from app.tables import print_points
     from bench.accuracy import run_accuracy
     from bench.store import Store
 
     with Store(store) as opened:
-        print_points(out, run_accuracy(opened, quick=quick, backends=backend))
+        summary = run_accuracy(opened, quick=quick, backends=backend, command=" ".join(["softlab", *sys.argv[1:]]))
+        out.print(str(summary), markup=False, soft_wrap=True)
+    if summary.interrupted:
+        raise typer.Exit(130)
 
 
 @app.command(epilog="Example: softlab figures --out figures")
 def figures(
     store: StorePath = DEFAULT_STORE,
     folder: Folder = DEFAULT_FIGURES,
-    energies: Annotated[Optional[Path], typer.Option(help="Only the energies of a trajectory written by run --record.")] = None,
+    energies: Annotated[
+        Path | None, typer.Option(help="Only the energies of a trajectory written by run --record.")
+    ] = None,
 ) -> None:
     """Draw every figure from the store, over the committed measurements."""
     from labbook.jobs import make_figures
@@ -174,7 +183,9 @@ def figures(
 
 
 @app.command(epilog="Example: softlab labbook --out labbook.pdf")
-def labbook(store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF.")] = DEFAULT_BOOK) -> None:
+def labbook(
+    store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF.")] = DEFAULT_BOOK
+) -> None:
     """Write the lab book (PDF) from the store."""
     from labbook.jobs import make_labbook
 
@@ -218,7 +229,9 @@ def doctor() -> None:
 
 
 @app.command(epilog="Example: softlab export my-machine.csv")
-def export(file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE) -> None:
+def export(
+    file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
+) -> None:
     """Write the store to one file, to keep or to send."""
     from bench.store import Store
     from bench.transfer import export as export_store
@@ -228,7 +241,9 @@ def export(file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file
 
 
 @app.command(epilog="Example: softlab merge other-machine.csv")
-def merge(other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE) -> None:
+def merge(
+    other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
+) -> None:
     """Take the measurements of another store into this one; doing it twice adds nothing."""
     from bench.store import Store
     from bench.transfer import merge as merge_store

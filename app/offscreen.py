@@ -150,12 +150,14 @@ def render_frame(
         return write_png(path, renderer.image())
 
 
-def opengl_available() -> tuple[bool, str]:
+def opengl_available(text: bool = True) -> tuple[bool, str]:
     """Whether pictures can be drawn off-screen here, and the renderer's name, or what is missing and how to get it.
+
+    `text` False: pictures without a legend, which need no fonts.
 
     Tried in a process of its own, because a process that has used pyglet with EGL can open no window any more.
     """
-    code = "from app.offscreen import probe; probe()"
+    code = f"from app.offscreen import probe; probe({text})"
     try:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -163,14 +165,16 @@ def opengl_available() -> tuple[bool, str]:
     lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
     if not lines:  # a driver that takes the process down
         return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
-    word, _, text = lines[-1].partition(" ")
-    return word == "works", text
+    word, _, found = lines[-1].partition(" ")
+    return word == "works", found
 
 
-def probe() -> None:
+def probe(text: bool) -> None:
     """Print `works RENDERER` or `fails REASON; REMEDY`; the trial of `opengl_available`."""
     try:
-        with OffscreenRenderer(Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), 64, 64) as renderer:
+        with OffscreenRenderer(
+            Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), 64, 64, legend=text
+        ) as renderer:
             renderer.draw(rest_positions(renderer.scene.grid))
             if len(np.unique(renderer.image().reshape(-1, 4), axis=0)) < 2:
                 print(f"fails {renderer.renderer} draws blank pictures; {OFFSCREEN_REMEDY}")

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from app.driver import open_simulation
 from app.files import check_state_target, read_state, write_state, write_trajectory
 from app.video import check_render, render
@@ -192,7 +194,7 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity)
-    strain = spring_strain(scene, state.position) if scene.springs else ()
+    strain = spring_strain(scene, state.position) if scene.springs else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = scene.grid.particle_count
     rate = count * steps / seconds if seconds > 0 and not diverged else None
@@ -219,7 +221,7 @@ def _report(
         "potential_energy": energy["potential"],
         "conserved": energy["conserved"],
         "max_speed": float(speed.max() ** 0.5),
-        "max_strain": float(abs(strain).max()) if len(strain) else 0.0,
+        "max_strain": float(np.abs(strain).max()) if len(strain) else 0.0,
         "error": None,
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",

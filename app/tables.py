@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
+from rich.markup import escape
+from rich.table import Column, Table
 
 from app.doctor import Finding
 from model.integrators import INTEGRATORS, stability_limit
@@ -54,7 +55,8 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
-    table = Table("scene", "title", "masses", "pinned", "integrator", "dt [s]", "limit [s]")
+    heads = ("scene", "title", "masses", "pinned", "integrator", "dt [s]", "limit [s]")
+    table = Table(*(Column(head, no_wrap=head != "title") for head in heads), box=None)
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
@@ -101,19 +103,9 @@ def print_plan(console: Console, scene: Scene, precision: str) -> None:
 
 
 def print_findings(console: Console, findings: list[Finding]) -> None:
-    """The doctor's report."""
-    table = Table("", "works", "found", "how to get it", box=None)
+    """The doctor's report: a line a finding, the remedy below it where there is one."""
     for finding in findings:
-        mark = "[green]yes[/green]" if finding.works else "[yellow]no[/yellow]"
-        table.add_row(finding.name, mark, finding.found, finding.remedy)
-    console.print(table)
-
-
-def print_sweep(console: Console, summary: Any) -> None:
-    """What a sweep did."""
-    console.print(str(summary), markup=False)
-
-
-def print_points(console: Console, points: Any) -> None:
-    """Speed against error, a row a point."""
-    console.print(str(points), markup=False)
+        mark = "[green]yes[/green]" if finding.works else "[yellow]no [/yellow]"
+        console.print(f"{mark}  [bold]{finding.name}[/bold]: {escape(finding.found)}", soft_wrap=True)
+        if finding.remedy:
+            console.print(f"     -> {escape(finding.remedy)}", soft_wrap=True)

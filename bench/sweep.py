@@ -227,7 +227,7 @@ class _Sweep:
         except ImportError as error:
             self.no_graphics = f"off-screen drawing cannot be loaded ({error})"
             return
-        works, text = opengl_available()
+        works, text = opengl_available(text=False)  # frames are timed without a legend
         self.no_graphics = None if works else text
 
     def _weight(self, case: Case) -> float:

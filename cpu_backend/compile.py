@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -69,10 +70,8 @@ class Compiler:
     def kernel(self, function: Callable) -> Any:
         """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
         dispatcher = numba.njit(parallel=True, **self.options)(named(function, self.variant))
-        try:
+        with suppress(RuntimeError):  # no writable folder: NUMBA_CACHE_DIR mends it, `softlab doctor` says so
             dispatcher._cache = _VariantCache(dispatcher.py_func)
-        except RuntimeError:  # no writable folder: NUMBA_CACHE_DIR mends it, `softlab doctor` says so
-            pass
         return dispatcher
 
 

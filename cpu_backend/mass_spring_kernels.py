@@ -215,7 +215,12 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
 
     @compiled
     def both_kicks(position, velocity, closing, opening, count, record, new_position, new_velocity):
-        dt, half_dt, rate, inverse_damping = record[K_DT], record[K_HALF_DT], record[K_DAMPING], record[K_INVERSE_DAMPING]
+        dt, half_dt, rate, inverse_damping = (
+            record[K_DT],
+            record[K_HALF_DT],
+            record[K_DAMPING],
+            record[K_INVERSE_DAMPING],
+        )
         for j in range(count):
             whole = second_half(velocity[j], closing[j], half_dt, inverse_damping)
             p, v = first_half(position[j], whole, opening[j], dt, half_dt, rate)
@@ -263,7 +268,9 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
                         target[axis, i, j] = source[axis, i, j]
                         target[2 + axis, i, j] = zero
 
-    def advance(passes, first_kind, last_kind, step, states, current, record, integers, pin_start, pin_column, scratches):
+    def advance(
+        passes, first_kind, last_kind, step, states, current, record, integers, pin_start, pin_column, scratches
+    ):
         bands = scratches.shape[0]
         for k in range(passes):
             kind = MIDDLE

@@ -16,8 +16,22 @@ from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.mass_spring_kernels import (
-    K_AMPLITUDE, K_DAMPING, K_DT, K_EXTERNAL, K_GRAVITY, K_HALF_DT, K_HALF_DT_SQUARED, K_INERTIA, K_INVERSE_DAMPING,
-    K_POKE_X, K_POKE_Y, K_REST, K_SIXTH_DT, K_SPACING, K_STIFFNESS, K_THIRD_DT,
+    K_AMPLITUDE,
+    K_DAMPING,
+    K_DT,
+    K_EXTERNAL,
+    K_GRAVITY,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INERTIA,
+    K_INVERSE_DAMPING,
+    K_POKE_X,
+    K_POKE_Y,
+    K_REST,
+    K_SIXTH_DT,
+    K_SPACING,
+    K_STIFFNESS,
+    K_THIRD_DT,
 )  # fmt: skip
 from model.formulas import integrators, manufactured, random, springs
 
@@ -44,7 +58,9 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
             for j in range(columns):
                 # a neighbour beyond the edge is replaced by the mass itself: coincident masses do not pull
                 up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
-                right_x, right_y = spring_pull_2d(x[i, right] - x[i, j], y[i, right] - y[i, j], stiffness, stiffness_rest)
+                right_x, right_y = spring_pull_2d(
+                    x[i, right] - x[i, j], y[i, right] - y[i, j], stiffness, stiffness_rest
+                )
                 left_x, left_y = spring_pull_2d(x[i, left] - x[i, j], y[i, left] - y[i, j], stiffness, stiffness_rest)
                 down_x, down_y = spring_pull_2d(x[down, j] - x[i, j], y[down, j] - y[i, j], stiffness, stiffness_rest)
                 up_x, up_y = spring_pull_2d(x[up, j] - x[i, j], y[up, j] - y[i, j], stiffness, stiffness_rest)
@@ -101,7 +117,12 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
         for i in prange(position.shape[0]):
             for j in range(position.shape[1]):
                 p, v = first_half(
-                    position[i, j], velocity[i, j], acceleration[i, j], record[K_DT], record[K_HALF_DT], record[K_DAMPING]
+                    position[i, j],
+                    velocity[i, j],
+                    acceleration[i, j],
+                    record[K_DT],
+                    record[K_HALF_DT],
+                    record[K_DAMPING],
                 )
                 position[i, j] = p
                 velocity[i, j] = v

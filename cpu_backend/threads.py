@@ -41,7 +41,7 @@ def thread_count(word: str | int) -> int:
         raise SceneError("--threads", word, "must be 1x, 2x, 4x (times the cores) or a number of at least 1")
     import numba
 
-    most = numba.config.NUMBA_NUM_THREADS
+    most = int(getattr(numba.config, "NUMBA_NUM_THREADS"))  # noqa: B009 - numba fills its config at run time
     if count > most:
         raise SceneError(
             "--threads",

@@ -36,7 +36,9 @@ class Graphs:
         try:
             from cuda.bindings import runtime
         except ImportError as error:
-            raise BackendUnavailable(f"cuda.bindings is missing ({error})", "pip install cuda-bindings, or --kernel launch")
+            raise BackendUnavailable(
+                f"cuda.bindings is missing ({error})", "pip install cuda-bindings, or --kernel launch"
+            ) from None
         self._runtime = runtime
         self._stream = stream
         self._launch, self._after = launch, after

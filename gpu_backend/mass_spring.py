@@ -248,7 +248,8 @@ class MassSpring(Simulation):
             self.stream.synchronize()
 
     def close(self) -> None:
-        if getattr(self, "_graphs", None) is not None:
+        graphs = getattr(self, "_graphs", None)
+        if graphs is not None:
             self.synchronize()
-            self._graphs.close()
+            graphs.close()
             self._graphs = None

@@ -14,7 +14,15 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.mass_spring_kernels import (
-    K_DAMPING, K_DT, K_GRAVITY, K_HALF_DT, K_HALF_DT_SQUARED, K_INVERSE_DAMPING, K_SIXTH_DT, K_THIRD_DT, kernel_options,
+    K_DAMPING,
+    K_DT,
+    K_GRAVITY,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INVERSE_DAMPING,
+    K_SIXTH_DT,
+    K_THIRD_DT,
+    kernel_options,
     make_point_functions,
 )  # fmt: skip
 

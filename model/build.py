@@ -68,7 +68,9 @@ def build(scene: Scene) -> Body:
     require(count * 160, available_bytes(), "grid.rows x grid.columns", f"{grid.rows} x {grid.columns}", "main memory")
     if count > MOST_PARTICLES:
         raise SceneError(
-            "grid.rows x grid.columns", f"{grid.rows} x {grid.columns}", f"at most {MOST_PARTICLES} masses (32-bit indices)"
+            "grid.rows x grid.columns",
+            f"{grid.rows} x {grid.columns}",
+            f"at most {MOST_PARTICLES} masses (32-bit indices)",
         )
     position = rest_positions(grid)
     velocity = np.zeros_like(position)
@@ -139,7 +141,7 @@ def parameter_record(scene: Scene, real: type, poke: tuple[float, float] = (0.0,
         "spacing": grid.spacing,
     }
     with np.errstate(over="ignore", under="ignore"):
-        record = np.array([values[name] for name in PARAMETERS], dtype=np.float64).astype(real)
+        record: np.ndarray = np.array([values[name] for name in PARAMETERS], dtype=np.float64).astype(real)
     limits = np.finfo(real)
     for name, field in (
         ("dt", "method.dt"),

@@ -25,7 +25,15 @@ def _machine_free() -> int | None:
         class MemoryStatus(ctypes.Structure):
             _fields_ = [("length", ctypes.c_ulong), ("load", ctypes.c_ulong)] + [
                 (name, ctypes.c_ulonglong)
-                for name in ("total", "available", "page_total", "page_free", "virtual_total", "virtual_free", "extended")
+                for name in (
+                    "total",
+                    "available",
+                    "page_total",
+                    "page_free",
+                    "virtual_total",
+                    "virtual_free",
+                    "extended",
+                )
             ]
 
         status = MemoryStatus()
@@ -67,5 +75,7 @@ def require(needed: int, available: int | None, field: str, value: object, where
     """Raise SceneError if `needed` bytes are more than 90 % of `available` ones (None: unknown, let it try)."""
     if available is not None and needed > 0.9 * available:
         raise SceneError(
-            field, value, f"needs {readable(needed)} of {where}, of which {readable(available)} is free; use a smaller grid"
+            field,
+            value,
+            f"needs {readable(needed)} of {where}, of which {readable(available)} is free; use a smaller grid",
         )

@@ -132,7 +132,9 @@ def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         steps: list[Node | Stage] = []
         for stage, offset in enumerate((0.0, 0.5, 0.5, 1.0), start=1):
             steps.append(
-                Node(f"stage {stage}", (*forces(offset), Stage(f"accumulate (rk4 {stage})", 7, 4, per_axis // 2), *pins))
+                Node(
+                    f"stage {stage}", (*forces(offset), Stage(f"accumulate (rk4 {stage})", 7, 4, per_axis // 2), *pins)
+                )
             )
         children = tuple(steps)
         scalars = 4 * 10

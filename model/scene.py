@@ -284,7 +284,9 @@ def _scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneEr
     message = first["msg"].removeprefix("Value error, ")
     if not location and ": " in message:  # a check across fields names its field itself
         field, _, allowed = message.partition(": ")
-        return SceneError(f"{part}.{field}", first["input"].get(field) if isinstance(first["input"], dict) else None, allowed)
+        return SceneError(
+            f"{part}.{field}", first["input"].get(field) if isinstance(first["input"], dict) else None, allowed
+        )
     words = {
         "int_type": "must be a whole number",
         "int_from_float": "must be a whole number",
@@ -322,7 +324,9 @@ def load_scene(name_or_path: str | Path) -> Scene:
         path = Path(text)
         looks_like_a_name = path.suffix == "" and len(path.parts) <= 1 and not path.exists()
         if looks_like_a_name:
-            raise InputError(f"unknown scene {text!r}{_suggestion(text, known)}; known: {', '.join(known)}, or a .toml file")
+            raise InputError(
+                f"unknown scene {text!r}{_suggestion(text, known)}; known: {', '.join(known)}, or a .toml file"
+            )
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except IsADirectoryError:

@@ -86,7 +86,7 @@ class Simulation(ABC):
         self.step = 0
         self.time = 0.0
         self.limit = stability_limit(scene)
-        self._bound = float(min(DIVERGED_SIZE * self.body.size, np.finfo(self.real).max / 4))
+        self._bound = float(min(DIVERGED_SIZE * self.body.size, float(np.finfo(self.real).max) / 4))
         self._poke_particle = -1
         self._poke_force = (0.0, 0.0)
         self._record = parameter_record(scene, self.real)

@@ -51,8 +51,7 @@ def _draw_panel(ax: Any, found: list[Point]) -> None:
             x,
             y,
             "--",
-            marker="X",
-            markerfacecolor="white",
+            marker="*",
             color=VERMILLION,
             label="lab, against half the acceleration",
         )

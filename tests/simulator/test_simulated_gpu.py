@@ -20,7 +20,13 @@ SCENES = {
         "external.magnitude": 0.05,
         "perturbation.amplitude": 0.05,
     },
-    "bare": {"grid.rows": 8, "grid.columns": 9, "grid.pinned": "none", "gravity.enabled": False, "damping.coefficient": 0.0},
+    "bare": {
+        "grid.rows": 8,
+        "grid.columns": 9,
+        "grid.pinned": "none",
+        "gravity.enabled": False,
+        "damping.coefficient": 0.0,
+    },
 }
 
 
@@ -68,7 +74,9 @@ def test_the_manufactured_force(integrator: str) -> None:
 
 
 def test_a_divergence_is_named() -> None:
-    scene = load_scene("lab-grid").replace({"grid.rows": 4, "grid.columns": 4, "method.dt": 0.2, "perturbation.amplitude": 0.1})
+    scene = load_scene("lab-grid").replace(
+        {"grid.rows": 4, "grid.columns": 4, "method.dt": 0.2, "perturbation.amplitude": 0.1}
+    )
     found = []
     for backend in ("cpu", "gpu"):
         with open_simulation(scene, backend, math="exact", allow_unstable=True) as simulation:
@@ -88,15 +96,18 @@ def test_the_smallest_grids(rows: int, columns: int) -> None:
 
 def test_live_changes_and_a_state_that_moves_over() -> None:
     scene = load_scene("lab-grid").replace({"grid.rows": 5, "grid.columns": 5})
-    with open_simulation(scene, "cpu", math="exact", live=("gravity",)) as cpu:
-        with open_simulation(scene, "gpu", math="exact", live=("gravity",)) as gpu:
-            cpu.advance(3)
-            gpu.load(cpu.state())
-            for simulation in (cpu, gpu):
-                simulation.set("gravity.enabled", False)
-                simulation.advance(4)
-            assert np.array_equal(cpu.state().position, gpu.state().position)
-            assert np.array_equal(cpu.read("position"), gpu.read("position"))
+    live = ("gravity",)
+    with (
+        open_simulation(scene, "cpu", math="exact", live=live) as cpu,
+        open_simulation(scene, "gpu", math="exact", live=live) as gpu,
+    ):
+        cpu.advance(3)
+        gpu.load(cpu.state())
+        for simulation in (cpu, gpu):
+            simulation.set("gravity.enabled", False)
+            simulation.advance(4)
+        assert np.array_equal(cpu.state().position, gpu.state().position)
+        assert np.array_equal(cpu.read("position"), gpu.read("position"))
 
 
 def test_a_graph_is_refused_with_the_reason() -> None:

@@ -1,0 +1,76 @@
+"""Numbers of the design, for the text: read from the code that holds them, so that none is typed by hand.
+
+Constants of the GPU backend are read from its source instead of importing it, which needs its CUDA package.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.accuracy import END, RESOLVED, STEP_SIZES
+from bench.checks import AMPLITUDE, CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS, OWN_SIZE_STEPS
+from bench.results import SPREAD_LIMIT
+from bench.sweep import FULL, QUICK
+from bench.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
+from cpu_backend.threads import MULTIPLES
+from labbook.words import percent, seconds
+from model.integrators import stability_limit
+from model.plan import mass_spring_plan
+from model.scene import load_scene
+from model.simulation import CHECK_INTERVAL, DIVERGED_SIZE
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def constant(module: str, name: str) -> Any:
+    """The literal that a module of the lab assigns to `name` at its top. Raises LookupError where it has none."""
+    for node in ast.parse((ROOT / module).read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == name for t in node.targets):
+            return ast.literal_eval(node.value)
+    raise LookupError(f"{module} assigns no {name}")
+
+
+def facts() -> dict[str, str]:
+    """Name in the text -> the number as it is printed."""
+    block = constant("gpu_backend/mass_spring_kernels.py", "BLOCK")
+    passes = constant("gpu_backend/launch.py", "CHUNKS")
+    scene = load_scene("lab-grid")
+    plan = mass_spring_plan(scene)
+    return {
+        "block-columns": str(block[0]),
+        "block-rows": str(block[1]),
+        "block-threads": str(block[0] * block[1]),
+        "graph-passes": str(max(passes)),
+        "pair-bytes": str(np.dtype(np.complex64).itemsize),
+        "pair-bytes-double": str(np.dtype(np.complex128).itemsize),
+        "bytes-per-mass": str(plan.bytes(4)),
+        "bytes-per-mass-double": str(plan.bytes(8)),
+        "operations": str(plan.operations),
+        "rows": str(scene.grid.rows),
+        "columns": str(scene.grid.columns),
+        "thread-words": ", ".join(MULTIPLES),
+        "check-interval": str(CHECK_INTERVAL),
+        "diverged-size": f"{DIVERGED_SIZE:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}"),
+        "draw-every": str(DRAW_EVERY),
+        "check-rows": str(CHECK_ROWS),
+        "check-columns": str(CHECK_COLUMNS),
+        "check-steps": str(CHECK_STEPS),
+        "own-size-steps": str(OWN_SIZE_STEPS),
+        "amplitude": f"{100 * AMPLITUDE:g}\N{NO-BREAK SPACE}cm",
+        "repeats": str(FULL.repeats),
+        "repeats-quick": str(QUICK.repeats),
+        "sample-seconds": seconds(FULL.min_seconds),
+        "sample-seconds-quick": seconds(QUICK.min_seconds, 2),
+        "shortest-sample": seconds(SHORTEST_SAMPLE, 1),
+        "spread-limit": percent(SPREAD_LIMIT),
+        "busy": f"{BUSY_NEIGHBOUR:g}",
+        "dt": seconds(scene.method.dt, 2),
+        "dt-limit": seconds(stability_limit(scene), 4),
+        "accuracy-end": f"{END:g}\N{NO-BREAK SPACE}s",
+        "accuracy-steps": ", ".join(f"{1000 * dt:g}" for dt in STEP_SIZES) + "\N{NO-BREAK SPACE}ms",
+        "resolved": str(RESOLVED),
+    }

@@ -1,0 +1,152 @@
+"""The lab book's tables: titles, column heads with units, and cells as text, made from the results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from bench.results import Timing
+from labbook import words
+from labbook.accuracy_claims import TARGETS
+from labbook.words import number
+from model.scene import INTEGRATORS
+from plots.accuracy_points import Point, order_points, points, reaching
+from plots.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
+from plots.work_precision import SCENES, accurate_source
+
+Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: columns that align left
+DASH = "\N{EN DASH}"
+
+UNITS = {
+    "rows": "masses", "columns": "masses", "spacing": "m", "mass": "kg", "stiffness": "N/m", "rest_length": "m",
+    "coefficient": "N s/m", "acceleration": "m/s\u00b2", "magnitude": "N", "dt": "s", "amplitude": "m",
+}  # fmt: skip
+RECORD = {  # of the machine record, what a reader wants to know
+    "cpu": "Processor", "cores": "Cores in use", "memory_gib": "Memory / GiB", "gpu": "GPU",
+    "gpu_memory_gib": "GPU memory / GiB", "gpu_driver": "GPU driver", "system": "System",
+    "python_build": "Python", "numba": "numba", "llvmlite": "llvmlite", "numba_cuda": "numba-cuda", "numpy": "NumPy",
+}  # fmt: skip
+
+
+def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> Table:
+    return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left}
+
+
+def machine_table(source: Source) -> Table:
+    """One machine: hardware, versions, limits, commit and date."""
+    record = source.machine.record
+    rows = [[label, str(record[name])] for name, label in RECORD.items() if record.get(name) is not None]
+    if not source.gpu:
+        rows.append(["GPU", "none"])
+    layer, policy = source.threading
+    if layer:
+        rows.append(["Threading layer, wait policy", f"{layer}, {policy}"])
+    for name, label in (("copy_bandwidth", "Copy bandwidth"), ("gpu_copy_bandwidth", "GPU copy bandwidth")):
+        if record.get(name):
+            rows.append([f"{label}, measured", words.bandwidth(record[name])])
+    rows += [["Commit", source.commit], ["Measured", source.date]]
+    whose = "Machine" if source.own else "Machine of the committed measurements"
+    return table(f"{whose}: {source.machine.label}", ["Property", "Value"], rows, left=2)
+
+
+def scene_table(results: Results) -> Table | None:
+    """The constants of the scene that was swept."""
+    source = next((s for s in results.featured if s.scene), None)
+    if source is None:
+        return None
+    rows = []
+    for part, fields in sorted(source.scene.items()):
+        if isinstance(fields, dict):
+            for name, value in sorted(fields.items()):
+                if name != "kind":
+                    shown = str(value).lower() if isinstance(value, bool) else str(value)
+                    rows.append([f"{part}.{name}", shown, UNITS.get(name, "")])
+    return table("Constants of the scene that was timed; its size varies", ["Field", "Value", "Unit"], rows, left=3)
+
+
+def time_tables(source: Source) -> list[Table]:
+    """Times of one machine with their spread: without and with graphics, float32 and float64."""
+    result = []
+    for precision in ("float32", "float64"):
+        for graphics in (False, True):
+            mine = [t for t in source.timings if t.precision == precision and t.graphics == graphics]
+            if not mine:
+                continue
+            columns = [word for word in ("1", *THREAD_WORDS) if any(t.thread_word == word for t in mine)]
+            held = {(t.rows, t.columns, t.thread_word): t for t in mine if t.backend == "cpu"}
+            gpu = {(t.rows, t.columns): t for t in mine if t.backend == "gpu"}
+            shapes = sorted({(t.particles, t.rows, t.columns) for t in mine})
+            rows = []
+            for _, height, width in shapes:
+                cells = [f"{height} {words.TIMES} {width}"]
+                cells += [time_cell(held.get((height, width, word))) for word in columns]
+                rows.append([*cells, *([time_cell(gpu.get((height, width)))] if gpu else [])])
+            drawn = "with graphics" if graphics else "without graphics"
+            head = ["Masses", *(f"CPU {word} / \N{MICRO SIGN}s" for word in columns)]
+            head += ["GPU / \N{MICRO SIGN}s"] if gpu else []
+            result.append(table(f"Time per step, {precision}, {drawn}. {source.provenance}", head, rows))
+    return result
+
+
+def time_cell(timing: Timing | None) -> str:
+    """Median and, in brackets, least and greatest repeat in microseconds; * where suspect, ! where the answer was wrong."""
+    if timing is None:
+        return DASH
+    low, middle, high = (number(1e6 * value) for value in (timing.low, timing.median, timing.high))
+    mark = "!" if is_wrong(timing) else "*" if is_suspect(timing) else ""
+    return f"{middle} [{low}{DASH}{high}]{mark}"
+
+
+def error_tables(results: Results) -> list[Table]:
+    """Errors of every integrator and step size in float64, one table a scene."""
+    source = accurate_source(results)
+    tables = []
+    for scene in SCENES if source else ():
+        found = points(source, scene) if source else []
+        steps = sorted({p.dt for p in found}, reverse=True)
+        if not steps:
+            continue
+        rows = []
+        for name in INTEGRATORS:
+            mine = {p.dt: p for p in found if (p.integrator, p.precision) == (name, "float64")}
+            if mine:
+                rows.append([name, *(error_cell(mine.get(dt)) for dt in steps)])
+            halves = {p.dt: p for p in order_points(found, name) if p.half is not None}
+            if halves:
+                rows.append([f"{name}, against half the acceleration", *(_half_cell(halves.get(dt)) for dt in steps)])
+        head = ["Integrator", *(f"{1000 * dt:g} ms" for dt in steps)]
+        title = f"{scene}: error in spacings against step size, float64. {source.provenance if source else ''}"
+        tables.append(table(title, head, rows))
+    return tables
+
+
+def error_cell(point: Point | None) -> str:
+    """The error; `diverged`; or with < where the reference does not resolve it."""
+    if point is None:
+        return DASH
+    if point.diverged:
+        return "diverged"
+    return f"{'' if point.resolved else '< '}{number(point.error, 3)}"
+
+
+def _half_cell(point: Point | None) -> str:
+    return DASH if point is None or point.half is None else number(point.half, 3)
+
+
+def fastest_table(results: Results) -> Table | None:
+    """The fastest way to reach each target error, per scene."""
+    source = accurate_source(results)
+    if source is None or not any(p.seconds for p in points(source)):
+        return None
+    rows = []
+    for scene in SCENES:
+        found = points(source, scene)
+        for target in TARGETS:
+            able = reaching(found, target)[:1]
+            if found:
+                best = able[0].name if able else "none of those measured"
+                cost = number(1000 * (able[0].seconds or 0.0)) if able else DASH
+                rows.append([scene, number(target, 1), best, cost])
+    head = ["Scene", "Error / spacings", "Integrator, step size, precision, backend", "Cost / ms per s"]
+    title = f"The fastest way to an error, and the wall time of a simulated second. {source.provenance}"
+    return table(title, head, rows, left=3)

@@ -1,0 +1,72 @@
+"""Numbers as the lab book writes them, with their units; spaces inside a number or before a unit do not break."""
+
+from __future__ import annotations
+
+import math
+
+SPACE = "\N{NO-BREAK SPACE}"
+THIN = "\N{NARROW NO-BREAK SPACE}"
+MINUS = "\N{MINUS SIGN}"
+TIMES = "\N{MULTIPLICATION SIGN}"
+SUPERSCRIPTS = str.maketrans(
+    "0123456789-", "".join("\N{SUPERSCRIPT ZERO}\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
+)
+PREFIXES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "\N{MICRO SIGN}s"), (1e-9, "ns"))
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number of `digits` significant digits: 0.0123, 12.3, 1 230, 1.2e-7 as a power of ten."""
+    if math.isinf(value):
+        return "\N{INFINITY}"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if exponent < -3:
+        mantissa = f"{value / 10.0**exponent:.{digits - 1}f}".replace("-", MINUS)
+        return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(exponent).translate(SUPERSCRIPTS)}"
+    text = f"{value:.{max(0, digits - 1 - exponent)}f}"
+    return grouped(text).replace("-", MINUS)
+
+
+def grouped(text: str) -> str:
+    """Thousands apart: 65 536."""
+    whole, point, fraction = text.partition(".")
+    if len(whole.lstrip("-")) > 4:
+        whole = f"{int(whole):,}".replace(",", THIN)
+    return whole + point + fraction
+
+
+def count(value: int) -> str:
+    """A whole number, exactly."""
+    return grouped(str(value))
+
+
+def masses(value: float, exact: bool = True) -> str:
+    """`65 536 masses`; not exact: to two digits."""
+    return f"{count(round(value)) if exact else number(value, 2)}{SPACE}masses"
+
+
+def seconds(value: float, digits: int = 3) -> str:
+    """`12.3 us` with the fitting prefix."""
+    factor, unit = next(((f, u) for f, u in PREFIXES if value >= f), PREFIXES[-1])
+    return f"{number(value / factor, digits)}{SPACE}{unit}"
+
+
+def times(ratio: float) -> str:
+    """`2.5 times`."""
+    return f"{number(ratio, 2)}{SPACE}times"
+
+
+def percent(share: float) -> str:
+    """`47 %`."""
+    return f"{number(100 * share, 2)}{SPACE}%"
+
+
+def bandwidth(value: float) -> str:
+    """`35.9 GB/s`."""
+    return f"{number(value / 1e9)}{SPACE}GB/s"
+
+
+def listed(words: list[str]) -> str:
+    """`a, b and c`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
