@@ -43,6 +43,7 @@ from bench.accuracy_points import (
     pareto_front,
     point,
 )
+from bench.judge import distance
 from bench.machine import enter_machine, gpu_simulated, source_revision
 from bench.reference import cache
 from bench.results import configuration, measures
@@ -270,10 +271,3 @@ def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[Accu
         named.setdefault(measure.configuration, {})[measure.name] = measure
     found = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
     return [entry for entry in found if entry is not None]
-
-
-def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
-    """(root mean square, maximum) over the masses `free` of |position - reference| [m], over `spacing` [m]."""
-    away = position[free].astype(np.float64) - reference[free]
-    squared = np.sum(away * away, axis=1)
-    return float(np.sqrt(np.mean(squared)) / spacing), float(np.sqrt(squared.max()) / spacing)

@@ -36,7 +36,7 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     if cost > BUDGET:
         return None, f"a converged reference would take about {cost:.0f} s; softlab accuracy judges the integrators"
     reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
-    error = distance(state.position, reference, free, scene.grid.spacing)
+    error, _ = distance(state.position, reference, free, scene.grid.spacing)
     if not np.isfinite(error):
         return None, "the reference did not converge"
     if error < 10 * estimate / scene.grid.spacing:
@@ -44,7 +44,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     return error, None
 
 
-def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> float:
-    """Root mean square over the masses `free` of |position - reference| [m], over `spacing` [m]."""
+def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
+    """(root mean square, maximum) over the masses `free` of |position - reference| [m], over `spacing` [m]."""
     away = position[free].astype(np.float64) - reference[free]
-    return float(np.sqrt(np.mean(np.sum(away * away, axis=1))) / spacing)
+    squared = np.sum(away * away, axis=1)
+    return float(np.sqrt(np.mean(squared)) / spacing), float(np.sqrt(squared.max()) / spacing)

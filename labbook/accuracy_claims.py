@@ -139,8 +139,8 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
     bounds = (cpu.low, cpu.high, gpu.low, gpu.high)
     clear = None not in bounds and ((cpu.low or 0) > (gpu.high or 0) or (cpu.high or 0) < (gpu.low or 0))
     at = (
-        f"{on_gpu(source)}, at an error of {number(target, 1)} spacings in {SCENE} and with the fastest configuration of "
-        "each,"
+        f"{on_gpu(source)}, at an error of {number(target, 1)} spacings in {SCENE} and with the fastest configuration "
+        "of each,"
     )
     if not clear:
         return Claim(f"{at} GPU and CPU differ by no more than the spread.", {"ratio": ratio}, False)

@@ -18,7 +18,7 @@ from bench.sweep import FULL, QUICK
 from bench.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
 from cpu_backend.threads import MULTIPLES
 from labbook.words import percent, seconds
-from model.integrators import stability_limit
+from model.integrators import INTEGRATORS, stability_limit
 from model.plan import mass_spring_plan
 from model.scene import load_scene
 from model.simulation import CHECK_INTERVAL, DIVERGED_SIZE
@@ -47,6 +47,8 @@ def facts() -> dict[str, str]:
         "graph-passes": str(max(passes)),
         "pair-bytes": str(np.dtype(np.complex64).itemsize),
         "pair-bytes-double": str(np.dtype(np.complex128).itemsize),
+        "index-bits": str(8 * np.dtype(np.int32).itemsize),
+        "rk4-passes": str(INTEGRATORS["rk4"].forces),
         "bytes-per-mass": str(plan.bytes(4)),
         "bytes-per-mass-double": str(plan.bytes(8)),
         "operations": str(plan.operations),

@@ -89,7 +89,7 @@ def time_tables(source: Source) -> list[Table]:
 
 
 def time_cell(timing: Timing | None) -> str:
-    """Median and, in brackets, least and greatest repeat in microseconds; * where suspect, ! where the answer was wrong."""
+    """Median [least-greatest repeat] in microseconds; * where suspect, ! where the answer was wrong."""
     if timing is None:
         return DASH
     low, middle, high = (number(1e6 * value) for value in (timing.low, timing.median, timing.high))

@@ -86,7 +86,8 @@ class Simulation(ABC):
         self.step = 0
         self.time = 0.0
         self.limit = stability_limit(scene)
-        self._bound = float(min(DIVERGED_SIZE * self.body.size, float(np.finfo(self.real).max) / 4))
+        largest = 1e38 if options.precision == "float32" else 1e307  # what the arithmetic can still tell from infinity
+        self._bound = min(DIVERGED_SIZE * self.body.size, largest)
         self._poke_particle = -1
         self._poke_force = (0.0, 0.0)
         self._record = parameter_record(scene, self.real)

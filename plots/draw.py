@@ -23,7 +23,7 @@ from plots import (
     work_precision,
 )
 from plots.data import Origin, Results, load
-from plots.style import Drawing, save, settings
+from plots.style import SUFFIXES, Drawing, save, settings
 
 FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "time-per-step": time_per_step.draw,
@@ -60,8 +60,11 @@ class FigureFiles:
     reason: str | None = None
 
 
-def draw_figures(results: Results, out_dir: str | Path, *, footer: bool = True) -> list[FigureFiles]:
-    """Draw what the results hold into an existing folder. `footer`: machine, commit and date on the figure itself.
+def draw_figures(
+    results: Results, out_dir: str | Path, *, footer: bool = True, suffixes: Sequence[str] = SUFFIXES
+) -> list[FigureFiles]:
+    """Draw what the results hold into an existing folder. `footer`: machine, commit and date on the figure itself;
+    `suffixes`: the formats.
 
     A figure that the data do not hold is left out, with its reason; an older file of its name is removed then, so that
     the folder never mixes two states. Raises InputError where the folder cannot be written.
@@ -74,11 +77,11 @@ def draw_figures(results: Results, out_dir: str | Path, *, footer: bool = True) 
         for name, draw in FIGURES.items():
             drawing = draw(results)
             if isinstance(drawing, str):
-                for suffix in ("svg", "png"):
+                for suffix in suffixes:
                     _remove(folder / f"{name}.{suffix}")
                 made.append(FigureFiles(name, TITLES[name], (), "", drawing))
                 continue
-            paths = save(drawing, folder, name, footer=footer)
+            paths = save(drawing, folder, name, footer=footer, suffixes=suffixes)
             made.append(FigureFiles(name, drawing.title, tuple(paths), drawing.caption))
     return made
 

@@ -77,11 +77,12 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
 def energy_drawing(record: EnergyRecord) -> Drawing:
     """The figure of a trajectory's energies; to be made and saved under `settings()`."""
     figure, (ax,) = new_figure()
+    largest = max(np.abs(getattr(record, name)).max() for name, *_ in CURVES)
     for name, label, colour, line in CURVES:
         values = getattr(record, name)
         if name == "conserved" and np.allclose(values, record.total, rtol=1e-12, atol=0):
             continue  # the total itself: one curve under another tells nothing
-        if name in ("spring", "gravity") and not np.any(values):
+        if name in ("spring", "gravity") and np.abs(values).max() <= 1e-12 * largest:
             continue
         marker = "o" if len(record.time) == 1 else None
         ax.plot(record.time, values, line, color=colour, label=label, marker=marker)

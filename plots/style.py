@@ -27,6 +27,7 @@ GREY = "#8A8A8A"
 WIDTH = 6.3  # inch: the text's width on A4
 HEIGHT = 3.6  # inch
 PNG_DPI = 160
+SUFFIXES = ("svg", "png")  # for books and for screens
 MOST_PANELS = 3
 
 SETTINGS: dict[str, Any] = {
@@ -216,7 +217,7 @@ def save(
     name: str,
     *,
     footer: bool = False,
-    suffixes: Sequence[str] = ("svg", "png"),
+    suffixes: Sequence[str] = SUFFIXES,
 ) -> list[Path]:
     """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError.
 

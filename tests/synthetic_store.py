@@ -112,8 +112,9 @@ def cpu_store(path: str | Path = ":memory:", **options) -> Store:
     """A machine without a GPU: sweep and accuracy."""
     store = Store(path)
     maker = Maker(store, CPU_RECORD, "cpu000000000", **options)
-    maker.sweep()
-    maker.accuracy()
+    with store.transaction():
+        maker.sweep()
+        maker.accuracy()
     return store
 
 
@@ -121,6 +122,7 @@ def gpu_store(path: str | Path = ":memory:", **options) -> Store:
     """A machine with a GPU: sweep to larger sizes, and accuracy."""
     store = Store(path)
     maker = Maker(store, GPU_RECORD, "gpu000000000", **options)
-    maker.sweep((*SIZES, 1024, 2048, 4096))
-    maker.accuracy()
+    with store.transaction():
+        maker.sweep((*SIZES, 1024, 2048, 4096))
+        maker.accuracy()
     return store

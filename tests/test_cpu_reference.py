@@ -27,8 +27,8 @@ def allowed(scene: Scene, steps: int, precision: str) -> tuple[float, float]:
     """(position [m], velocity [m/s]) that rounding may differ by after `steps` steps.
 
     A step rounds p a few times by eps |p| (4 covers RK4's sums), a force by eps k |p| / m. Damped scenes contract
-    (docs/method.md, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p| a
-    step, and the hand-out's division of positions by dt by eps |p| / dt: both are under eps |p| (dt w^2 + 1 / dt).
+    (docs/method.md, fact 5), so errors at most add: 4 n eps |p|. A force's rounding moves the velocity by dt w^2 eps |p|
+    a step, and the hand-out's division of positions by dt by eps |p| / dt: both are under eps |p| (dt w^2 + 1 / dt).
     """
     size = max(scene.grid.rows, scene.grid.columns) * 1.5 * scene.grid.spacing
     position = 4 * steps * EPSILON[precision] * size
@@ -60,9 +60,9 @@ def test_fast_math_stays_within_the_same_rounding(run, name):
 
 @pytest.mark.parametrize("name", ["lab", "velocity-verlet", "rk4"])
 def test_live_changes(opened, name, kernel):
-    """Gravity off and on, another dt and stiffness, another damper, a poke held and let go: each segment against the
-    reference continued with the changed scene."""
-    scene = load_scene("lab-hammock").replace({"grid.rows": 7, "grid.columns": 6, "method.integrator": name})
+    """Gravity off and on, another dt and stiffness, another damper, a poke held and let go, under a random force: each
+    segment against the reference continued with the changed scene."""
+    scene = everything(name)
     segments = [
         ({}, None, 20),
         ({"gravity.enabled": False}, None, 15),

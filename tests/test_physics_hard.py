@@ -1,5 +1,5 @@
-"""Hard cases of docs/method.md B that concern this solver: B4, B5, B6, B10, B12, B14, B15 (B8: test_physics_diverged.py,
-B9: test_stability_limits.py, B11: test_physics_statics.py, B24: test_cpu_reference.py)."""
+"""Hard cases of docs/method.md B that concern this solver: B4, B5, B6, B10, B12, B14, B15 (B8:
+test_physics_diverged.py, B9: test_stability_limits.py, B11: test_physics_statics.py, B24: test_cpu_reference.py)."""
 
 import numpy as np
 import pytest

@@ -97,7 +97,7 @@ def test_rk4_with_richardson_reaches_another_integrators_answer(damping, inertia
     ],
 )
 def test_control_values_of_the_accuracy_scenes(name, total, corner, middle):
-    """docs/method.md C, scenes S1 and S2 at 1.5 s: sum of all positions, mass [31, 0] and mass [16, 16]; to 8 digits."""
+    """docs/method.md C, scenes S1 and S2 at 1.5 s: sum of positions, mass [31, 0], mass [16, 16]; to 8 digits."""
     position, _, estimate = reference.converged(load_scene(name), 1.5, tolerance=1e-8)
     assert estimate < 1e-8
     assert position.sum(axis=0) == pytest.approx(total, abs=1e-5)  # 1024 terms of 1e-8

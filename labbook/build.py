@@ -1,0 +1,158 @@
+"""Builds the lab book: measurements -> figures, claims and tables -> typst -> one PDF.
+
+>>> from labbook.build import build
+>>> build("softlab-results/results.sqlite", "labbook.pdf")
+
+A chapter is a file in entries/ and its name in CHAPTERS. Entries hold text alone: numbers of the design come from
+labbook/facts.py, sentences that compare from labbook/claims.py, and both as data, so that no number is typed by hand.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from labbook import accuracy_claims, claims
+from labbook.facts import facts
+from labbook.tables import error_tables, fastest_table, machine_table, scene_table, time_tables
+from model.errors import BackendUnavailable, InputError
+from plots.data import Origin, Results, load
+from plots.draw import draw_figures
+
+FOLDER = Path(__file__).resolve().parent
+COMMITTED = FOLDER / "data"
+ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
+CHAPTERS = (*ENTRIES, "conclusions", "accuracy")
+WORDS = (300, 500)
+TITLE = "Soft-body lab book"
+
+
+def committed_data() -> list[Path]:
+    """The measurements that come with the lab: one text export a machine."""
+    return sorted(COMMITTED.glob("*.csv"))
+
+
+def build(
+    own: Origin | Sequence[Origin] | None,
+    out_pdf: str | Path,
+    committed: Iterable[str | Path] | None = None,
+) -> Path:
+    """Build the lab book from the user's own store(s) and the committed measurements; the path of the PDF.
+
+    `own`: open stores or paths (.sqlite, .csv); None: the committed measurements alone. `committed`: text exports (None:
+    those in labbook/data/). Written to a temporary name and renamed, so that an earlier book survives a failure. Raises
+    InputError (a store or the output cannot be used, nothing was measured), BackendUnavailable (typst is missing).
+    """
+    path = Path(out_pdf)
+    if path.suffix.lower() != ".pdf":
+        raise InputError(f"{path}: the lab book is a .pdf file; name it so")
+    if path.is_dir() or not path.parent.is_dir():
+        what = "is a folder" if path.is_dir() else f"{path.parent}: no such folder"
+        raise InputError(f"{path} {what}; give another path for the lab book")
+    results = load(own, committed_data() if committed is None else committed)
+    if not results.sources:
+        raise InputError("there are no measurements to write about; measure first (softlab sweep)")
+    try:
+        with tempfile.TemporaryDirectory(prefix="softlab-labbook-") as work:
+            folder = Path(work)
+            write_sources(results, folder)
+            _compile(folder, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}; check permissions and space") from None
+    return path
+
+
+def book_data(results: Results) -> dict[str, Any]:
+    """Everything the template prints, but for the figures' files."""
+    every_claim = {**claims.CLAIMS, **accuracy_claims.CLAIMS}
+    scene, fastest = scene_table(results), fastest_table(results)
+    return {
+        "title": TITLE,
+        "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
+        "provenance": [f"{source.provenance}" for source in results.sources],
+        "notices": notices(results),
+        "chapters": list(CHAPTERS),
+        "facts": facts(),
+        "claims": {name: claim(results).sentence for name, claim in every_claim.items()},
+        "tables": {
+            "machines": [machine_table(source) for source in results.sources],
+            "scene": [scene] if scene else [],
+            "times": [table for source in results.sources for table in time_tables(source)],
+            "errors": error_tables(results),
+            "fastest": [fastest] if fastest else [],
+        },
+    }
+
+
+def notices(results: Results) -> list[str]:
+    """What a reader must know first: whose measurements these are, and whether a GPU took part."""
+    found = []
+    own = [source for source in results.sources if source.own]
+    gpu = results.with_gpu()
+    if not own:
+        found.append(
+            "This book was built from the committed measurements alone; nothing was measured where it was built."
+        )
+    if gpu is None:
+        found.append("No GPU took part: the machine has none, and there are no committed measurements of one.")
+    elif own and not gpu.own:
+        found.append(
+            f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
+            f"committed measurements, made on: {gpu.machine.label}; it is labelled as such."
+        )
+    return found
+
+
+def write_sources(results: Results, folder: Path) -> None:
+    """Template, entries, figures and data.json into an empty folder: what typst compiles."""
+    for name in ("labbook.typ", "template.typ"):
+        shutil.copyfile(FOLDER / name, folder / name)
+    for name in ("entries", "figures"):
+        (folder / name).mkdir()
+    for name in CHAPTERS:
+        shutil.copyfile(FOLDER / "entries" / f"{name}.typ", folder / "entries" / f"{name}.typ")
+    data = book_data(results)
+    data["figures"] = {
+        figure.name: {
+            "file": figure.paths[0].name if figure.paths else None,
+            "title": figure.title,
+            "caption": figure.caption,
+            "reason": figure.reason,
+        }
+        for figure in draw_figures(results, folder / "figures", footer=False, suffixes=("svg",))
+    }
+    (folder / "data.json").write_text(json.dumps(data), encoding="utf-8")
+
+
+def _compile(folder: Path, path: Path) -> None:
+    try:
+        import typst
+    except ImportError as error:
+        raise BackendUnavailable(f"typst cannot be loaded ({error})", "pip install typst") from None
+    pdf = typst.compile(str(folder / "labbook.typ"), root=str(folder), format="pdf")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        temporary.write_bytes(pdf)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def entry_text(name: str, data: dict[str, Any]) -> str:
+    """An entry as a reader sees it, without headings, figures and tables: facts and claims filled in."""
+    text = (FOLDER / "entries" / f"{name}.typ").read_text(encoding="utf-8")
+    text = re.sub(r"^(#import|=|#fig|#sheets).*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r'#fact\("([^"]+)"\)', lambda found: data["facts"][found[1]], text)
+    text = re.sub(r'#claim\("([^"]+)"\)', lambda found: data["claims"][found[1]], text)
+    return " ".join(text.replace("*", "").split(" ")).strip()
+
+
+def word_count(text: str) -> int:
+    """Words as a person counts them: what stands between spaces or line ends and holds a letter or digit."""
+    return sum(any(character.isalnum() for character in word) for word in re.split(r"[ \n]+", text))
