@@ -132,6 +132,7 @@ def sweep(
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
     max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
+    total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
     graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
@@ -142,7 +143,8 @@ def sweep(
 
     with Store(store) as opened:
         summary = run_sweep(
-            opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds, graphics=graphics,
+            opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds,
+            total_seconds=total_seconds, graphics=graphics,
             command=" ".join(["softlab", *sys.argv[1:]]),
         )  # fmt: skip
         print_sweep(out, summary)

@@ -1,11 +1,13 @@
-"""What `softlab sweep` prints when it is done."""
+"""What `softlab sweep` and `softlab lab` print when they are done."""
 
 from __future__ import annotations
 
 from rich.console import Console
 from rich.markup import escape
+from rich.table import Table
 
 from bench.measure_group import SweepSummary
+from bench.results import Store, timings
 
 
 def print_sweep(console: Console, summary: SweepSummary) -> None:
@@ -23,3 +25,24 @@ def print_sweep(console: Console, summary: SweepSummary) -> None:
         console.print(f"  [red]wrong[/red] {escape(configuration)}: {escape(failure)}", soft_wrap=True)
     if summary.interrupted:
         console.print("  stopped; run it again and it goes on from here")
+
+
+def print_fastest(console: Console, store: Store, machine: str) -> None:
+    """Time per step and its spread for every size, backend and thread count that was measured here, in float32."""
+    rows: dict[tuple[int, int], dict[str, str]] = {}
+    heads: list[str] = []
+    for timing in sorted(timings(store, machine), key=lambda t: (t.backend, t.threads or 0)):
+        if timing.graphics or timing.precision != "float32" or timing.peer:
+            continue
+        head = "gpu" if timing.backend == "gpu" else f"cpu {timing.thread_word}"
+        if head not in heads:
+            heads.append(head)
+        mark = "?" if timing.suspect else ""
+        cell = f"{timing.median * 1e6:.3g} ({timing.low * 1e6:.3g} to {timing.high * 1e6:.3g}){mark}"
+        rows.setdefault((timing.rows, timing.columns), {})[head] = cell
+    table = Table("masses", *heads, box=None, title="microseconds a step, float32, without graphics: median (range)")
+    for (height, width), cells in sorted(rows.items(), key=lambda item: item[0][0] * item[0][1]):
+        table.add_row(f"{height} x {width}", *(cells.get(head, "-") for head in heads))
+    console.print(table)
+    if any("?" in cell for cells in rows.values() for cell in cells.values()):
+        console.print("?: suspect, see docs/method.md")

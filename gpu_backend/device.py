@@ -20,7 +20,6 @@ def simulated() -> bool:
 @cache
 def _probe() -> tuple[str, str]:
     """("", the device's name) or (what is missing, the remedy)."""
-    os.environ.setdefault("NUMBA_CUDA_LOW_OCCUPANCY_WARNINGS", "0")  # a small grid is a fact here, not a mistake
     try:
         from numba import cuda
     except ImportError as error:

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from labbook import accuracy_claims, claims
+from labbook import accuracy_claims, claims, comparison_claims
 from labbook.facts import facts
 from labbook.tables import error_tables, fastest_table, machine_table, scene_table, time_tables
 from model.errors import BackendUnavailable, InputError
@@ -70,7 +70,7 @@ def build(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Everything the template prints, but for the figures' files."""
-    every_claim = {**claims.CLAIMS, **accuracy_claims.CLAIMS}
+    every_claim = {**claims.CLAIMS, **comparison_claims.CLAIMS, **accuracy_claims.CLAIMS}
     scene, fastest = scene_table(results), fastest_table(results)
     return {
         "title": TITLE,

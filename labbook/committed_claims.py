@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from labbook import accuracy_claims, claims
+from labbook import accuracy_claims, claims, comparison_claims
 from labbook.claims import Claim
 from plots.data import Results, is_wrong, load
 
@@ -32,7 +32,9 @@ def no_wrong_answer(results: Results) -> Claim:
 HAND_WRITTEN = (
     HandWritten("no committed time belongs to a wrong answer", no_wrong_answer, lambda c: c.numbers["wrong"] == 0),
     HandWritten(
-        "the GPU is faster at the largest size", claims.overtakes, lambda c: c.supported and c.numbers["ratio"] > 1
+        "the GPU is faster at the largest size",
+        comparison_claims.overtakes,
+        lambda c: c.supported and c.numbers["ratio"] > 1,
     ),
     HandWritten(
         "up to 64 x 64 masses and beyond, the GPU's time hardly grows",

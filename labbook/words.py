@@ -43,7 +43,7 @@ def count(value: int) -> str:
 
 def masses(value: float, exact: bool = True) -> str:
     """`65 536 masses`; not exact: to two digits."""
-    return f"{count(round(value)) if exact else number(value, 2)}{SPACE}masses"
+    return f"{count(round(value if exact else float(f'{value:.1e}')))}{SPACE}masses"
 
 
 def seconds(value: float, digits: int = 3) -> str:

@@ -82,7 +82,7 @@ def _bandwidths(sources: list[Source]) -> str:
         for backend, name in (("cpu", "CPU"), ("gpu", "GPU")):
             bandwidth = copy_bandwidth(source, backend)
             if bandwidth:
-                words.append(f"{name} {bandwidth / 1e9:.3g} GB/s")
+                words.append(f"{name} {bandwidth / 1e9:.0f} GB/s")
     return f"Copy bandwidth: {', '.join(words)}. " if words else ""
 
 

@@ -71,7 +71,7 @@ class Source:
     @property
     def provenance(self) -> str:
         """Machine, commit and date in one line, for captions."""
-        committed = "" if self.own else "committed measurements: "
+        committed = "" if self.own else "Committed measurements: "
         return f"{committed}{self.machine.label}; commit {self.commit}, measured {self.date}"
 
     def select(

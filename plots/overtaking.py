@@ -85,7 +85,7 @@ def draw(results: Results) -> Drawing | str:
         if where and precision == "float32":
             ax.plot([where], [1], "o", color=BLACK, zorder=5)
             ax.annotate(
-                f"the GPU overtakes at about {where:,.0f} masses".replace(",", " "), (where, 1), (10, -14),
+                f"the GPU overtakes at about {float(f'{where:.1e}'):,.0f} masses".replace(",", " "), (where, 1), (10, -14),
                 textcoords="offset points", fontsize=8,
             )  # fmt: skip
         elif precision == "float32":

@@ -130,7 +130,7 @@ def test_committed_curves_are_grey_and_labelled(cpu: Store, gpu_csv: Path) -> No
     assert "committed: Made-up GPU" in labels(drawing)
     light = [line for line in drawing.figure.axes[0].lines if str(line.get_label()).startswith("committed")]
     assert light and all(line.get_color() == GREY for line in light)
-    assert "committed measurements: Made-up CPU, 16 cores; Made-up GPU" in drawing.caption
+    assert "Committed measurements: Made-up CPU, 16 cores; Made-up GPU" in drawing.caption
 
 
 def test_without_own_measurements_the_committed_ones_are_the_figure(gpu_csv: Path) -> None:

@@ -12,7 +12,7 @@ from synthetic_store import CPU_RECORD, GPU_RECORD, SIZES, Maker, cpu_store, gpu
 
 from bench.store import Store
 from bench.transfer import export
-from labbook import accuracy_claims, claims, words
+from labbook import accuracy_claims, claims, comparison_claims, words
 from labbook.build import (
     CHAPTERS,
     ENTRIES,
@@ -62,7 +62,7 @@ def noisy() -> Results:
 
 
 def test_every_claim_is_a_sentence_whatever_the_data(variants: dict[str, Results]) -> None:
-    for name, claim in {**claims.CLAIMS, **accuracy_claims.CLAIMS}.items():
+    for name, claim in {**claims.CLAIMS, **comparison_claims.CLAIMS, **accuracy_claims.CLAIMS}.items():
         for variant, results in variants.items():
             made = claim(results)
             assert made.sentence[0].isupper() and made.sentence.endswith("."), (name, variant)
@@ -91,7 +91,7 @@ def test_claims_turn_neutral_where_the_spread_overlaps() -> None:
         assert not made.supported and "beyond the spread" in made.sentence
     assert not claims.threads_best(results).supported
     assert "no more than the spread" in claims.cpu_float64(results).sentence
-    assert "beyond the spread" in claims.shape(results).sentence
+    assert "beyond the spread" in comparison_claims.shape(results).sentence
 
 
 def test_more_threads_are_praised_only_where_they_are_faster() -> None:
@@ -105,18 +105,18 @@ def test_more_threads_are_praised_only_where_they_are_faster() -> None:
 
 
 def test_overtaking(variants: dict[str, Results]) -> None:
-    made = claims.overtakes(variants["own gpu"])
+    made = comparison_claims.overtakes(variants["own gpu"])
     assert made.supported and made.numbers["ratio"] > 1
     assert "committed" not in made.sentence
-    assert "(committed measurements)" in claims.overtakes(variants["cpu, committed gpu"]).sentence
-    assert not claims.overtakes(variants["cpu alone"]).supported
+    assert "(committed measurements)" in comparison_claims.overtakes(variants["cpu, committed gpu"]).sentence
+    assert not comparison_claims.overtakes(variants["cpu alone"]).supported
 
     store = Store(":memory:")
     maker = Maker(store, GPU_RECORD, "g", wobble=0.01)
     for n in SIZES:
         maker.timing((n, n), 1e-9 * n * n, backend="cpu", threads=16, layer="omp", wait_policy="passive")
         maker.timing((n, n), 1e-6, backend="gpu")
-    crossed = claims.overtakes(load(store))
+    crossed = comparison_claims.overtakes(load(store))
     assert crossed.numbers["crossing"] == pytest.approx(1000)
     assert "overtakes at about 1000" in crossed.sentence
 
@@ -126,7 +126,7 @@ def test_a_slow_gpu_is_said_to_be_slow() -> None:
     maker = Maker(store, GPU_RECORD, "g")
     maker.timing((64, 64), 1e-5, backend="cpu", threads=16, layer="omp", wait_policy="passive")
     maker.timing((64, 64), 3e-5, backend="gpu")
-    assert "the GPU's step takes 3.0" in claims.overtakes(load(store)).sentence
+    assert "the GPU's step takes 3.0" in comparison_claims.overtakes(load(store)).sentence
 
 
 def test_the_hand_outs_step(variants: dict[str, Results]) -> None:
@@ -147,7 +147,7 @@ def test_wrong_and_suspect_times_are_counted() -> None:
     maker.timing((16, 16), 1e-5, **how)
     maker.timing((32, 32), 1e-5, error=float("inf"), **how)
     maker.timing((64, 64), 1e-5, suspect="load: busy", **how)
-    assert claims.trust(load(store)).numbers == {"timed": 3, "wrong": 1, "suspect": 1, "checked": 3}
+    assert comparison_claims.trust(load(store)).numbers == {"timed": 3, "wrong": 1, "suspect": 1, "checked": 3}
     cells = [time_cell(timing) for timing in load(store).featured[0].timings]
     assert [cell[-1] for cell in cells] == ["]", "!", "*"]
 
