@@ -168,8 +168,8 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
     rows = store.query(
         "SELECT run.machine, measure.configuration, sources, run.key, description, name, value, unit, reason "
         "FROM measure JOIN run ON run.key = measure.run JOIN configuration ON hash = measure.configuration "
-        "WHERE (?1 IS NULL OR name = ?1) AND (?2 IS NULL OR run.machine = ?2) ORDER BY run.started, run.rowid",
-        (name, machine),
+        "WHERE (:name IS NULL OR name = :name) AND (:machine IS NULL OR run.machine = :machine) ORDER BY run.started, run.rowid",
+        {"name": name, "machine": machine},
     )
     newest: dict[tuple[str, str, str], Measure] = {}
     for owner, key, sources, run, description, measure, value, unit, reason in rows:
@@ -188,9 +188,9 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
     rows = store.query(
         "SELECT run.machine, sample.configuration, stage, sources, seconds, steps, joules, suspect "
         "FROM sample JOIN run ON run.key = sample.run "
-        "WHERE (?1 IS NULL OR run.machine = ?1) AND (?2 IS NULL OR stage = ?2) "
+        "WHERE (:machine IS NULL OR run.machine = :machine) AND (:stage IS NULL OR stage = :stage) "
         "ORDER BY run.started, run.rowid, sample.rowid",
-        (machine, stage),
+        {"machine": machine, "stage": stage},
     )
     groups: dict[tuple[str, str, str], dict[str, list[tuple[Any, ...]]]] = {}
     for owner, key, stage_name, sources, *sample in rows:

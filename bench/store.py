@@ -181,7 +181,7 @@ class Store:
                     self.connection.execute("ROLLBACK")
                 raise
 
-    def query(self, sql: str, arguments: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    def query(self, sql: str, arguments: tuple[Any, ...] | Mapping[str, Any] = ()) -> list[tuple[Any, ...]]:
         """The rows of a SELECT."""
         with self._explained():
             return self.connection.execute(sql, arguments).fetchall()

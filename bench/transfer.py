@@ -90,18 +90,18 @@ def _rows_of(store: Store, machine: str | None = None) -> Rows:
     if machine is not None and not store.query("SELECT 1 FROM machine WHERE key = ?", (machine,)):
         known = ", ".join(key for (key,) in store.query("SELECT key FROM machine ORDER BY key"))
         raise InputError(f"{store.path} knows no machine {machine}; it knows: {known or 'none'}")
-    mine = "SELECT key FROM run WHERE ?1 IS NULL OR machine = ?1"
+    mine = "SELECT key FROM run WHERE :machine IS NULL OR machine = :machine"
     used = f"SELECT configuration FROM {{}} WHERE run IN ({mine})"
     conditions = {
-        "machine": "WHERE ?1 IS NULL OR key = ?1 ORDER BY key",
-        "run": "WHERE ?1 IS NULL OR machine = ?1 ORDER BY started, key",
-        "configuration": f"WHERE ?1 IS NULL OR hash IN ({used.format('sample')} UNION {used.format('measure')}) "
+        "machine": "WHERE :machine IS NULL OR key = :machine ORDER BY key",
+        "run": "WHERE :machine IS NULL OR machine = :machine ORDER BY started, key",
+        "configuration": f"WHERE :machine IS NULL OR hash IN ({used.format('sample')} UNION {used.format('measure')}) "
         "ORDER BY hash",
         "sample": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, stage, repeat",
         "measure": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, name",
     }
     return {
-        table: store.query(f"SELECT {', '.join(columns)} FROM {table} {conditions[table]}", (machine,))
+        table: store.query(f"SELECT {', '.join(columns)} FROM {table} {conditions[table]}", {"machine": machine})
         for table, columns in TABLES.items()
     }
 

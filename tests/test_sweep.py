@@ -115,7 +115,7 @@ def test_what_would_take_too_long_is_not_started_and_says_so() -> None:
 
 def test_without_opengl_the_rest_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     offscreen = pytest.importorskip("app.offscreen")
-    monkeypatch.setattr(offscreen, "opengl_available", lambda: (False, "no EGL; apt install libegl1"))
+    monkeypatch.setattr(offscreen, "opengl_available", lambda text: (False, "no EGL; apt install libegl1"))
     with Store(":memory:") as store:
         summary = run_sweep(store, sizes=[8], **(SMALL | {"graphics": True}))
         assert summary.measured == 1 and len(summary.skipped) == 1
