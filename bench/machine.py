@@ -309,7 +309,7 @@ def source_revision() -> str | None:
             return done.stdout.strip() if done.returncode == 0 else ""
 
         revision = git("rev-parse", "--short=12", "HEAD")
-        return (revision + ("+" if git("status", "--porcelain") else "")) or None
+        return revision + ("+" if git("status", "--porcelain") else "") if revision else None
     except (OSError, subprocess.SubprocessError):
         return None
 

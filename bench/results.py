@@ -168,7 +168,8 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
     rows = store.query(
         "SELECT run.machine, measure.configuration, sources, run.key, description, name, value, unit, reason "
         "FROM measure JOIN run ON run.key = measure.run JOIN configuration ON hash = measure.configuration "
-        "WHERE (:name IS NULL OR name = :name) AND (:machine IS NULL OR run.machine = :machine) ORDER BY run.started, run.rowid",
+        "WHERE (:name IS NULL OR name = :name) AND (:machine IS NULL OR run.machine = :machine) "
+        "ORDER BY run.started, run.rowid",
         {"name": name, "machine": machine},
     )
     newest: dict[tuple[str, str, str], Measure] = {}

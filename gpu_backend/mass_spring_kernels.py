@@ -2,7 +2,8 @@
 
 A mass is one thread of a two-dimensional block, 32 columns wide so that a warp reads 32 neighbouring masses of a row
 in one transaction, 8 rows high so that most vertical neighbours are read by the same block (and found in its cache).
-Position and velocity are complex numbers: one 8-byte load (16 in float64) brings both axes, and indices are 32-bit.
+Position and velocity are complex numbers: one 8-byte load (16 in float64, see pairs.py) brings both axes, and indices
+are 32-bit.
 
 Each thread gathers the pulls of its four neighbours from the old state and writes its own mass in the new one, so no
 two threads write to one place and none reads what another writes in the same launch: no locks, no atomics. The order
@@ -23,6 +24,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.formulas import device_formulas
+from gpu_backend.pairs import load_pair, store_pair
 from model.build import INDEX
 from model.formulas import integrators, manufactured, random, springs
 
@@ -58,11 +60,11 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     @device
     def spring_sum(position, k, i, j, rows, columns, record):
         """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j."""
-        here = position[k]
-        left = position[k - one] if j > 0 else here
-        right = position[k + one] if j < columns - 1 else here
-        above = position[k - columns] if i > 0 else here
-        below = position[k + columns] if i < rows - 1 else here
+        here = load_pair(position, k)
+        left = load_pair(position, k - one if j > 0 else k)
+        right = load_pair(position, k + one if j < columns - 1 else k)
+        above = load_pair(position, k - columns if i > 0 else k)
+        below = load_pair(position, k + columns if i < rows - 1 else k)
         stiffness, rest = record[K_STIFFNESS], record[K_REST]
         right_x, right_y = spring_pull_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
         left_x, left_y = spring_pull_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
@@ -141,14 +143,13 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
     has_pins, has_external = "pins" in parts, point.has_external
     two_sums = has_external
-    pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
     jit = cuda.jit(**kernel_options(math))
     device = cuda.jit(device=True, **kernel_options(math))
 
     @device
     def step_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        p, v = position[k], velocity[k]
+        p, v = load_pair(position, k), load_pair(velocity, k)
         ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, zero)
         dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
         px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
@@ -157,7 +158,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
 
     @device
     def opening_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        p, v = position[k], velocity[k]
+        p, v = load_pair(position, k), load_pair(velocity, k)
         ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, zero)
         dt, half_dt, rate = record[K_DT], record[K_HALF_DT], record[K_DAMPING]
         px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
@@ -166,7 +167,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
 
     @device
     def closing_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        p, v = position[k], velocity[k]
+        p, v = load_pair(position, k), load_pair(velocity, k)
         ax, ay = conservative(position, k, i, j, rows, columns, record)
         if has_external:
             ax, ay = add_external(ax, ay, k, record, integers, step - 1)
@@ -179,7 +180,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     @device
     def middle_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        p, v = position[k], velocity[k]
+        p, v = load_pair(position, k), load_pair(velocity, k)
         ax, ay = conservative(position, k, i, j, rows, columns, record)
         bx, by = ax, ay
         if two_sums:
@@ -215,9 +216,10 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
-                            px, py, vx, vy = position[k].real, position[k].imag, zero, zero
-                new_position[k] = pair(complex(px, py))
-                new_velocity[k] = pair(complex(vx, vy))
+                            here = load_pair(position, k)
+                            px, py, vx, vy = here.real, here.imag, zero, zero
+                store_pair(new_position, k, px, py)
+                store_pair(new_velocity, k, vx, vy)
 
         return grid_pass
 
@@ -239,7 +241,6 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     point = make_point_functions(real, math, "rk4", parts)
     acceleration, current_step, rk4_stage = point.acceleration, point.current_step, point.formulas.rk4_stage
     has_pins = "pins" in parts
-    pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
     jit = cuda.jit(**kernel_options(math))
 
@@ -260,14 +261,14 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
             columns = np.int32(columns)
             if i < rows and j < columns:
                 k = np.int32(i * columns + j)
-                p, v = position[k], velocity[k]
+                p, v = load_pair(position, k), load_pair(velocity, k)
                 step = current_step(counter, pass_number)
                 ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, offset)
-                base_p, base_v = base_position[k], base_velocity[k]
+                base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
                 if first:
                     total_p, total_v = base_p, base_v
                 else:
-                    total_p, total_v = total_position[k], total_velocity[k]
+                    total_p, total_v = load_pair(total_position, k), load_pair(total_velocity, k)
                 derivative_dt, total_dt = record[k_derivative], record[k_total]
                 px, sum_px = rk4_stage(base_p.real, v.real, total_p.real, derivative_dt, total_dt)
                 py, sum_py = rk4_stage(base_p.imag, v.imag, total_p.imag, derivative_dt, total_dt)
@@ -276,14 +277,14 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 if last:
                     px, py, vx, vy = sum_px, sum_py, sum_vx, sum_vy
                 else:
-                    total_position[k] = pair(complex(sum_px, sum_py))
-                    total_velocity[k] = pair(complex(sum_vx, sum_vy))
+                    store_pair(total_position, k, sum_px, sum_py)
+                    store_pair(total_velocity, k, sum_vx, sum_vy)
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
                             px, py, vx, vy = p.real, p.imag, zero, zero
-                new_position[k] = pair(complex(px, py))
-                new_velocity[k] = pair(complex(vx, vy))
+                store_pair(new_position, k, px, py)
+                store_pair(new_velocity, k, vx, vy)
 
         return rk4_pass
 
@@ -304,7 +305,7 @@ def make_tools(real: Any) -> SimpleNamespace:
         """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
         k = cuda.grid(1)
         if k < position.shape[0]:
-            p, v = position[k], velocity[k]
+            p, v = load_pair(position, k), load_pair(velocity, k)
             inside = abs(p.real) <= bound and abs(p.imag) <= bound  # false for NaN
             still = v.real - v.real == v.imag - v.imag  # false for NaN and infinity
             if not (inside and still):
