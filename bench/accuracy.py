@@ -54,7 +54,8 @@ from cpu_backend.compile import folder_digest
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
 from model.energy import energies, spring_strain
 from model.errors import Diverged
-from model.scene import INTEGRATORS, Scene, load_scene
+from model.integrators import INTEGRATORS
+from model.scene import Scene, load_scene
 from model.simulation import PRECISIONS, Simulation
 
 __all__ = ["AccuracyPoint", "AccuracySummary", "pareto_front", "run_accuracy"]

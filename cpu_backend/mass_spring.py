@@ -15,16 +15,10 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.compile import Compiler
-from cpu_backend.mass_spring_kernels import (
-    CLOSING,
-    MIDDLE,
-    OPENING,
-    SCRATCH_PADDING,
-    SCRATCH_ROWS,
-    make_advance,
-    make_advance_rk4,
-)
+from cpu_backend.mass_spring_kernels import CLOSING, MIDDLE, OPENING, make_advance
 from cpu_backend.mass_spring_stages import bind_stages
+from cpu_backend.rk4_kernels import make_advance_rk4
+from cpu_backend.rows import SCRATCH_PADDING, SCRATCH_ROWS
 from cpu_backend.threads import thread_count
 from model.errors import SceneError
 from model.plan import Executor, mass_spring_plan

@@ -15,7 +15,8 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.compile import Compiler
-from cpu_backend.mass_spring_kernels import (
+from model.formulas import integrators, manufactured, random, springs
+from model.record import (
     K_AMPLITUDE,
     K_DAMPING,
     K_DT,
@@ -27,13 +28,12 @@ from cpu_backend.mass_spring_kernels import (
     K_INVERSE_DAMPING,
     K_POKE_X,
     K_POKE_Y,
-    K_REST,
     K_SIXTH_DT,
     K_SPACING,
     K_STIFFNESS,
+    K_STIFFNESS_REST,
     K_THIRD_DT,
 )  # fmt: skip
-from model.formulas import integrators, manufactured, random, springs
 
 
 @cache
@@ -52,7 +52,7 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
     @kernel
     def spring_forces(x, y, record, ax, ay):
         rows, columns = x.shape
-        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_REST]
+        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):
@@ -90,7 +90,7 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
             for j in range(columns):
                 fx, fy = manufactured_acceleration(
                     i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
-                    record[K_STIFFNESS], record[K_REST], record[K_GRAVITY], record[K_DAMPING],
+                    record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
                 )  # fmt: skip
                 ax[i, j] += fx
                 ay[i, j] += fy

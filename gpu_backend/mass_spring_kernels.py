@@ -25,17 +25,27 @@ from numba import cuda
 
 from gpu_backend.formulas import device_formulas
 from gpu_backend.pairs import load_pair, store_pair
-from model.build import INDEX
 from model.formulas import integrators, manufactured, random, springs
+from model.record import (
+    K_AMPLITUDE,
+    K_DAMPING,
+    K_DT,
+    K_EXTERNAL,
+    K_GRAVITY,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INERTIA,
+    K_INVERSE_DAMPING,
+    K_POKE_X,
+    K_POKE_Y,
+    K_SIXTH_DT,
+    K_SPACING,
+    K_STIFFNESS,
+    K_STIFFNESS_REST,
+    K_THIRD_DT,
+)  # fmt: skip
 
 BLOCK = (32, 8)  # columns, rows
-
-K_DT, K_HALF_DT, K_HALF_DT_SQUARED = INDEX["dt"], INDEX["half_dt"], INDEX["half_dt_squared"]
-K_SIXTH_DT, K_THIRD_DT = INDEX["sixth_dt"], INDEX["third_dt"]
-K_STIFFNESS, K_REST, K_GRAVITY = INDEX["stiffness"], INDEX["stiffness_rest"], INDEX["gravity"]
-K_DAMPING, K_INVERSE_DAMPING = INDEX["damping"], INDEX["inverse_damping"]
-K_EXTERNAL, K_POKE_X, K_POKE_Y = INDEX["external"], INDEX["poke_x"], INDEX["poke_y"]
-K_AMPLITUDE, K_INERTIA, K_SPACING = INDEX["amplitude"], INDEX["inertia"], INDEX["spacing"]
 
 
 def kernel_options(math: str) -> dict[str, Any]:
@@ -65,7 +75,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         right = load_pair(position, k + one if j < columns - 1 else k)
         above = load_pair(position, k - columns if i > 0 else k)
         below = load_pair(position, k + columns if i < rows - 1 else k)
-        stiffness, rest = record[K_STIFFNESS], record[K_REST]
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         right_x, right_y = spring_pull_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
         left_x, left_y = spring_pull_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
         below_x, below_y = spring_pull_2d(below.real - here.real, below.imag - here.imag, stiffness, rest)
@@ -94,7 +104,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
             time = stage_time(step, offset, record[K_DT])
             fx, fy = manufactured_acceleration(
                 i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
-                record[K_STIFFNESS], record[K_REST], record[K_GRAVITY], record[K_DAMPING],
+                record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
             )  # fmt: skip
             ax, ay = ax + fx, ay + fy
         if has_poke:

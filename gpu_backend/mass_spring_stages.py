@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.mass_spring_kernels import (
+from gpu_backend.mass_spring_kernels import kernel_options, make_point_functions
+from model.record import (
     K_DAMPING,
     K_DT,
     K_GRAVITY,
@@ -22,8 +23,6 @@ from gpu_backend.mass_spring_kernels import (
     K_INVERSE_DAMPING,
     K_SIXTH_DT,
     K_THIRD_DT,
-    kernel_options,
-    make_point_functions,
 )  # fmt: skip
 
 STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})

@@ -9,7 +9,7 @@ from bench.results import Timing
 from labbook import words
 from labbook.accuracy_claims import TARGETS
 from labbook.words import number
-from model.scene import INTEGRATORS
+from model.integrators import INTEGRATORS
 from plots.accuracy_points import Point, order_points, points, reaching
 from plots.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
 from plots.work_precision import SCENES, accurate_source

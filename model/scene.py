@@ -8,149 +8,27 @@ from __future__ import annotations
 
 import difflib
 import json
-import re
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import ValidationError
 
 from model.errors import InputError, SceneError
-
-IntegratorName = Literal["lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor"]
-INTEGRATORS: tuple[str, ...] = get_args(IntegratorName)
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
-Count = Annotated[int, Field(ge=1, strict=True)]
-Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
-
-
-class Part(BaseModel):
-    """Base of every table of a scene: frozen, unknown keys refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Grid(Part):
-    """N rows x M columns of point masses, row 0 on top, at rest at (column * spacing, -row * spacing).
-
-    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here.
-    """
-
-    rows: Count  # masses
-    columns: Count  # masses
-    spacing: Positive = 1.0  # m
-    mass: Positive = 0.01  # kg, each
-    pinned: str | list[tuple[int, int]] = "none"
-
-    @field_validator("pinned", mode="before")
-    @classmethod
-    def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
-        if isinstance(value, str):
-            every = re.fullmatch(r"every:([1-9][0-9]*)", value)
-            if value not in PIN_WORDS and not every:
-                raise ValueError(PIN_RULE)
-            return value
-        if not isinstance(value, list | tuple):
-            raise ValueError(PIN_RULE)
-        for pair in value:
-            if (
-                not isinstance(pair, list | tuple)
-                or len(pair) != 2
-                or not all(isinstance(k, int) and not isinstance(k, bool) for k in pair)
-            ):
-                raise ValueError(PIN_RULE)
-        return [tuple(pair) for pair in value]
-
-    @model_validator(mode="after")
-    def _pins_lie_inside(self) -> Grid:
-        if isinstance(self.pinned, list):
-            for row, column in self.pinned:
-                if not (0 <= row < self.rows and 0 <= column < self.columns):
-                    raise ValueError(
-                        f"pinned: [{row}, {column}] lies outside the grid; rows are 0 to {self.rows - 1}, "
-                        f"columns 0 to {self.columns - 1}"
-                    )
-        return self
-
-    @property
-    def particle_count(self) -> int:
-        return self.rows * self.columns
-
-    @property
-    def spring_count(self) -> int:
-        return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
-
-
-PIN_WORDS = ("none", "top", "top-corners", "edges")
-PIN_RULE = "none, top, top-corners, edges, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
-
-
-class Springs(Part):
-    """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it."""
-
-    stiffness: Positive = 10.0  # N/m
-    rest_length: NotNegative = 1.0  # m
-
-
-class Damping(Part):
-    """A damper on each mass: force = -coefficient * velocity."""
-
-    coefficient: NotNegative = 0.03  # N s/m
-
-
-class Gravity(Part):
-    """Gravity along -y; `enabled = false` leaves it out (and G switches it on in the demo)."""
-
-    enabled: Annotated[bool, Field(strict=True)] = True
-    acceleration: NotNegative = 9.81  # m/s^2, along -y
-
-
-class External(Part):
-    """A random force per mass, axis and step, uniform in (-magnitude, magnitude); 0 = the stage does not exist."""
-
-    magnitude: NotNegative = 0.0  # N
-    seed: Seed = 0
-
-
-class Perturbation(Part):
-    """Start: every free mass displaced by amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)] (i = row, j = column)."""
-
-    amplitude: NotNegative = 0.05  # m
-
-
-class Manufactured(Part):
-    """The method of manufactured solutions: the force that makes p*(t) the exact solution of the scene.
-
-    p*(t) = rest + amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)]; the masses start on p*(0), p*'(0).
-    `inertia` times the mass is what the force is made for (2 for the `lab` step, which moves as if masses were double).
-    """
-
-    amplitude: Positive = 0.1  # m
-    inertia: Positive = 1.0
-
-
-class Method(Part):
-    """How the scene is solved."""
-
-    solver: Literal["mass-spring"] = "mass-spring"
-    integrator: IntegratorName = "velocity-verlet"
-    dt: Positive = 0.01  # s
-
-
-KINDS: dict[str, type[Part]] = {
-    "grid": Grid,
-    "springs": Springs,
-    "damping": Damping,
-    "gravity": Gravity,
-    "external": External,
-    "perturbation": Perturbation,
-    "manufactured": Manufactured,
-    "method": Method,
-}
+from model.parts import (
+    KINDS,
+    Damping,
+    External,
+    Gravity,
+    Grid,
+    Manufactured,
+    Method,
+    Part,
+    Perturbation,
+    Springs,
+)
 
 
 class Scene:

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from model.build import Body, build, parameter_record
+from model.build import Body, build
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
 from model.plan import Plan
+from model.record import parameter_record
 from model.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}

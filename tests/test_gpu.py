@@ -12,7 +12,8 @@ import pytest
 
 from app.driver import open_simulation
 from model.errors import Diverged
-from model.scene import INTEGRATORS, Scene, load_scene
+from model.integrators import INTEGRATORS
+from model.scene import Scene, load_scene
 from model.simulation import State
 
 pytestmark = pytest.mark.gpu

@@ -9,7 +9,8 @@ import pytest
 
 from app.driver import open_simulation
 from model.errors import Diverged, SceneError
-from model.scene import INTEGRATORS, load_scene
+from model.integrators import INTEGRATORS
+from model.scene import load_scene
 from model.simulation import State
 
 SCENES = {
