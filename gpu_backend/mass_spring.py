@@ -1,7 +1,8 @@
 """The mass-spring grid on CUDA, one thread per mass, the state on the device throughout.
 
-Kernels: `graph` (passes captured once as a CUDA graph and replayed: what a real GPU runs), `launch` (the same passes,
-one launch from Python each), `stages` (stage by stage). In `exact` math all give the same bits, and the CPU's.
+Kernels: `one-block` (up to 1024 masses in shared memory, all steps in one launch), `graph` (passes captured once as a
+CUDA graph and replayed), `launch` (the same passes, one launch from Python each), `stages` (stage by stage). A real GPU
+runs the first that fits. In `exact` math all give the same bits, and the CPU's.
 Memory is taken with plain allocations, never managed memory.
 """
 
@@ -16,13 +17,14 @@ from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.mass_spring_kernels import BLOCK, make_passes, make_rk4_stages, make_tools
 from gpu_backend.mass_spring_stages import bind_stages
+from gpu_backend.one_block import MOST_MASSES, make_one_block
 from model.errors import SceneError
 from model.memory import require
 from model.plan import Executor, mass_spring_plan
 from model.scene import Scene
 from model.simulation import Options, Simulation
 
-KERNELS = ("graph", "launch", "stages")
+KERNELS = ("one-block", "graph", "launch", "stages")
 MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
 NOTHING_BAD = np.iinfo(np.int32).max
 
@@ -35,11 +37,15 @@ class MassSpring(Simulation):
     def __init__(self, scene: Scene, options: Options):
         self.device = require_gpu()
         super().__init__(scene, options)
-        self.kernel = options.kernel or ("graph" if can_capture() else "launch")
+        self.kernel = options.kernel or self._best_kernel()
         if self.kernel not in KERNELS:
             raise SceneError("--kernel", options.kernel, f"must be one of {', '.join(KERNELS)} on the gpu")
         if self.kernel == "graph" and not can_capture():
             raise SceneError("--kernel", "graph", "the CUDA simulator cannot capture graphs; use launch")
+        if self.kernel == "one-block" and not self._fits_one_block():
+            raise SceneError(
+                "--kernel", "one-block", f"holds at most {MOST_MASSES} masses, and no integrator with stages; use graph"
+            )
         self.plan = mass_spring_plan(scene, options.live)
         rows, columns = self.body.rows, self.body.columns
         self.particle_count = rows * columns
@@ -65,6 +71,14 @@ class MassSpring(Simulation):
                 raise
             raise better from error
         self.reset()
+
+    def _fits_one_block(self) -> bool:
+        return len(self.body.position) <= MOST_MASSES and not self._is_rk4
+
+    def _best_kernel(self) -> str:
+        if not can_capture():
+            return "launch"
+        return "one-block" if self._fits_one_block() else "graph"
 
     @property
     def _is_rk4(self) -> bool:
@@ -103,6 +117,11 @@ class MassSpring(Simulation):
         self._graphs: Graphs | None = None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, bind_stages(self))
+            return
+        if self.kernel == "one-block":
+            self._one_block = make_one_block(self.real, math, integrator, parts)
+            self._executor = Executor(self.plan, {}, self._advance_block)
+            self._advance_block(0, 1)
             return
         if self._is_rk4:
             self._rk4 = make_rk4_stages(self.real, math, parts)
@@ -183,6 +202,15 @@ class MassSpring(Simulation):
         self._count_on(1)
         self._many(steps - 1)
         self._pass("closing", 0)
+
+    def _advance_block(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        passes = steps + 1 if self.scene.method.integrator == "velocity-verlet" else steps
+        threads = (self.particle_count + 31) // 32 * 32
+        self._one_block[1, threads, self.stream](
+            self.position[0], self.velocity[0], self.record, self.integers, self._counter, np.int64(passes),
+            self.pinned, *self._shape,
+        )  # fmt: skip
 
     # ------------------------------------------------------------------ the contract
 

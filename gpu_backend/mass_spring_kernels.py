@@ -7,11 +7,7 @@ are 32-bit.
 
 Each thread gathers the pulls of its four neighbours from the old state and writes its own mass in the new one, so no
 two threads write to one place and none reads what another writes in the same launch: no locks, no atomics. The order
-between passes is the order of launches in the stream. Sums are taken as on the CPU: (right + left) + (below + above),
-then gravity, external, manufactured, poke, damping. A neighbour beyond the edge is replaced by the mass itself, whose
-pull on itself is zero: no branch at the edges.
-
-Kernels are compiled for the parts a scene has: flags are closure constants, an absent part leaves no instruction.
+between passes is the order of launches in the stream. What a thread computes is in point.py.
 """
 
 from __future__ import annotations
@@ -23,118 +19,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.formulas import device_formulas
 from gpu_backend.pairs import load_pair, store_pair
-from model.formulas import integrators, manufactured, random, springs
+from gpu_backend.point import kernel_options, make_moves, make_point_functions
 from model.record import (
-    K_AMPLITUDE,
-    K_DAMPING,
     K_DT,
-    K_EXTERNAL,
-    K_GRAVITY,
     K_HALF_DT,
-    K_HALF_DT_SQUARED,
-    K_INERTIA,
-    K_INVERSE_DAMPING,
-    K_POKE_X,
-    K_POKE_Y,
     K_SIXTH_DT,
-    K_SPACING,
-    K_STIFFNESS,
-    K_STIFFNESS_REST,
     K_THIRD_DT,
 )  # fmt: skip
 
 BLOCK = (32, 8)  # columns, rows
-
-
-def kernel_options(math: str) -> dict[str, Any]:
-    """Options of cuda.jit for a math."""
-    return {"fastmath": math == "fast"}
-
-
-@cache
-def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
-    device = cuda.jit(device=True, **kernel_options(math))
-    spring_pull_2d, damped = device_formulas(springs.make, real, math)
-    formulas = device_formulas(integrators.make, real, math)
-    external = device_formulas(random.make, real, math).add_external
-    philox = random.make_philox(device)
-    manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
-    has_springs, has_gravity, has_damping = "springs" in parts, "gravity" in parts, "damping" in parts
-    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
-    explicit_damping = has_damping and integrator != "velocity-verlet"
-    zero, one, no_step = real(0), np.int32(1), np.int64(0)
-
-    @device
-    def spring_sum(position, k, i, j, rows, columns, record):
-        """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j."""
-        here = load_pair(position, k)
-        left = load_pair(position, k - one if j > 0 else k)
-        right = load_pair(position, k + one if j < columns - 1 else k)
-        above = load_pair(position, k - columns if i > 0 else k)
-        below = load_pair(position, k + columns if i < rows - 1 else k)
-        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
-        right_x, right_y = spring_pull_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
-        left_x, left_y = spring_pull_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
-        below_x, below_y = spring_pull_2d(below.real - here.real, below.imag - here.imag, stiffness, rest)
-        above_x, above_y = spring_pull_2d(above.real - here.real, above.imag - here.imag, stiffness, rest)
-        return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
-
-    @device
-    def conservative(position, k, i, j, rows, columns, record):
-        """Springs and gravity [m/s^2]."""
-        ax, ay = zero, zero
-        if has_springs:
-            ax, ay = spring_sum(position, k, i, j, rows, columns, record)
-        if has_gravity:
-            ay = ay + record[K_GRAVITY]
-        return ax, ay
-
-    @device
-    def add_external(ax, ay, k, record, integers, step):
-        word_x, word_y, _, _ = philox(integers[0], np.uint64(step), np.uint64(k))
-        return external(ax, record[K_EXTERNAL], word_x), external(ay, record[K_EXTERNAL], word_y)
-
-    @device
-    def add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset):
-        """The manufactured force at time (step + offset) dt, and the poke."""
-        if has_manufactured:
-            time = stage_time(step, offset, record[K_DT])
-            fx, fy = manufactured_acceleration(
-                i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
-                record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
-            )  # fmt: skip
-            ax, ay = ax + fx, ay + fy
-        if has_poke:
-            if np.int64(integers[1]) == k + 1:  # compared as they are, the two kinds of integer would meet as doubles
-                ax, ay = ax + record[K_POKE_X], ay + record[K_POKE_Y]
-        return ax, ay
-
-    @device
-    def acceleration(position, velocity, k, i, j, rows, columns, record, integers, step, offset):
-        """All that acts on mass k [m/s^2], with the damper where the integrator takes it explicitly."""
-        ax, ay = conservative(position, k, i, j, rows, columns, record)
-        if has_external:
-            ax, ay = add_external(ax, ay, k, record, integers, step)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset)
-        if explicit_damping:
-            ax = damped(ax, velocity.real, record[K_DAMPING])
-            ay = damped(ay, velocity.imag, record[K_DAMPING])
-        return ax, ay
-
-    @device
-    def current_step(counter, pass_number):
-        """The number of the step, where anything depends on it."""
-        if has_external or has_manufactured:
-            return counter[0] + pass_number
-        return no_step
-
-    return SimpleNamespace(
-        conservative=conservative, add_external=add_external, add_driven=add_driven, acceleration=acceleration,
-        current_step=current_step, formulas=formulas, has_external=has_external, spring_sum=spring_sum, damped=damped,
-    )  # fmt: skip
 
 
 @cache
@@ -145,69 +39,10 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's place after it,
     which rows hold pins and which masses are pinned.
     """
-    point = make_point_functions(real, math, integrator, parts)
-    conservative, add_external, add_driven = point.conservative, point.add_external, point.add_driven
-    acceleration, current_step, formulas = point.acceleration, point.current_step, point.formulas
-    first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
-    verlet = integrator == "velocity-verlet"
-    one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
-    has_pins, has_external = "pins" in parts, point.has_external
-    two_sums = has_external
+    current_step = make_point_functions(real, math, integrator, parts).current_step
+    has_pins = "pins" in parts
     zero = real(0)
     jit = cuda.jit(**kernel_options(math))
-    device = cuda.jit(device=True, **kernel_options(math))
-
-    @device
-    def step_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        p, v = load_pair(position, k), load_pair(velocity, k)
-        ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, zero)
-        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
-        px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
-        py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)
-        return px, py, vx, vy
-
-    @device
-    def opening_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        p, v = load_pair(position, k), load_pair(velocity, k)
-        ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, zero)
-        dt, half_dt, rate = record[K_DT], record[K_HALF_DT], record[K_DAMPING]
-        px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
-        py, vy = first_half(p.imag, v.imag, ay, dt, half_dt, rate)
-        return px, py, vx, vy
-
-    @device
-    def closing_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        p, v = load_pair(position, k), load_pair(velocity, k)
-        ax, ay = conservative(position, k, i, j, rows, columns, record)
-        if has_external:
-            ax, ay = add_external(ax, ay, k, record, integers, step - 1)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
-        half_dt, inverse_damping = record[K_HALF_DT], record[K_INVERSE_DAMPING]
-        vx = second_half(v.real, ax, half_dt, inverse_damping)
-        vy = second_half(v.imag, ay, half_dt, inverse_damping)
-        return p.real, p.imag, vx, vy
-
-    @device
-    def middle_mass(k, i, j, position, velocity, record, integers, step, rows, columns):
-        """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        p, v = load_pair(position, k), load_pair(velocity, k)
-        ax, ay = conservative(position, k, i, j, rows, columns, record)
-        bx, by = ax, ay
-        if two_sums:
-            ax, ay = add_external(ax, ay, k, record, integers, step - 1)
-            bx, by = add_external(bx, by, k, record, integers, step)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
-        if two_sums:
-            bx, by = add_driven(bx, by, k, i, j, rows, columns, record, integers, step, zero)
-        else:
-            bx, by = ax, ay
-        half_dt, inverse_damping = record[K_HALF_DT], record[K_INVERSE_DAMPING]
-        whole_x = second_half(v.real, ax, half_dt, inverse_damping)
-        whole_y = second_half(v.imag, ay, half_dt, inverse_damping)
-        dt, rate = record[K_DT], record[K_DAMPING]
-        px, vx = first_half(p.real, whole_x, bx, dt, half_dt, rate)
-        py, vy = first_half(p.imag, whole_y, by, dt, half_dt, rate)
-        return px, py, vx, vy
 
     def make_kernel(move: Any) -> Any:
         @jit
@@ -222,21 +57,18 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
             if i < rows and j < columns:
                 k = np.int32(i * columns + j)
                 step = current_step(counter, pass_number)
-                px, py, vx, vy = move(k, i, j, position, velocity, record, integers, step, rows, columns)
+                p, v = load_pair(position, k), load_pair(velocity, k)
+                px, py, vx, vy = move(k, i, j, position, p, v, record, integers, step, rows, columns)
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
-                            here = load_pair(position, k)
-                            px, py, vx, vy = here.real, here.imag, zero, zero
+                            px, py, vx, vy = p.real, p.imag, zero, zero
                 store_pair(new_position, k, px, py)
                 store_pair(new_velocity, k, vx, vy)
 
         return grid_pass
 
-    if verlet:
-        moves = {"opening": opening_mass, "middle": middle_mass, "closing": closing_mass}
-    else:
-        moves = {"step": step_mass}
+    moves = make_moves(real, math, integrator, parts)
     return {name: make_kernel(move) for name, move in moves.items()}
 
 

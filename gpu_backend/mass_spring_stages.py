@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.mass_spring_kernels import kernel_options, make_point_functions
+from gpu_backend.point import kernel_options, make_point_functions
 from model.record import (
     K_DAMPING,
     K_DT,

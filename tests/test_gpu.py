@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.driver import open_simulation
-from model.errors import Diverged
+from model.errors import Diverged, SceneError
 from model.integrators import INTEGRATORS
 from model.scene import Scene, load_scene
 from model.simulation import State
@@ -46,7 +46,7 @@ def busy_scene(integrator: str, rows: int = 37, columns: int = 61) -> Scene:
 
 def end_state(scene: Scene, backend: str, steps: int, **options: object) -> State:
     with open_simulation(scene, backend, live=("poke",), **options) as simulation:  # type: ignore[arg-type]
-        simulation.poke(scene.grid.columns + 5, (0.05, -0.02))
+        simulation.poke(scene.grid.columns + 1, (0.05, -0.02))
         simulation.advance(steps // 3)
         simulation.advance(steps - steps // 3)
         return simulation.state()
@@ -61,6 +61,22 @@ def test_exact_math_gives_the_bits_of_the_cpu(integrator: str, precision: str) -
         state = end_state(scene, "gpu", 1000, precision=precision, math="exact", kernel=kernel)
         assert np.array_equal(state.position, expected.position), kernel
         assert np.array_equal(state.velocity, expected.velocity), kernel
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("integrator", [name for name in INTEGRATORS if name != "rk4"])
+def test_one_block_gives_the_bits_of_the_cpu(integrator: str, precision: str) -> None:
+    for rows, columns in ((29, 31), (32, 32), (3, 2)):
+        scene = busy_scene(integrator, rows, columns)
+        expected = end_state(scene, "cpu", 1000, precision=precision, math="exact")
+        state = end_state(scene, "gpu", 1000, precision=precision, math="exact", kernel="one-block")
+        assert np.array_equal(state.position, expected.position), (rows, columns)
+        assert np.array_equal(state.velocity, expected.velocity), (rows, columns)
+
+
+def test_a_grid_too_large_for_one_block_is_refused() -> None:
+    with pytest.raises(SceneError, match="1024"):
+        open_simulation(busy_scene("lab"), "gpu", kernel="one-block")
 
 
 @pytest.mark.parametrize("integrator", ["lab", "velocity-verlet", "rk4"])

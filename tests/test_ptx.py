@@ -57,6 +57,24 @@ def test_float32_passes_hold_no_double_and_spill_nothing(integrator: str, math: 
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
+def test_the_float32_block_holds_no_double(integrator: str, math: str) -> None:
+    from numba import cuda, types
+
+    from gpu_backend.one_block import make_one_block
+
+    kernel = make_one_block(np.float32, math, integrator, PARTS)
+    pairs, scalars = types.complex64[::1], types.float32[::1]
+    arguments = (
+        pairs, pairs, scalars, types.uint64[::1], types.int64[::1], types.int64, types.uint8[::1], types.int32, types.int32,
+    )  # fmt: skip
+    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    assert ".f64" not in text
+    assert "ld.local" not in text
+    assert "ld.shared.v2.f32" in text and "bar.sync" in text
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
 def test_float32_stages_of_rk4_hold_no_double(math: str) -> None:
     from gpu_backend.mass_spring_kernels import make_rk4_stages
 

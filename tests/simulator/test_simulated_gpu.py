@@ -53,6 +53,16 @@ def test_passes_do_what_the_cpu_does(name: str, integrator: str, precision: str)
     assert np.array_equal(state.velocity, expected.velocity)
 
 
+@pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
+@pytest.mark.parametrize("name", SCENES)
+def test_one_block_does_what_the_cpu_does(name: str, integrator: str) -> None:
+    changes = SCENES[name] | {"method.integrator": integrator}
+    expected = end_state(changes, "cpu")
+    state = end_state(changes, "gpu", kernel="one-block")
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+
+
 @pytest.mark.parametrize("integrator", ["lab", "velocity-verlet", "rk4"])
 def test_stages_do_what_the_cpu_does(integrator: str) -> None:
     changes = SCENES["busy"] | {"method.integrator": integrator}
