@@ -18,7 +18,7 @@ from model.energy import energies, spring_strain
 from model.errors import Diverged, InputError, SceneError
 from model.memory import available_bytes, require
 from model.scene import Scene
-from model.simulation import CHECK_INTERVAL, Simulation, State
+from model.simulation import LEAST_INTERVAL, Simulation, State
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
 PROGRESS_SECONDS = 0.2  # how often the progress bar moves
@@ -160,7 +160,7 @@ def _advance(simulation: Simulation, steps: int, recorder: _Recorder, progress: 
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
-    done, seconds, batch = 0, 0.0, CHECK_INTERVAL
+    done, seconds, batch = 0, 0.0, LEAST_INTERVAL
     shown = None
     try:
         while done < steps:

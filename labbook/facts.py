@@ -21,7 +21,7 @@ from labbook.words import percent, seconds
 from model.integrators import INTEGRATORS, stability_limit
 from model.plan import mass_spring_plan
 from model.scene import load_scene
-from model.simulation import CHECK_INTERVAL, DIVERGED_SIZE
+from model.simulation import DIVERGED_SIZE
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -57,7 +57,6 @@ def facts() -> dict[str, str]:
         "rows": str(scene.grid.rows),
         "columns": str(scene.grid.columns),
         "thread-words": ", ".join(MULTIPLES),
-        "check-interval": str(CHECK_INTERVAL),
         "diverged-size": f"{DIVERGED_SIZE:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}"),
         "draw-every": str(DRAW_EVERY),
         "check-rows": str(CHECK_ROWS),

@@ -23,7 +23,8 @@ from model.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
-CHECK_INTERVAL = 256  # steps between two looks for a diverged state
+LEAST_INTERVAL, MOST_INTERVAL = 1024, 8192  # steps between two looks for a diverged state
+INTERVAL_WORK = 2**28  # mass-steps that make a look (a fraction of a millisecond) cheap
 DIVERGED_SIZE = 1e6  # times the scene's size: a coordinate beyond it counts as diverged
 
 LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
@@ -33,6 +34,11 @@ LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compi
     "stiffness": ("springs.stiffness",),
     "damping": ("damping.coefficient",),
 }
+
+
+def check_interval(particle_count: int) -> int:
+    """Steps between two looks for a diverged state: so many that looking costs a few per cent, whatever the size."""
+    return max(LEAST_INTERVAL, min(MOST_INTERVAL, INTERVAL_WORK // max(1, particle_count)))
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class Simulation(ABC):
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
     `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads a block),
-    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]).
+    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps).
     """
 
     backend: str
@@ -87,6 +93,7 @@ class Simulation(ABC):
         self.step = 0
         self.time = 0.0
         self.limit = stability_limit(scene)
+        self.check_interval = check_interval(len(self.body.position))
         largest = 1e38 if options.precision == "float32" else 1e307  # what the arithmetic can still tell from infinity
         self._bound = min(DIVERGED_SIZE * self.body.size, largest)
         self._poke_particle = -1
@@ -150,17 +157,17 @@ class Simulation(ABC):
     def advance(self, steps: int) -> None:
         """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
 
-        The state is looked at every CHECK_INTERVAL steps, and whenever it is read; the interval in which it went bad is
+        The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
         then replayed step by step to name the first bad step and particle.
         """
         if steps < 0:
             raise SceneError("steps", steps, "must be at least 0")
         while steps > 0:
-            batch = min(steps, CHECK_INTERVAL - (self.step - self._kept_step))
+            batch = min(steps, self.check_interval - (self.step - self._kept_step))
             self._run(batch)
             self._count(batch)
             steps -= batch
-            if self.step - self._kept_step >= CHECK_INTERVAL:
+            if self.step - self._kept_step >= self.check_interval:
                 self.check()
 
     def _count(self, steps: int) -> None:

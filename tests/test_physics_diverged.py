@@ -7,7 +7,9 @@ from bench.reference import mass_spring as reference
 from model.build import build
 from model.errors import Diverged
 from model.scene import Scene, load_scene
-from model.simulation import CHECK_INTERVAL, DIVERGED_SIZE
+from model.simulation import DIVERGED_SIZE, LEAST_INTERVAL, MOST_INTERVAL, check_interval
+
+CHECK_INTERVAL = 256  # steps, set by hand where a test needs several looks in a short run
 
 
 def small(name: str, dt: float) -> Scene:
@@ -49,6 +51,7 @@ def test_state_after_divergence_is_the_last_checked_one(opened):
     step, particle = reference_says(scene, 6 * CHECK_INTERVAL)
     assert step > CHECK_INTERVAL
     with opened(scene) as simulation:
+        simulation.check_interval = CHECK_INTERVAL
         with pytest.raises(Diverged) as caught:
             simulation.advance(10_000)
         assert (caught.value.step, caught.value.particle) == (step, particle)
@@ -79,3 +82,10 @@ def test_float32_reports_the_same_way(opened):
             simulation.advance(1000)
         assert abs(caught.value.step - step) <= 2
         assert np.isfinite(simulation.state().position).all()
+
+
+def test_looks_are_rarer_for_small_grids():
+    """Looking takes a fraction of a millisecond: the interval grows where a step takes microseconds, within bounds."""
+    assert check_interval(1) == check_interval(1024) == MOST_INTERVAL
+    assert check_interval(2**24) == LEAST_INTERVAL
+    assert LEAST_INTERVAL < check_interval(256 * 256) < MOST_INTERVAL
