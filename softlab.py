@@ -122,7 +122,10 @@ def demo(
 ) -> None:
     """Show a scene in a window: G toggles gravity, the mouse pokes a mass."""
     from app.viewer import run_demo
+    from model.errors import SceneError
 
+    if frames is not None and frames < 1:
+        raise SceneError("--frames", frames, "must be at least 1")
     run_demo(_scene(scene, settings), backend=backend, threads=threads, precision=precision, math=math, frames=frames)
 
 
@@ -191,6 +194,8 @@ def labbook(
     """Write the lab book (PDF) from the store."""
     from labbook.jobs import make_labbook
 
+    if not store.exists() and store == DEFAULT_STORE:
+        errors.print("nothing was measured here yet: the lab book tells of the committed measurements alone")
     out.print(str(make_labbook(store, pdf)), markup=False)
 
 

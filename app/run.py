@@ -21,6 +21,7 @@ from model.scene import Scene
 from model.simulation import LEAST_INTERVAL, Simulation, State
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
+MOST_STEPS = 10**15  # more would take years
 PROGRESS_SECONDS = 0.2  # how often the progress bar moves
 
 
@@ -70,16 +71,16 @@ def step_count(scene: Scene, request: Request, notes: list[str]) -> int:
     if request.steps is not None and request.time is not None:
         raise SceneError("--time", request.time, "give --steps or --time, not both")
     if request.steps is not None:
-        if request.steps < 0:
-            raise SceneError("--steps", request.steps, "must be at least 0")
+        if not 0 <= request.steps <= MOST_STEPS:
+            raise SceneError("--steps", request.steps, f"must be a whole number from 0 to {MOST_STEPS:.0e}")
         return request.steps
     if request.time is None:
         return 1000
     dt = scene.method.dt
     if not math.isfinite(request.time) or request.time < 0:
         raise SceneError("--time", request.time, "must be a finite number of seconds, at least 0")
-    if request.time / dt > 2**62:
-        raise SceneError("--time", request.time, f"is more than 2^62 steps of {dt:g} s")
+    if request.time / dt > MOST_STEPS:
+        raise SceneError("--time", request.time, f"is more than {MOST_STEPS:.0e} steps of {dt:g} s")
     steps = round(request.time / dt)
     if abs(steps * dt - request.time) > 1e-9 * max(dt, request.time):
         notes.append(f"--time {request.time:g} s rounded to {steps} steps of {dt:g} s = {steps * dt:.9g} s")

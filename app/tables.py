@@ -55,13 +55,13 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
-    heads = ("scene", "title", "masses", "pinned", "integrator", "dt [s]", "limit [s]")
-    table = Table(*(Column(head, no_wrap=head != "title") for head in heads), box=None)
+    heads = ("scene", "masses", "pinned", "integrator", "dt [s]", "limit [s]")
+    table = Table(*(Column(head, no_wrap=True) for head in heads), box=None)
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
         table.add_row(
-            name, scene.title, f"{grid.rows} x {grid.columns}", str(grid.pinned), method.integrator, f"{method.dt:g}",
+            name, f"{grid.rows} x {grid.columns}", str(grid.pinned), method.integrator, f"{method.dt:g}",
             f"{stability_limit(scene):.4g}",
         )  # fmt: skip
     console.print(table)

@@ -23,8 +23,22 @@ def print_sweep(console: Console, summary: SweepSummary) -> None:
         console.print(f"  {count} skipped: {escape(reason)}", soft_wrap=True)
     for configuration, failure in summary.wrong:
         console.print(f"  [red]wrong[/red] {escape(configuration)}: {escape(failure)}", soft_wrap=True)
+    if summary.samples and summary.suspect > summary.samples / 2:
+        console.print(
+            "  [yellow]most samples are suspect: this machine is busy.[/yellow] For numbers to rely on, close other "
+            "programs, move the store away and run it again",
+            soft_wrap=True,
+        )
+    if any("used up" in reason for _, reason in summary.skipped):
+        console.print("  run it again to measure what was left out")
     if summary.interrupted:
         console.print("  stopped; run it again and it goes on from here")
+
+
+def _short(seconds: float) -> str:
+    """Microseconds in three digits or whole ones."""
+    value = seconds * 1e6
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def print_fastest(console: Console, store: Store, machine: str) -> None:
@@ -38,7 +52,7 @@ def print_fastest(console: Console, store: Store, machine: str) -> None:
         if head not in heads:
             heads.append(head)
         mark = "?" if timing.suspect else ""
-        cell = f"{timing.median * 1e6:.3g} ({timing.low * 1e6:.3g} to {timing.high * 1e6:.3g}){mark}"
+        cell = f"{_short(timing.median)} ({_short(timing.low)} to {_short(timing.high)}){mark}"
         rows.setdefault((timing.rows, timing.columns), {})[head] = cell
     table = Table("masses", *heads, box=None, title="microseconds a step, float32, without graphics: median (range)")
     for (height, width), cells in sorted(rows.items(), key=lambda item: item[0][0] * item[0][1]):

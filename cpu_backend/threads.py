@@ -46,7 +46,7 @@ def thread_count(word: str | int) -> int:
         raise SceneError(
             "--threads",
             word,
-            f"numba was started with {most} threads; set NUMBA_NUM_THREADS={count} before Python starts",
+            f"must be at most {most} here (NUMBA_NUM_THREADS, set before Python starts, allows more)",
         )
     return count
 

@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from bench.store import DEFAULT_PATH
 from labbook.build import build, committed_data
 from model.errors import InputError, SoftlabError
 from plots.draw import draw_all
@@ -35,7 +36,12 @@ def make_figures(store: Path, folder: Path, trajectory: Path | None = None) -> l
 
 
 def make_labbook(store: Path, pdf: Path) -> Path:
-    """Write the lab book. Without a store of one's own it is written from the committed measurements."""
+    """Write the lab book. Before anything was measured here it is written from the committed measurements.
+
+    Raises InputError for a store that was asked for by name and is not there.
+    """
+    if not store.exists() and store != DEFAULT_PATH:
+        raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
     _prepare(pdf.parent)
     return build(store if store.exists() else None, pdf)
 

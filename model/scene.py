@@ -148,7 +148,8 @@ def _suggestion(word: str, known: Any) -> str:
 
 def _scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
     """The first complaint of pydantic, in the words of a scene."""
-    first = error.errors(include_url=False)[0]
+    complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
+    first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
     location = [str(step) for step in first["loc"]]
     if first["type"] == "missing":
         return SceneError(f"{part}.{location[0]}", None, "must be given")
@@ -197,6 +198,8 @@ def load_scene(name_or_path: str | Path) -> Scene:
     """
     text = str(name_or_path)
     known = catalogue()
+    if text in ("", "."):
+        raise InputError(f"{text!r} is a directory or nothing; a scene is one of {', '.join(known)}, or a .toml file")
     path = known.get(text)
     if path is None:
         path = Path(text)

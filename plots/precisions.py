@@ -51,9 +51,7 @@ def draw(results: Results) -> Drawing | str:
     chosen[0][0].set_ylabel("time in float64 / time in float32")
     legend_below(figure, [ax for ax, _ in chosen], times)
     sources = [source for _, source in chosen]
-    caption = (
-        "Time of a step in float64 over float32 at the same size, square grids. Dotted: 2, the ratio of the bytes. "
-    )
+    caption = "Time of a step in float64 over float32 at the same size, square grids. The bytes are in the ratio 2. "
     return Drawing(figure, TITLE, caption, tuple(sources))
 
 

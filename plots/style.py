@@ -200,6 +200,8 @@ def legend_below(figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (),
     if any(is_wrong(timing) for timing in times):
         handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
     if handles:
+        longest = max(map(len, handles))
+        columns = min(columns, 4 if longest < 18 else 3 if longest < 26 else 2)  # or the legend is wider than the page
         figure.legend(
             list(handles.values()), list(handles), loc="outside lower center", ncols=min(columns, len(handles))
         )

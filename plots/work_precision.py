@@ -53,7 +53,7 @@ def draw(results: Results) -> Drawing | str:
     caption = (
         "Cost of a simulated second against the error of its end state (root mean square over the free masses, in "
         "spacings, against the converged reference), one line an integrator, precision and backend, a marker a step "
-        "size. Black: the Pareto front. Hollow: below what the reference resolves. At the right edge: runs that "
+        "size. Grey: the Pareto front. Hollow: below what the reference resolves. At the right edge: runs that "
         "diverged. Bars: least to greatest repeat. The hand-out's step (lab) solves the equation with half the "
         "acceleration."
     )
@@ -97,7 +97,7 @@ def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
     order = observed_order([(p.dt, p.error) for p in order_points(found, "lab")])
     if lab and order is not None and order < FLAT:
         top = max(lab, key=lambda p: p.seconds or 0.0)
-        ax.annotate("lab: flat, it solves\nhalf the acceleration", (top.error, top.seconds or 1.0), (5, 8),
+        ax.annotate("lab solves half\nthe acceleration", (top.error, top.seconds or 1.0), (5, 8),
                     textcoords="offset points", fontsize=7, color=VERMILLION, ha="right", va="bottom")  # fmt: skip
         ax.margins(y=0.14)
     ax.set_title(scene)

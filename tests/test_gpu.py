@@ -109,6 +109,7 @@ def test_a_divergence_is_found_at_the_same_step_and_particle() -> None:
         with open_simulation(scene, backend, math="exact", allow_unstable=True) as simulation:
             with pytest.raises(Diverged) as caught:
                 simulation.advance(2000)
+                simulation.check()
             assert np.isfinite(simulation.state().position).all()
             found.append((caught.value.step, caught.value.particle))
     assert found[0] == found[1]

@@ -33,6 +33,7 @@ def test_diverged_names_step_and_particle(opened, name, dt, kernel):
     scene = small(name, dt)
     step, particle = reference_says(scene, 200)
     with opened(scene, kernel=kernel) as simulation:
+        simulation.check_interval = CHECK_INTERVAL
         with pytest.raises(Diverged) as caught:
             simulation.advance(3 * CHECK_INTERVAL)
         assert (caught.value.step, caught.value.particle) == (step, particle)
@@ -78,6 +79,7 @@ def test_float32_reports_the_same_way(opened):
     scene = small("lab", 0.1)
     step, _ = reference_says(scene, 200)
     with opened(scene, precision="float32") as simulation:
+        simulation.check_interval = CHECK_INTERVAL
         with pytest.raises(Diverged) as caught:
             simulation.advance(1000)
         assert abs(caught.value.step - step) <= 2

@@ -93,6 +93,7 @@ def test_a_divergence_is_named() -> None:
         with open_simulation(scene, backend, math="exact", allow_unstable=True) as simulation:
             with pytest.raises(Diverged) as caught:
                 simulation.advance(400)
+                simulation.check()
             assert np.isfinite(simulation.state().position).all()
             found.append((caught.value.step, caught.value.particle))
     assert found[0] == found[1]
