@@ -37,11 +37,6 @@ HAND_WRITTEN = (
         lambda c: c.supported and c.numbers["ratio"] > 1,
     ),
     HandWritten(
-        "the GPU's time grows even at the smallest sizes, which one block holds",
-        claims.gpu_flat,
-        lambda c: not c.supported,
-    ),
-    HandWritten(
         "4x threads are slower than 1x on the smallest grid",
         lambda results: claims.threads_at(results, 0),
         lambda c: c.numbers["4x"] > 1,

@@ -97,7 +97,7 @@ def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
     order = observed_order([(p.dt, p.error) for p in order_points(found, "lab")])
     if lab and order is not None and order < FLAT:
         top = max(lab, key=lambda p: p.seconds or 0.0)
-        ax.annotate("lab solves half\nthe acceleration", (top.error, top.seconds or 1.0), (5, 8),
+        ax.annotate("lab solves\nhalf the acceleration", (top.error, top.seconds or 1.0), (5, 8),
                     textcoords="offset points", fontsize=7, color=VERMILLION, ha="right", va="bottom")  # fmt: skip
         ax.margins(y=0.14)
     ax.set_title(scene)
