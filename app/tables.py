@@ -49,13 +49,17 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not known: " if report["error"] is None else "") + report["error_reason"])
     console.print(table)
+    if report["method"].endswith(" lab") and report["error"]:
+        console.print(
+            "lab, the hand-out's step, applies half of the acceleration (docs/method.md), so its error is large"
+        )
     for path in written:
         console.print(f"wrote {path}", markup=False)
 
 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
-    heads = ("scene", "masses", "pinned", "integrator", "dt [s]", "limit [s]")
+    heads = ("scene", "masses", "pinned", "integrator", "dt / s", "limit / s")
     table = Table(*(Column(head, no_wrap=True) for head in heads), box=None)
     for name in catalogue():
         scene = load_scene(name)
