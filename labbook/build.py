@@ -22,7 +22,7 @@ from labbook import accuracy_claims, claims, comparison_claims
 from labbook.facts import facts
 from labbook.tables import error_tables, fastest_table, machine_table, scene_table, time_tables
 from model.errors import BackendUnavailable, InputError
-from plots.data import Origin, Results, load
+from plots.data import Origin, Results, is_suspect, load
 from plots.draw import draw_figures
 
 FOLDER = Path(__file__).resolve().parent
@@ -106,6 +106,13 @@ def notices(results: Results) -> list[str]:
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is labelled as such."
         )
+    for source in own:
+        disturbed = sum(is_suspect(timing) for timing in source.timings)
+        if 2 * disturbed > len(source.timings):
+            found.append(
+                f"{disturbed} of the {len(source.timings)} times measured on {source.machine.label} are suspect: the machine "
+                "was busy. Read its comparisons with care, or measure again on a quiet machine."
+            )
     return found
 
 

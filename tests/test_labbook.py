@@ -5,6 +5,7 @@ labbook/data/ at the end.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -251,6 +252,13 @@ def test_whose_measurements_these_are_is_said(variants: dict[str, Results]) -> N
     (notice,) = notices(variants["cpu, committed gpu"])
     assert "committed measurements, made on: Made-up CPU, 16 cores; Made-up GPU" in notice
     assert notices(variants["own gpu"]) == []
+    disturbed = variants["own gpu"]
+    source = next(source for source in disturbed.sources if source.own)
+    busy = tuple(
+        replace(timing, suspect=("load: other programs ran on the cores in use",)) for timing in source.timings
+    )
+    (warning,) = notices(replace(disturbed, sources=(replace(source, timings=busy),)))
+    assert "suspect" in warning and f"{len(busy)} of the {len(busy)} times" in warning
     assert "committed measurements alone" in notices(variants["committed alone"])[0]
 
 
