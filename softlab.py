@@ -40,7 +40,6 @@ DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
 
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
-    os.environ.setdefault("PYTHONWARNINGS", "ignore::numba.NumbaPerformanceWarning")
     try:
         app()
     except SoftlabError as error:

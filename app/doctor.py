@@ -83,7 +83,12 @@ def _gpu() -> Finding:
     except SoftlabError as error:
         return Finding("gpu", False, f"{text}, but it cannot run the lab: {error}")
     except Exception as error:
-        return Finding("gpu", False, f"{text}, but a kernel failed: {error}", "see docs/gpu.md")
+        return Finding(
+            "gpu",
+            False,
+            f"{text}, but a kernel failed: {error}",
+            "check that the toolkit fits the driver: README.md, With an NVIDIA GPU",
+        )
     return Finding("gpu", True, f"{text}: runs the lab grid")
 
 

@@ -25,6 +25,7 @@ class HandWritten:
 
 
 def no_wrong_answer(results: Results) -> Claim:
+    """How many committed times belong to an answer that failed its check."""
     wrong = sum(is_wrong(timing) for source in results.sources for timing in source.timings)
     return Claim(f"{wrong} timings have a wrong answer.", {"wrong": wrong}, True)
 

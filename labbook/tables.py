@@ -29,6 +29,7 @@ RECORD = {  # of the machine record, what a reader wants to know
 
 
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> Table:
+    """A table as the template takes it; its first `left` columns are set flush left, the others flush right."""
     return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left}
 
 
