@@ -1,30 +1,34 @@
 """The mass-spring grid on CUDA, one thread per mass, the state on the device throughout.
 
-Kernels: `one-block` (up to 1024 masses in shared memory, all steps in one launch), `graph` (passes captured once as a
-CUDA graph and replayed), `launch` (the same passes, one launch from Python each), `stages` (stage by stage). A real GPU
-runs the first that fits. In `exact` math all give the same bits, and the CPU's.
+Kernels, a ladder: `stages` (stage by stage), `launch` (one pass over the grid a step, launched from Python), `graph`
+(the same passes captured once as a CUDA graph and replayed), `tiles` (several steps a pass), `resident` (the grid kept
+on the chip) and `one-block` (a small grid in one block). choice.py knows which is the fastest for a grid. In `exact`
+math all give the same bits, and the CPU's.
 Memory is taken with plain allocations, never managed memory.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
+from gpu_backend.choice import best_kernel, best_tile, named_tile
 from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.mass_spring_kernels import BLOCK, make_passes, make_rk4_stages, make_tools
 from gpu_backend.mass_spring_stages import bind_stages
-from gpu_backend.one_block import MOST_MASSES, make_one_block
+from gpu_backend.tile_launch import TileLauncher
 from model.errors import SceneError
 from model.memory import require
 from model.plan import Executor, mass_spring_plan
 from model.scene import Scene
 from model.simulation import Options, Simulation
 
-KERNELS = ("one-block", "graph", "launch", "stages")
+KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
+ON_TILES = ("one-block", "resident", "tiles")
 MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
 NOTHING_BAD = np.iinfo(np.int32).max
 
@@ -37,21 +41,13 @@ class MassSpring(Simulation):
     def __init__(self, scene: Scene, options: Options):
         self.device = require_gpu()
         super().__init__(scene, options)
-        self.kernel = options.kernel or self._best_kernel()
-        if self.kernel not in KERNELS:
-            raise SceneError("--kernel", options.kernel, f"must be one of {', '.join(KERNELS)} on the gpu")
-        if self.kernel == "graph" and not can_capture():
-            raise SceneError("--kernel", "graph", "the CUDA simulator cannot capture graphs; use launch")
-        if self.kernel == "one-block" and not self._fits_one_block():
-            raise SceneError(
-                "--kernel", "one-block", f"holds at most {MOST_MASSES} masses, and no integrator with stages; use graph"
-            )
+        self._choose_kernel()
         self.plan = mass_spring_plan(scene, options.live)
         rows, columns = self.body.rows, self.body.columns
         self.particle_count = rows * columns
-        self.threads = BLOCK[0] * BLOCK[1]
+        self.threads = self.tile.threads if self.tile else BLOCK[0] * BLOCK[1]
         self._pair = np.complex64 if self.real is np.float32 else np.complex128
-        arrays = 14 if self._is_rk4 else 6
+        arrays = 14 if self._is_rk4 else 10 if self.kernel == "resident" else 6
         needed = arrays * self.particle_count * np.dtype(self._pair).itemsize
         shape_text = f"{rows} x {columns}"
         if not simulated():
@@ -72,13 +68,27 @@ class MassSpring(Simulation):
             raise better from error
         self.reset()
 
-    def _fits_one_block(self) -> bool:
-        return len(self.body.position) <= MOST_MASSES and not self._is_rk4
-
-    def _best_kernel(self) -> str:
-        if not can_capture():
-            return "launch"
-        return "one-block" if self._fits_one_block() else "graph"
+    def _choose_kernel(self) -> None:
+        """Sets `kernel` and, for those on tiles, `tile`. Raises SceneError for a kernel that cannot run this scene."""
+        rows, columns = self.body.rows, self.body.columns
+        if self.options.kernel is None:
+            self.kernel, self.tile = ("graph" if can_capture() else "launch"), None
+            if can_capture() and not self._is_rk4:
+                self.kernel, self.tile = best_kernel(rows, columns, self.real)
+        else:
+            self.kernel, self.tile = named_tile(self.options.kernel)
+        if self.kernel not in KERNELS or (self.tile and self.kernel not in ON_TILES):
+            raise SceneError("--kernel", self.options.kernel, f"must be one of {', '.join(KERNELS)} on the gpu")
+        if self.kernel == "graph" and not can_capture():
+            raise SceneError("--kernel", "graph", "the CUDA simulator cannot capture graphs; use launch")
+        if self.kernel in ON_TILES:
+            if self._is_rk4:
+                raise SceneError("--kernel", self.kernel, "runs integrators with one force a step, not rk4; use graph")
+            self.tile = self.tile or best_tile(self.kernel, rows, columns, self.real)
+            if self.tile is None:
+                raise SceneError(
+                    "--kernel", self.kernel, f"{rows} x {columns} masses do not fit on this GPU; use tiles or graph"
+                )
 
     @property
     def _is_rk4(self) -> bool:
@@ -115,11 +125,13 @@ class MassSpring(Simulation):
         self._tools = make_tools(self.real)
         math, integrator, parts = self.options.math, self.scene.method.integrator, self.plan.parts
         self._graphs: Graphs | None = None
+        self._tiles: TileLauncher | None = None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, bind_stages(self))
             return
+        if self.tile:
+            self._tiles = TileLauncher(self, self.kernel, self.tile)
         if self.kernel == "one-block":
-            self._one_block = make_one_block(self.real, math, integrator, parts)
             self._executor = Executor(self.plan, {}, self._advance_block)
             self._advance_block(0, 1)
             return
@@ -134,10 +146,14 @@ class MassSpring(Simulation):
             fused = self._advance_verlet if "middle" in self._passes else self._advance_steps
         self._launch = launch
         self._executor = Executor(self.plan, {}, fused)
-        if self.kernel == "graph":
+        if self.kernel in ("graph", "tiles", "resident") and can_capture():
             fused(0, 3)
             cuda.synchronize()
+        if self.kernel == "graph":
             self._graphs = Graphs(self.stream, launch, self._count_on)
+        elif self.kernel == "tiles" and self._tiles is not None and can_capture():
+            halo = self._tiles.tile.halo
+            self._graphs = Graphs(self.stream, self._tiles.launch_many, lambda many: self._count_on(many * halo))
 
     # ------------------------------------------------------------------ passes
 
@@ -182,15 +198,28 @@ class MassSpring(Simulation):
             self._counter.copy_to_device(np.array([step], np.int64), stream=self.stream)
 
     def _many(self, count: int) -> None:
-        """`count` equal passes (steps of RK4), through graphs where they are used."""
-        parity = self._current
-        if self._graphs is not None:
-            rest = self._graphs.run(parity, count)
-            self._current = parity  # a graph holds an even number of passes
-            count = rest
-        self._launch(self._current, count)
+        """`count` equal passes (steps of RK4), by the kernel's own way."""
+        tiles = self._tiles
+        if tiles is None:
+            self._repeat(count, self._launch, 1)
+            return
+        if self.kernel == "tiles":
+            halo = tiles.tile.halo
+            launches, count = divmod(count, halo)
+            self._repeat(launches, tiles.launch_many, halo)
         if count:
+            tiles.launch(0, count)
             self._count_on(count)
+
+    def _repeat(self, launches: int, launch: Callable[[int, int], None], passes: int) -> None:
+        """`launches` launches of `passes` passes each, through graphs where they are used."""
+        if self._graphs is not None:
+            parity = self._current
+            launches = self._graphs.run(parity, launches)
+            self._current = parity  # a graph holds an even number of launches
+        if launches:
+            launch(self._current, launches)
+            self._count_on(launches * passes)
 
     def _advance_steps(self, step: int, steps: int) -> None:
         self._set_counter(step)
@@ -205,12 +234,8 @@ class MassSpring(Simulation):
 
     def _advance_block(self, step: int, steps: int) -> None:
         self._set_counter(step)
-        passes = steps + 1 if self.scene.method.integrator == "velocity-verlet" else steps
-        threads = (self.particle_count + 31) // 32 * 32
-        self._one_block[1, threads, self.stream](
-            self.position[0], self.velocity[0], self.record, self.integers, self._counter, np.int64(passes),
-            self.pinned, *self._shape,
-        )  # fmt: skip
+        assert self._tiles is not None
+        self._tiles.launch(0, steps + 1 if self.scene.method.integrator == "velocity-verlet" else steps)
 
     # ------------------------------------------------------------------ the contract
 
@@ -226,15 +251,18 @@ class MassSpring(Simulation):
         self.velocity[self._current].copy_to_device(self.kept_velocity, stream=self.stream)
 
     def _first_bad(self) -> int:
+        if self._tiles is not None:
+            self._tiles.require_exchange()
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
         state = self.position[self._current], self.velocity[self._current]
         self._tools.first_bad[self._flat](*state, self.real(self._bound), self._bad)
-        bad = int(self._bad.copy_to_host(stream=self.stream)[0]) if simulated() else self._fetch(self._bad)
+        bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 
-    def _fetch(self, array: Any) -> int:
+    def fetch(self, array: Any) -> int:
+        """The first number of a device array, once everything asked for has been done."""
         host = array.copy_to_host(stream=self.stream)
-        self.stream.synchronize()
+        self.synchronize()
         return int(host[0])
 
     def _parameters_changed(self) -> None:

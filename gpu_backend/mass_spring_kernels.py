@@ -39,7 +39,8 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's place after it,
     which rows hold pins and which masses are pinned.
     """
-    current_step = make_point_functions(real, math, integrator, parts).current_step
+    point = make_point_functions(real, math, integrator, parts)
+    current_step, pulls = point.current_step, point.pulls
     has_pins = "pins" in parts
     zero = real(0)
     jit = cuda.jit(**kernel_options(math))
@@ -58,7 +59,8 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 k = np.int32(i * columns + j)
                 step = current_step(counter, pass_number)
                 p, v = load_pair(position, k), load_pair(velocity, k)
-                px, py, vx, vy = move(k, i, j, position, p, v, record, integers, step, rows, columns)
+                ax, ay = pulls(position, k, i, j, rows, columns, record)
+                px, py, vx, vy = move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns)
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
@@ -82,6 +84,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     """
     point = make_point_functions(real, math, "rk4", parts)
     acceleration, current_step, rk4_stage = point.acceleration, point.current_step, point.formulas.rk4_stage
+    pulls = point.pulls
     has_pins = "pins" in parts
     zero = real(0)
     jit = cuda.jit(**kernel_options(math))
@@ -105,7 +108,8 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 k = np.int32(i * columns + j)
                 p, v = load_pair(position, k), load_pair(velocity, k)
                 step = current_step(counter, pass_number)
-                ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, offset)
+                ax, ay = pulls(position, k, i, j, rows, columns, record)
+                ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, offset)
                 base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
                 if first:
                     total_p, total_v = base_p, base_v

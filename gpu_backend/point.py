@@ -71,14 +71,17 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
 
     @device
-    def conservative(position, k, i, j, rows, columns, record):
-        """Springs and gravity [m/s^2]."""
-        ax, ay = zero, zero
+    def pulls(position, k, i, j, rows, columns, record):
+        """The sum of the springs' pulls on mass k, (0, 0) in a scene without springs."""
         if has_springs:
-            ax, ay = spring_sum(position, k, i, j, rows, columns, record)
+            return spring_sum(position, k, i, j, rows, columns, record)
+        return zero, zero
+
+    @device
+    def add_gravity(ay, record):
         if has_gravity:
             ay = ay + record[K_GRAVITY]
-        return ax, ay
+        return ay
 
     @device
     def add_external(ax, ay, k, record, integers, step):
@@ -101,9 +104,10 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return ax, ay
 
     @device
-    def acceleration(position, velocity, k, i, j, rows, columns, record, integers, step, offset):
-        """All that acts on mass k [m/s^2], with the damper where the integrator takes it explicitly."""
-        ax, ay = conservative(position, k, i, j, rows, columns, record)
+    def acceleration(ax, ay, velocity, k, i, j, rows, columns, record, integers, step, offset):
+        """All that acts on mass k [m/s^2], the springs' pulls (ax, ay) given; with the damper where the integrator
+        takes it explicitly."""
+        ay = add_gravity(ay, record)
         if has_external:
             ax, ay = add_external(ax, ay, k, record, integers, step)
         ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset)
@@ -120,8 +124,9 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return no_step
 
     return SimpleNamespace(
-        conservative=conservative, add_external=add_external, add_driven=add_driven, acceleration=acceleration,
-        current_step=current_step, formulas=formulas, has_external=has_external, spring_sum=spring_sum, damped=damped,
+        pulls=pulls, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
+        acceleration=acceleration, current_step=current_step, formulas=formulas, has_external=has_external,
+        has_springs=has_springs, spring_sum=spring_sum, spring_pull_2d=spring_pull_2d, damped=damped,
     )  # fmt: skip
 
 
@@ -129,11 +134,11 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """How one mass moves in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is move(k, i, j, position, p, v, record, integers, step, rows, columns) -> (px, py, vx, vy): `position` is where
-    the neighbours are read (device or shared memory), p and v are the mass's own.
+    Each is move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns) -> (px, py, vx, vy): (ax, ay) is the sum
+    of the springs' pulls, p and v are the mass's own. `record` may be the array or a tuple of its values.
     """
     point = make_point_functions(real, math, integrator, parts)
-    conservative, add_external, add_driven = point.conservative, point.add_external, point.add_driven
+    add_gravity, add_external, add_driven = point.add_gravity, point.add_external, point.add_driven
     acceleration, formulas, has_external = point.acceleration, point.formulas, point.has_external
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
@@ -142,24 +147,24 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     device = cuda.jit(device=True, **kernel_options(math))
 
     @device
-    def step_mass(k, i, j, position, p, v, record, integers, step, rows, columns):
-        ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, zero)
+    def step_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, zero)
         dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
         px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
         py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)
         return px, py, vx, vy
 
     @device
-    def opening_mass(k, i, j, position, p, v, record, integers, step, rows, columns):
-        ax, ay = acceleration(position, v, k, i, j, rows, columns, record, integers, step, zero)
+    def opening_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, zero)
         dt, half_dt, rate = record[K_DT], record[K_HALF_DT], record[K_DAMPING]
         px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
         py, vy = first_half(p.imag, v.imag, ay, dt, half_dt, rate)
         return px, py, vx, vy
 
     @device
-    def closing_mass(k, i, j, position, p, v, record, integers, step, rows, columns):
-        ax, ay = conservative(position, k, i, j, rows, columns, record)
+    def closing_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        ay = add_gravity(ay, record)
         if has_external:
             ax, ay = add_external(ax, ay, k, record, integers, step - 1)
         ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
@@ -169,9 +174,9 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
         return p.real, p.imag, vx, vy
 
     @device
-    def middle_mass(k, i, j, position, p, v, record, integers, step, rows, columns):
+    def middle_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        ax, ay = conservative(position, k, i, j, rows, columns, record)
+        ay = add_gravity(ay, record)
         bx, by = ax, ay
         if has_external:
             ax, ay = add_external(ax, ay, k, record, integers, step - 1)

@@ -63,8 +63,11 @@ def test_exact_math_gives_the_bits_of_the_cpu(integrator: str, precision: str) -
         assert np.array_equal(state.velocity, expected.velocity), kernel
 
 
+ONE_FORCE = [name for name in INTEGRATORS if name != "rk4"]
+
+
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("integrator", [name for name in INTEGRATORS if name != "rk4"])
+@pytest.mark.parametrize("integrator", ONE_FORCE)
 def test_one_block_gives_the_bits_of_the_cpu(integrator: str, precision: str) -> None:
     for rows, columns in ((29, 31), (32, 32), (3, 2)):
         scene = busy_scene(integrator, rows, columns)
@@ -74,9 +77,64 @@ def test_one_block_gives_the_bits_of_the_cpu(integrator: str, precision: str) ->
         assert np.array_equal(state.velocity, expected.velocity), (rows, columns)
 
 
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("integrator", ONE_FORCE)
+def test_tiles_give_the_bits_of_the_cpu(integrator: str, precision: str) -> None:
+    """Several tiles each way, an edge that cuts strips, a number of steps that does not fill the last pass."""
+    scene = busy_scene(integrator, 101, 93)
+    expected = end_state(scene, "cpu", 1001, precision=precision, math="exact")
+    for kernel in ("tiles:32x8x4h4", "resident:32x8x4h4", "resident:24x7x3h1"):
+        state = end_state(scene, "gpu", 1001, precision=precision, math="exact", kernel=kernel)
+        assert np.array_equal(state.position, expected.position), kernel
+        assert np.array_equal(state.velocity, expected.velocity), kernel
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_every_tile_of_the_table_gives_the_bits_of_a_launch_a_step(precision: str) -> None:
+    """Also where two blocks share a multiprocessor, and where tiles are as large as shared memory."""
+    from gpu_backend.choice import RESIDENT, TILES, parsed_tile
+    from gpu_backend.tile_launch import fits_resident
+
+    real = np.float32 if precision == "float32" else np.float64
+    for name in [*RESIDENT[real], TILES[real][0]]:
+        rung = "resident" if name in RESIDENT[real] else "tiles"
+        sizes = [n for n in (1000, 500, 250, 120) if rung == "tiles" or fits_resident(n, n, real, parsed_tile(name))]
+        scene = load_scene("lab-grid").replace({"grid.rows": sizes[0], "grid.columns": sizes[0] + 1})
+        states = []
+        for kernel in ("launch", f"{rung}:{name}"):
+            with open_simulation(scene, "gpu", precision=precision, math="exact", kernel=kernel) as simulation:
+                simulation.advance(150)
+                states.append(simulation.state())
+        assert np.array_equal(states[0].position, states[1].position), name
+        assert np.array_equal(states[0].velocity, states[1].velocity), name
+
+
+@pytest.mark.parametrize("kernel", ["one-block", "tiles:32x8x4h4", "resident:32x8x4h4"])
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_tiles_in_fast_math_stay_within_rounding(kernel: str, precision: str) -> None:
+    """Beside test_fast_math_stays_within_rounding, whose bound this is."""
+    side = 30 if kernel == "one-block" else 70
+    scene = busy_scene("lab", side, side + 1)
+    exact = end_state(scene, "cpu", 300, precision=precision, math="exact")
+    fast = end_state(scene, "gpu", 300, precision=precision, math="fast", kernel=kernel)
+    scale = float(np.abs(exact.position).max())
+    bound = 4 * 300 * np.finfo(precision).eps * scale / (scene.method.dt * 1.5)
+    assert np.abs(fast.position - exact.position).max() < bound
+
+
+def test_tiles_spill_nothing_into_local_memory() -> None:
+    """float32 `tiles` and small `resident` tiles; the largest, which fill the registers, may put a few numbers aside."""
+    for kernel, side, most in (("one-block", 32, 0), ("tiles:64x8x8h4", 200, 0), ("resident:32x8x4h8", 128, 0)):
+        scene = load_scene("lab-grid").replace({"grid.rows": side, "grid.columns": side})
+        with open_simulation(scene, "gpu", kernel=kernel) as simulation:
+            (compiled,) = simulation._tiles._kernel.overloads.values()
+            assert compiled.local_mem_per_thread <= most, kernel
+
+
 def test_a_grid_too_large_for_one_block_is_refused() -> None:
-    with pytest.raises(SceneError, match="1024"):
-        open_simulation(busy_scene("lab"), "gpu", kernel="one-block")
+    scene = load_scene("lab-grid").replace({"grid.rows": 400, "grid.columns": 400})
+    with pytest.raises(SceneError, match="do not fit"):
+        open_simulation(scene, "gpu", kernel="one-block")
 
 
 @pytest.mark.parametrize("integrator", ["lab", "velocity-verlet", "rk4"])

@@ -56,22 +56,82 @@ def test_float32_passes_hold_no_double_and_spill_nothing(integrator: str, math: 
         assert "ld.local" not in text and "st.local" not in text
 
 
-@pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
-def test_the_float32_block_holds_no_double(integrator: str, math: str) -> None:
+def tile_text(kernel: Any, rung: str, real: Any, math: str) -> str:
+    """The PTX of a kernel on tiles."""
     from numba import cuda, types
 
-    from gpu_backend.one_block import make_one_block
-
-    kernel = make_one_block(np.float32, math, integrator, PARTS)
-    pairs, scalars = types.complex64[::1], types.float32[::1]
-    arguments = (
-        pairs, pairs, scalars, types.uint64[::1], types.int64[::1], types.int64, types.uint8[::1], types.int32, types.int32,
-    )  # fmt: skip
+    pairs = (types.complex64 if real is np.float32 else types.complex128)[::1]
+    scalars = (types.float32 if real is np.float32 else types.float64)[::1]
+    constants = (scalars, types.uint64[::1], types.int64[::1])
+    tail = (types.int64, types.uint8[::1], types.int32, types.int32)
+    flags = types.int32[::1]
+    if rung == "resident":
+        arguments = (*(pairs,) * 6, flags, types.int32, flags, *constants, *tail)
+    else:
+        arguments = (*(pairs,) * 4, *constants, types.int64, *tail)
     text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    return text
+
+
+LAB_PARTS = frozenset({"springs", "gravity", "damping", "pins", "poke"})
+
+
+def tile_kernel(
+    rung: str, real: Any, math: str, integrator: str, tile: str, cut: bool = True, parts: frozenset[str] = PARTS
+) -> Any:
+    from gpu_backend.choice import parsed_tile
+    from gpu_backend.tiled_kernels import make_resident, make_tile_pass
+
+    variant = (real, math, integrator, parts, parsed_tile(tile), cut)
+    return make_resident(*variant) if rung == "resident" else make_tile_pass(*variant, rung == "one-block")
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
+@pytest.mark.parametrize("rung,tile", [("one-block", "32x32x1h0"), ("tiles", "64x8x8h4"), ("resident", "64x8x8h4")])
+def test_float32_tiles_hold_no_double_and_keep_strips_in_registers(
+    rung: str, tile: str, integrator: str, math: str
+) -> None:
+    """The random force makes the step of a mass so long that the compiler no longer unrolls a strip of 8."""
+    with_random = tile_text(tile_kernel(rung, np.float32, math, integrator, tile), rung, np.float32, math)
+    assert ".f64" not in with_random
+    kernel = tile_kernel(rung, np.float32, math, integrator, tile, parts=LAB_PARTS)
+    text = tile_text(kernel, rung, np.float32, math)
     assert ".f64" not in text
-    assert "ld.local" not in text
-    assert "ld.shared.v2.f32" in text and "bar.sync" in text
+    assert ".local" not in text  # a strip's arrays are unrolled into registers
+    assert "ld.shared.v2.f32" in text and "st.shared.v2.f32" in text and "bar.sync" in text
+    assert (
+        "ld.shared.f32" not in text and "ld.global.f32" not in text.split("bar.sync", 1)[1]
+    )  # pairs, and constants once
+
+
+@pytest.mark.parametrize("real,word", [(np.float32, "f32"), (np.float64, "f64")])
+def test_resident_blocks_speak_through_release_and_acquire(real: Any, word: str) -> None:
+    text = tile_text(tile_kernel("resident", real, "fast", "lab", "32x8x4h4"), "resident", real, "fast")
+    assert "st.release.gpu.global.s32" in text and "ld.acquire.gpu.global.s32" in text
+    assert f"ld.relaxed.gpu.global.v2.{word}" in text  # borders pass by the first-level cache
+
+
+@pytest.mark.parametrize("rung", ["one-block", "tiles", "resident"])
+def test_a_tile_computes_each_vertical_spring_once(rung: str) -> None:
+    """A strip of n masses has n + 1 springs above and below and 2 n to the sides: 3 n + 1 roots a step, not 4 n."""
+    tile = "32x4x8h0" if rung == "one-block" else "32x4x8h4"
+    text = tile_text(tile_kernel(rung, np.float32, "fast", "lab", tile, cut=False), rung, np.float32, "fast")
+    assert text.count("rsqrt.approx") == 3 * 8 + 1
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+@pytest.mark.parametrize("rung", ["tiles", "resident"])
+def test_exact_tiles_contract_nothing(rung: str, real: Any) -> None:
+    text = tile_text(tile_kernel(rung, real, "exact", "lab", "32x4x4h4"), rung, real, "exact")
+    assert "fma." not in text and "approx" not in text
+
+
+def test_fast_float64_needs_no_branch_for_a_root() -> None:
+    """20 bits from the hardware and one step of arithmetic, where the library's root checks for special numbers."""
+    text = tile_text(tile_kernel("tiles", np.float64, "fast", "lab", "32x4x4h4", False), "tiles", np.float64, "fast")
+    assert text.count("rsqrt.approx.ftz.f64") == 3 * 4 + 1
+    assert "sqrt.rn" not in text
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
@@ -123,3 +183,19 @@ def test_an_absent_part_leaves_no_instruction() -> None:
     loads = [text.count("ld.global") for text in (with_all, bare)]
     assert loads[1] == 4  # position and velocity, and the two constants of the step: nothing else is read
     assert loads[0] > 12
+
+
+@pytest.mark.parametrize("real,word", [(np.float32, "f32"), (np.float64, "f64")])
+def test_the_arithmetic_rate_is_one_of_fused_multiply_adds(real: Any, word: str) -> None:
+    """Nothing but fused products and sums in the loop, in registers, and in float32 no double."""
+    from numba import cuda, types
+
+    from gpu_backend.arithmetic import NUMBERS, UNROLLED, make_chains
+
+    scalar = types.float32 if real is np.float32 else types.float64
+    kernel = make_chains(real).py_func
+    text, _ = cuda.compile_ptx(kernel, (scalar[::1], types.int32, scalar, scalar), cc=(9, 0), fastmath=True)
+    text = text[text.index(".entry") :]
+    assert text.count("fma.rn") >= NUMBERS * UNROLLED
+    assert "ld.local" not in text and "st.local" not in text
+    assert word == "f64" or ".f64" not in text

@@ -33,6 +33,11 @@ def make(real, compiled=plain):
         return a - b
 
     @compiled
+    def quotient(a, b):
+        """a / b; a backend may replace it in `fast` math by a product with 1 / b, the same for every mass."""
+        return a / b
+
+    @compiled
     def lab(position, velocity, acceleration, dt, half_dt_squared):
         """The hand-out's step, kept to the letter: p' = p + v dt + a dt^2/2, v' = (p' - p)/dt.
 
@@ -41,7 +46,7 @@ def make(real, compiled=plain):
         the velocity's digits far from the origin in float32; that is part of the method and is kept in both maths.
         """
         new_position = position + velocity * dt + acceleration * half_dt_squared
-        return new_position, difference(new_position, position) / dt
+        return new_position, quotient(difference(new_position, position), dt)
 
     @compiled
     def semi_implicit_euler(position, velocity, acceleration, dt, half_dt_squared):

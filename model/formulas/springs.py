@@ -14,10 +14,17 @@ def make(real, compiled=plain):
     zero = real(0)
     one = real(1)
 
+    # In `fast` math a backend may replace these two, by approximate instructions and without the branch: for coincident
+    # masses the inverse length need only be finite, since it is multiplied by a difference of 0.
+
+    @compiled
+    def squared_length(dx, dy):
+        return dx * dx + dy * dy
+
     @compiled
     def inverse_length(squared):
-        """1 / sqrt(squared); the CUDA backend replaces it in `fast` math by the approximate instruction."""
-        return one / sqrt(squared)
+        """1 / sqrt(squared), 0 for 0."""
+        return one / sqrt(squared) if squared > zero else zero
 
     @compiled
     def spring_pull_2d(dx, dy, stiffness, stiffness_rest):
@@ -28,13 +35,9 @@ def make(real, compiled=plain):
         (k - k L0 / length) * d: one root, one quotient. Exactly antisymmetric: the pull on the neighbour, computed from
         (-dx, -dy), is the exact negative in any rounding.
 
-        Zero for coincident masses, whose direction is undefined (and where the squared length underflows).
+        Zero for coincident masses, whose direction is undefined: there both differences are 0.
         """
-        squared = dx * dx + dy * dy
-        if squared > zero:
-            scale = stiffness - stiffness_rest * inverse_length(squared)
-        else:
-            scale = zero
+        scale = stiffness - stiffness_rest * inverse_length(squared_length(dx, dy))
         return scale * dx, scale * dy
 
     @compiled

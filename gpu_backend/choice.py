@@ -1,0 +1,112 @@
+"""Which kernel runs a grid, and on which tiles: read off a small measured table, not searched for at run time.
+
+The numbers are microseconds a step of the lab grid on one NVIDIA H200, medians, springs, gravity, damping and two pins
+(`softlab sweep --kernels --backend gpu` measures the kernels anew, `--kernel resident:64x12x4h4` any tile by itself).
+Only their proportions matter for a choice, so that other GPUs are served well enough.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.strips import shared_bytes
+from gpu_backend.tile_launch import blocks_of, device_limits, fits_resident
+from gpu_backend.tiling import Tile
+from model.errors import SceneError
+
+# us a step of `resident` on a tile: all its blocks run at once, so the grid's size does not matter
+RESIDENT = {
+    np.float32: {
+        "32x8x4h10": 0.56,
+        "48x8x4h8": 0.79,
+        "64x12x4h4": 1.78,
+        "104x8x12h4": 3.85,
+    },
+    np.float64: {
+        "32x16x2h10": 0.97,
+        "36x17x2h6": 1.28,
+        "54x13x4h4": 2.68,
+    },
+}
+# of `tiles`: the tile; us a launch at least; us for each million masses of all tiles together, halos counted
+TILES = {np.float32: ("64x4x16h4", 2.0, 2.68), np.float64: ("64x4x8h4", 3.0, 4.1)}
+# of `one-block`: us a step at least, and for each thousand masses more
+ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
+# of `graph`: us a launch, and a million masses
+GRAPH = {np.float32: (1.4, 8.9), np.float64: (1.7, 16.5)}
+
+MOST_THREADS = 1024
+
+
+def one_block_tile(rows: int, columns: int) -> Tile:
+    """A tile that holds the whole grid, with as few masses a thread as may be, one for up to 1024 masses; its sides
+    are powers of two, so that few variants are compiled."""
+    width = 1 << (columns - 1).bit_length()
+    strip = 1
+    while strip < 16 and width * _halved(rows, strip) > MOST_THREADS:
+        strip *= 2
+    return Tile(width, _halved(rows, strip), strip)
+
+
+def _halved(rows: int, strip: int) -> int:
+    """The least power of two of strips that holds the rows."""
+    return 1 << (-(-rows // strip) - 1).bit_length()
+
+
+def _times(rows: int, columns: int, real: Any) -> dict[tuple[str, Tile | None], float]:
+    """What a step should take [us], for each kernel and tile that the grid fits."""
+    launch, million = GRAPH[real]
+    masses = rows * columns
+    times: dict[tuple[str, Tile | None], float] = {("graph", None): max(launch, 1e-6 * masses * million)}
+    tile = one_block_tile(rows, columns)
+    if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1]:
+        least, thousand = ONE_BLOCK[real]
+        times["one-block", tile] = least + 1e-3 * tile.masses * thousand
+    for name, time in RESIDENT[real].items():
+        tile = parsed_tile(name)
+        if fits_resident(rows, columns, real, tile):
+            times["resident", tile] = time
+    name, launch, million = TILES[real]
+    tile = parsed_tile(name)
+    across, down = blocks_of(rows, columns, tile)
+    times["tiles", tile] = max(launch, 1e-6 * across * down * tile.masses * million)
+    return times
+
+
+def best_kernel(rows: int, columns: int, real: Any) -> tuple[str, Tile | None]:
+    """The kernel that should be fastest on a grid, of those that run it, and its tile."""
+    times = _times(rows, columns, real)
+    return min(times, key=lambda choice: times[choice])
+
+
+def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
+    """The tile for a kernel on tiles, or None where none fits."""
+    if kernel == "tiles":
+        return parsed_tile(TILES[real][0])
+    if kernel == "resident":  # also where the choice would never fall on it
+        names = [name for name in RESIDENT[real] if fits_resident(rows, columns, real, parsed_tile(name))]
+        return parsed_tile(min(names, key=lambda name: RESIDENT[real][name])) if names else None
+    tile = one_block_tile(rows, columns)
+    return tile if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1] else None
+
+
+def parsed_tile(text: str) -> Tile:
+    """The tile of a name such as 64x8x8h4: columns x threads down x masses a thread, then the halo."""
+    match = re.fullmatch(r"(\d{1,4})x(\d{1,4})x(\d{1,2})h(\d{1,2})", text)
+    numbers = [int(number) for number in match.groups()] if match else []
+    if not match or min(numbers[:3]) < 1 or numbers[2] > 16:
+        raise SceneError(
+            "--kernel",
+            text,
+            "a tile is written like 64x8x8h4: columns, threads down, masses of a thread (1 to 16), halo",
+        )
+    return Tile(*numbers)
+
+
+def named_tile(option: str) -> tuple[str, Tile | None]:
+    """(kernel, tile) of an option such as `resident`, or `resident:64x8x8h4` for a tile of one's own."""
+    kernel, colon, text = option.partition(":")
+    return kernel, parsed_tile(text) if colon else None
