@@ -17,26 +17,29 @@ from gpu_backend.tile_launch import blocks_of, device_limits, fits_resident
 from gpu_backend.tiling import Tile
 from model.errors import SceneError
 
-# us a step of `resident` on a tile: all its blocks run at once, so the grid's size does not matter
+# us a step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so that the grid's size
+# does not matter beside these
+# begin measured
 RESIDENT = {
     np.float32: {
-        "32x8x4h10": 0.56,
-        "48x8x4h8": 0.79,
-        "64x12x4h4": 1.78,
-        "104x8x12h4": 3.85,
+        "32x8x4h10": {1: 0.56},
+        "48x8x4h8": {1: 0.79},
+        "64x12x4h4": {1: 1.78},
+        "104x8x12h4": {1: 3.85},
     },
     np.float64: {
-        "32x16x2h10": 0.97,
-        "36x17x2h6": 1.28,
-        "54x13x4h4": 2.68,
+        "32x16x2h10": {1: 0.97},
+        "36x17x2h6": {1: 1.28},
+        "54x13x4h4": {1: 2.68},
     },
 }
-# of `tiles`: the tile; us a launch at least; us for each million masses of all tiles together, halos counted
-TILES = {np.float32: ("64x4x16h4", 2.0, 2.68), np.float64: ("64x4x8h4", 3.0, 4.1)}
+# of `tiles`: the tile; us a step at least, and for each million masses of all tiles together, halos counted
+TILES = {np.float32: ("64x4x16h4", 1.4, 2.7), np.float64: ("64x4x8h4", 2.0, 5.03)}
+# end measured
 # of `one-block`: us a step at least, and for each thousand masses more
 ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
-# of `graph`: us a launch, and a million masses
-GRAPH = {np.float32: (1.4, 8.9), np.float64: (1.7, 16.5)}
+# of `graph`: us a launch, and for each million masses more
+GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
 MOST_THREADS = 1024
 
@@ -60,19 +63,23 @@ def _times(rows: int, columns: int, real: Any) -> dict[tuple[str, Tile | None], 
     """What a step should take [us], for each kernel and tile that the grid fits."""
     launch, million = GRAPH[real]
     masses = rows * columns
-    times: dict[tuple[str, Tile | None], float] = {("graph", None): max(launch, 1e-6 * masses * million)}
+    times: dict[tuple[str, Tile | None], float] = {("graph", None): launch + 1e-6 * masses * million}
     tile = one_block_tile(rows, columns)
     if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1]:
         least, thousand = ONE_BLOCK[real]
         times["one-block", tile] = least + 1e-3 * tile.masses * thousand
-    for name, time in RESIDENT[real].items():
+    for name, by_share in RESIDENT[real].items():
         tile = parsed_tile(name)
         if fits_resident(rows, columns, real, tile):
-            times["resident", tile] = time
+            across, down = blocks_of(rows, columns, tile)
+            share = -(-across * down // device_limits()[0])
+            measured = [time for blocks, time in by_share.items() if blocks >= share]
+            if measured:
+                times["resident", tile] = min(measured)
     name, launch, million = TILES[real]
     tile = parsed_tile(name)
     across, down = blocks_of(rows, columns, tile)
-    times["tiles", tile] = max(launch, 1e-6 * across * down * tile.masses * million)
+    times["tiles", tile] = launch + 1e-6 * across * down * tile.masses * million
     return times
 
 
@@ -86,9 +93,9 @@ def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
     """The tile for a kernel on tiles, or None where none fits."""
     if kernel == "tiles":
         return parsed_tile(TILES[real][0])
-    if kernel == "resident":  # also where the choice would never fall on it
-        names = [name for name in RESIDENT[real] if fits_resident(rows, columns, real, parsed_tile(name))]
-        return parsed_tile(min(names, key=lambda name: RESIDENT[real][name])) if names else None
+    if kernel == "resident":
+        times = {tile: time for (name, tile), time in _times(rows, columns, real).items() if name == kernel}
+        return min(times, key=lambda tile: times[tile]) if times else None
     tile = one_block_tile(rows, columns)
     return tile if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1] else None
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.compile import make_kernel, variant_name
 from gpu_backend.pairs import load_pair, store_pair
 from gpu_backend.point import kernel_options, make_moves, make_point_functions
 from model.record import (
@@ -43,10 +44,8 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     current_step, pulls = point.current_step, point.pulls
     has_pins = "pins" in parts
     zero = real(0)
-    jit = cuda.jit(**kernel_options(math))
 
-    def make_kernel(move: Any) -> Any:
-        @jit
+    def make_pass(name: str, move: Any) -> Any:
         def grid_pass(
             position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row, pinned,
             rows, columns,
@@ -68,10 +67,10 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 store_pair(new_position, k, px, py)
                 store_pair(new_velocity, k, vx, vy)
 
-        return grid_pass
+        return make_kernel(grid_pass, variant_name(real, math, integrator, parts, name), **kernel_options(math))
 
     moves = make_moves(real, math, integrator, parts)
-    return {name: make_kernel(move) for name, move in moves.items()}
+    return {name: make_pass(name, move) for name, move in moves.items()}
 
 
 @cache
@@ -87,7 +86,6 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     pulls = point.pulls
     has_pins = "pins" in parts
     zero = real(0)
-    jit = cuda.jit(**kernel_options(math))
 
     def make_stage(stage: int) -> Any:
         offset = real((0.0, 0.5, 0.5, 1.0)[stage])
@@ -95,7 +93,6 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
         k_total = (K_SIXTH_DT, K_THIRD_DT, K_THIRD_DT, K_SIXTH_DT)[stage]
         first, last = stage == 0, stage == 3
 
-        @jit
         def rk4_pass(
             position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
             record, integers, counter, pass_number, pinned_row, pinned, rows, columns,
@@ -132,7 +129,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 store_pair(new_position, k, px, py)
                 store_pair(new_velocity, k, vx, vy)
 
-        return rk4_pass
+        return make_kernel(rk4_pass, variant_name(real, math, parts, stage), **kernel_options(math))
 
     return [make_stage(stage) for stage in range(4)]
 
@@ -141,12 +138,10 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
 def make_tools(real: Any) -> SimpleNamespace:
     """Small kernels around the passes: count steps, look for bad masses, write positions for drawing."""
 
-    @cuda.jit
     def count(counter, steps):
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    @cuda.jit
     def first_bad(position, velocity, bound, result):
         """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
         k = cuda.grid(1)
@@ -157,7 +152,6 @@ def make_tools(real: Any) -> SimpleNamespace:
             if not (inside and still):
                 cuda.atomic.min(result, 0, k)
 
-    @cuda.jit
     def write_position(position, out):
         k = cuda.grid(1)
         if k < position.shape[0]:
@@ -165,4 +159,5 @@ def make_tools(real: Any) -> SimpleNamespace:
             out[k, 0] = p.real
             out[k, 1] = p.imag
 
-    return SimpleNamespace(count=count, first_bad=first_bad, write_position=write_position)
+    kernels = {f.__name__: make_kernel(f, variant_name(real)) for f in (count, first_bad, write_position)}
+    return SimpleNamespace(**kernels)

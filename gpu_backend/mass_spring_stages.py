@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.compile import make_kernel, variant_name
 from gpu_backend.point import kernel_options, make_point_functions
 from model.record import (
     K_DAMPING,
@@ -38,7 +39,10 @@ def make_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
     pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
-    jit = cuda.jit(**kernel_options(math))
+    variant = variant_name(real, math, integrator, parts)
+
+    def jit(function: Callable) -> Any:
+        return make_kernel(function, variant, **kernel_options(math))
 
     @jit
     def spring_forces(position, record, a, rows, columns):

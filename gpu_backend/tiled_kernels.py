@@ -25,6 +25,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.blocks import load_fresh_pair, raise_flag, read_flag
+from gpu_backend.compile import make_kernel, variant_name
 from gpu_backend.device import simulated
 from gpu_backend.pairs import load_pair, store_pair
 from gpu_backend.point import kernel_options, make_moves, make_point_functions
@@ -135,13 +136,6 @@ def blocks_together(real: Any, tile: Tile) -> int:
     return max(1, min(SHARED_MEMORY // shared_bytes(real, tile), threads // tile.threads))
 
 
-def _kernel(function: Any, math: str, tile: Tile, blocks: int = 1) -> Any:
-    """Compile for blocks of tile.threads, `blocks` of which are to fit on one multiprocessor."""
-    if simulated():
-        return cuda.jit(function)
-    return cuda.jit(launch_bounds=(tile.threads, blocks), **kernel_options(math))(function)
-
-
 @cache
 def make_tile_pass(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
@@ -202,7 +196,9 @@ def make_tile_pass(
             mine = bits_between(row_first, row_end, i)
             write(new_position, new_velocity, zero, mine, both, old, place, vx, vy, i, j, columns)
 
-    return _kernel(tile_pass, math, tile, 1 if whole else blocks_together(real, tile))
+    bounds = (tile.threads, 1 if whole else blocks_together(real, tile))
+    variant = variant_name(real, math, integrator, parts, tile.name, cut, whole)
+    return make_kernel(tile_pass, variant, launch_bounds=bounds, **kernel_options(math))
 
 
 @cache
@@ -313,4 +309,6 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             offset = particles - offset
         write(new_position, new_velocity, np.int32(0), mine, both, old, place, vx, vy, i, j, columns)
 
-    return _kernel(resident, math, tile, blocks_together(real, tile))
+    bounds = (tile.threads, blocks_together(real, tile))
+    variant = variant_name(real, math, integrator, parts, tile.name, cut)
+    return make_kernel(resident, variant, launch_bounds=bounds, **kernel_options(math))
