@@ -23,18 +23,18 @@ from model.errors import SceneError
 RESIDENT = {
     np.float32: {
         "32x8x4h10": {1: 0.56},
-        "48x8x4h8": {1: 0.79},
+        "48x8x4h8": {1: 0.83},
         "64x12x4h4": {1: 1.78},
-        "104x8x12h4": {1: 3.85},
+        "104x8x12h4": {1: 4.04},
     },
     np.float64: {
-        "32x16x2h10": {1: 0.97},
-        "36x17x2h6": {1: 1.28},
-        "54x13x4h4": {1: 2.68},
+        "32x16x2h8": {1: 1.0},
+        "36x17x2h6": {1: 1.31},
+        "54x13x4h4": {1: 2.71},
     },
 }
 # of `tiles`: the tile; us a step at least, and for each million masses of all tiles together, halos counted
-TILES = {np.float32: ("64x4x16h4", 1.4, 2.7), np.float64: ("64x4x8h4", 2.0, 5.03)}
+TILES = {np.float32: ("64x4x16h4", 1.4, 2.75), np.float64: ("64x4x8h4", 2.0, 4.91)}
 # end measured
 # of `one-block`: us a step at least, and for each thousand masses more
 ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
