@@ -16,6 +16,7 @@ from typing import Any
 
 import numba
 from numba.core.caching import FunctionCache
+from numba.core.compiler import Compiler as NumbaCompiler
 
 import model.formulas
 
@@ -46,6 +47,18 @@ class _VariantCache(FunctionCache):
         return (sig, codegen.magic_tuple(), self._py_func.__qualname__, source_digest())
 
 
+class _RowPipeline(NumbaCompiler):
+    """numba's pipeline for functions whose array arguments share no memory that is written.
+
+    LLVM is told so. Else it checks at run time whether the arrays overlap, which takes longer than a short row, and
+    above a handful of arrays it does not vectorise at all.
+    """
+
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
+        return super().define_pipelines()
+
+
 def named(function: Callable, variant: str) -> Callable:
     """The function under a name that holds its variant, so that no two variants share a symbol or a cache file."""
     function.__name__ = f"{function.__name__}_{variant}"
@@ -54,7 +67,8 @@ def named(function: Callable, variant: str) -> Callable:
 
 
 class Compiler:
-    """Decorators for one variant: `compiled` for formulas and row functions, `kernel` for what Python calls."""
+    """Decorators for one variant: `compiled` for formulas and helpers, `row` for loops along a row, `kernel` for what
+    Python calls."""
 
     def __init__(self, variant: str, math: str):
         self.variant = variant
@@ -63,11 +77,20 @@ class Compiler:
             "error_model": "numpy",  # without it every quotient keeps a branch that stops vectorisation
             "nogil": True,
         }
+        # only ever called from kernels: without wrappers for Python and C a variant compiles in four fifths of the time;
+        # and they allocate nothing, so that there is nothing to count references of
+        self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Any:
-        # only ever called from kernels: without wrappers for Python and C a variant compiles in four fifths of the time
-        inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        return numba.njit(**self.options, **inner)(named(function, self.variant))
+        return numba.njit(**self.options, **self._inner)(named(function, self.variant))
+
+    def inlined(self, function: Callable) -> Any:
+        """As `compiled`, for functions of so many arguments that passing them costs more than a short row."""
+        return numba.njit(**self.options, **self._inner, forceinline=True)(named(function, self.variant))
+
+    def row(self, function: Callable) -> Any:
+        """A loop along rows. Its array arguments must not overlap, except for those that it only reads."""
+        return numba.njit(**self.options, **self._inner, pipeline_class=_RowPipeline)(named(function, self.variant))
 
     def kernel(self, function: Callable) -> Any:
         """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
@@ -79,14 +102,13 @@ class Compiler:
 
 @cache
 def _empty_region() -> Any:
-    @numba.njit(parallel=True)
     def region(n):
         total = 0
         for k in numba.prange(n):
             total += k
         return total
 
-    return region
+    return Compiler("empty", "exact").kernel(region)
 
 
 def start_threads() -> None:

@@ -1,7 +1,8 @@
 """The mass-spring grid on CPU threads.
 
-Two kernels: `fused` (many steps in one call, see mass_spring_kernels.py) and `stages` (stage by stage over the whole
-grid, see mass_spring_stages.py). In `exact` math both give the same bits, for any number of threads.
+Four kernels, the rungs of a ladder: `stages` (stage by stage over the whole grid, the teaching version), `fused` (one
+pass over the grid a step), `team` (no parallel region a step) and `tiled` (several steps a pass), each in a file of its
+own; choice.py says which is taken when. In `exact` math all give the same bits, for any number of threads.
 """
 
 from __future__ import annotations
@@ -14,18 +15,20 @@ import numba
 import numpy as np
 from numba import prange
 
+from cpu_backend.choice import SPINS, SPINS_CROWDED, choose_kernel, tiling
 from cpu_backend.compile import Compiler
-from cpu_backend.mass_spring_kernels import CLOSING, MIDDLE, OPENING, make_advance
+from cpu_backend.layout import aligned_zeros, padded, plain
+from cpu_backend.mass_spring_kernels import SCRATCH_ROWS, make_advance
 from cpu_backend.mass_spring_stages import bind_stages
+from cpu_backend.progress import GATE_FLAGS, GO, new_flags
 from cpu_backend.rk4_kernels import make_advance_rk4
-from cpu_backend.rows import SCRATCH_PADDING, SCRATCH_ROWS
-from cpu_backend.threads import thread_count
-from model.errors import SceneError
+from cpu_backend.row_step import CLOSING, MIDDLE, OPENING
+from cpu_backend.team_kernel import TEAM_SCRATCH_ROWS, make_team_advance
+from cpu_backend.threads import core_count, thread_count
+from cpu_backend.tiled_kernel import make_tiled_advance
 from model.plan import Executor, mass_spring_plan
 from model.scene import Scene
 from model.simulation import Options, Simulation
-
-KERNELS = ("fused", "stages")
 
 
 @cache
@@ -69,34 +72,48 @@ class MassSpring(Simulation):
         super().__init__(scene, options)
         self.threads = thread_count(threads)
         self.device = processor_name()
-        self.kernel = options.kernel or "fused"
-        if self.kernel not in KERNELS:
-            raise SceneError("--kernel", options.kernel, f"must be one of {', '.join(KERNELS)} on the cpu")
+        self.kernel = choose_kernel(scene, self.real, options.kernel)
         self.plan = mass_spring_plan(scene, options.live)
         rows, columns = self.body.rows, self.body.columns
         self.record = self._record
         self.integers = np.zeros(2, np.uint64)  # seed of the external force; 1 + poked particle, 0 for none
         self.integers[0] = scene.external.seed if scene.external else 0
-        self.states = np.zeros((4 if self._is_rk4 else 2, 4, rows, columns), self.real)  # x, y, vx, vy of each
+        self._layout = plain(rows, columns) if self.kernel == "stages" else padded(rows, columns, self.real)
+        self._integers_of_layout = self._layout.integers()
+        self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
         self._current = 0
-        self._kept = np.zeros((4, rows, columns), self.real)
+        self._kept = np.zeros(self._layout.size, self.real)
         pin_row, pin_column = np.divmod(self.body.pinned, columns)
         self._pin_start = np.searchsorted(pin_row, np.arange(rows + 1)).astype(np.int64)
         self._pin_column = pin_column.astype(np.int64)
         self._pin_row = pin_row
         self._bad = np.full(rows, -1, np.int64)
         self._first_bad_kernel = _make_first_bad(self.real)
-        bands = min(self.threads, rows)
-        self._scratch = np.zeros((bands, SCRATCH_ROWS, columns + 1 + SCRATCH_PADDING), self.real)
-        if self.kernel == "stages":
-            self._executor = Executor(self.plan, bind_stages(self))
-        elif self._is_rk4:
-            self._kernel = make_advance_rk4(self.real, options.math, self.plan.parts)
-            self._executor = Executor(self.plan, {}, self._advance_rk4)
-        else:
-            self._kernel = make_advance(self.real, options.math, scene.method.integrator, self.plan.parts)
-            self._executor = Executor(self.plan, {}, self._advance_passes)
+        self._bands = min(self.threads, rows)
+        self._executor = self._make_executor()
         self.reset()
+
+    def _make_executor(self) -> Executor:
+        """The kernel, compiled or from the cache, with the scratch memory that it needs."""
+        if self.kernel == "stages":
+            return Executor(self.plan, bind_stages(self))
+        bands, width = self._bands, self._layout.stride
+        make: Any = {"fused": make_advance, "team": make_team_advance, "tiled": make_tiled_advance}[self.kernel]
+        variant = self.real, self.options.math, self.scene.method.integrator, self.plan.parts
+        scratch = bands * width * (TEAM_SCRATCH_ROWS if self.kernel == "team" else SCRATCH_ROWS)
+        if self.kernel == "team":
+            self._progress, self._gate = new_flags(bands), new_flags(GATE_FLAGS)
+            self._spins = SPINS if bands <= core_count() else SPINS_CROWDED
+        elif self.kernel == "tiled":
+            self._tiling = tiling(self.real, self._layout.columns)
+            scratch = bands * self._tiling.scratch
+        self._scratch = aligned_zeros(scratch, self.real).reshape(bands, -1)
+        if self._is_rk4:
+            self._kernel = make_advance_rk4(self.real, self.options.math, self.plan.parts)
+            return Executor(self.plan, {}, self._advance_rk4)
+        self._kernel = make(*variant)
+        run = {"fused": self._advance_fused, "team": self._advance_team, "tiled": self._advance_tiled}[self.kernel]
+        return Executor(self.plan, {}, run)
 
     @property
     def _is_rk4(self) -> bool:
@@ -104,33 +121,62 @@ class MassSpring(Simulation):
 
     @property
     def current(self) -> np.ndarray:
-        """(4, rows, columns): x, y, vx, vy now."""
-        return self.states[self._current]
+        """(4, rows, columns): x, y, vx, vy now, a view of the padded storage."""
+        return self._layout.view(self._flat)
+
+    @property
+    def _flat(self) -> np.ndarray:
+        size = self._layout.size
+        return self._states[self._current * size : (self._current + 1) * size]
 
     def _run(self, steps: int) -> None:
-        numba.set_num_threads(self.threads)
+        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
         self._executor.run(self.step, steps)
 
-    def _advance_passes(self, step: int, steps: int) -> None:
+    def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
+        """What every kernel of one-force integrators and velocity Verlet gets first."""
         verlet = self.scene.method.integrator == "velocity-verlet"
-        passes = steps + 1 if verlet else steps
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
-        self._kernel(
-            passes, first, last, step, self.states, self._current, self.record, self.integers, self._pin_start,
-            self._pin_column, self._scratch,
+        return (
+            steps + verlet, first, last, step, self._states, self._current, self._integers_of_layout, self.record,
+            self.integers, self._pin_start, self._pin_column, self._scratch,
         )  # fmt: skip
-        self._current = (self._current + passes) % 2
+
+    def _advance_fused(self, step: int, steps: int) -> None:
+        arguments = self._passes(step, steps)
+        self._kernel(*arguments)
+        self._current = (self._current + arguments[0]) % 2
+
+    def _advance_team(self, step: int, steps: int) -> None:
+        arguments = self._passes(step, steps)
+        passes = arguments[0]
+        if passes > 1:
+            self._progress.fill(0)
+            self._gate.fill(0)
+        self._kernel(*arguments, self._progress, self._gate, self._spins)
+        if passes == 1 or self._gate[1, 0] == GO:
+            self._current = (self._current + passes) % 2
+            return
+        self.kernel = "fused"  # the threads did not come together: nothing was done yet
+        self._executor = self._make_executor()
+        self._run(steps)
+
+    def _advance_tiled(self, step: int, steps: int) -> None:
+        arguments, tiles = self._passes(step, steps), self._tiling
+        self._kernel(*arguments, tiles.levels, tiles.tile, tiles.halo, tiles.width)
+        self._current = (self._current - -arguments[0] // tiles.levels) % 2  # the states changed places once a way
 
     def _advance_rk4(self, step: int, steps: int) -> None:
         self._kernel(
-            steps, step, self.states, self.record, self.integers, self._pin_start, self._pin_column, self._scratch
-        )
+            steps, step, self._states, self._integers_of_layout, self.record, self.integers, self._pin_start,
+            self._pin_column, self._scratch,
+        )  # fmt: skip
 
     def _keep(self) -> None:
-        self._kept[...] = self.current
+        self._kept[...] = self._flat
 
     def _restore(self) -> None:
-        self.current[...] = self._kept
+        self._flat[...] = self._kept
 
     def _first_bad(self) -> int:
         numba.set_num_threads(self.threads)
@@ -143,17 +189,22 @@ class MassSpring(Simulation):
         self.integers[1] = self._poke_particle + 1
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        flat = self.current.reshape(4, -1)
+        flat = self.current.reshape(4, -1)  # a copy, if rows are padded
         return np.ascontiguousarray(flat[:2].T), np.ascontiguousarray(flat[2:].T)
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self.current[:2] = position.T.reshape(self.current[:2].shape)
-        self.current[2:] = velocity.T.reshape(self.current[2:].shape)
+        current = self.current
+        current[:2] = position.T.reshape(current[:2].shape)
+        current[2:] = velocity.T.reshape(current[2:].shape)
+        columns, stride = self._layout.columns, self._layout.stride
+        spare = self._layout.view(self._flat, stride)[:, :, columns:]
+        spare[:2] = current[:2, :, columns - 1 :]  # ghosts, see layout.py
+        spare[2:] = 0
 
     @property
     def pinned_position(self) -> np.ndarray:
         """(2, pins): where the pinned masses are held. They never move, so any state tells."""
-        return self._kept[:2, self._pin_row, self._pin_column]
+        return self._layout.view(self._kept)[:2, self._pin_row, self._pin_column]
 
     def _read_position(self, into: Any) -> Any:
         if into is None:

@@ -9,9 +9,12 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.compile import Compiler
-from cpu_backend.rows import CLOSE_X, make_acceleration_row, variant_name
+from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
+from cpu_backend.mass_spring_kernels import ABOVE_ROWS, SCRATCH_ROWS
+from cpu_backend.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
 from model.formulas import integrators
 from model.record import (
+    K_DAMPING,
     K_DT,
     K_HALF_DT,
     K_SIXTH_DT,
@@ -25,85 +28,108 @@ TARGET = (STAGE_1, STAGE_2, STAGE_1, BASE)
 
 @cache
 def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, step, states, record, integers, pin_start, pin_column, scratches).
+    """advance(steps, step, states, layout, record, integers, pin_start, pin_column, scratches).
 
-    `states` is (4, 4, rows, columns): the state, two stages in turn, the running sum; x, y, vx, vy of each. Each step is
-    four passes over the grid; the last writes the state, which nothing reads any more.
+    The flat array `states` holds, one after the other (see layout.py): the state, two stages in turn, the running sum.
+    Each step is four passes over the grid; the last writes the state, which nothing reads any more. `scratches`:
+    SCRATCH_ROWS rows a band.
     """
-    compiler = Compiler(variant_name(real, math, "rk4", parts), math)
-    compiled = compiler.compiled
+    compiler = Compiler(variant_name("fused", real, math, "rk4", parts), math)
+    compiled, row = compiler.compiled, compiler.row
     rk4_stage = integrators.make(real, compiled).rk4_stage
-    begin_band, accelerate_row, _ = make_acceleration_row(compiler, real, "rk4", parts)
-    has_pins = "pins" in parts
+    forces = make_row_forces(compiler, real, "rk4", parts)
+    begin_walk, sum_row, add_later_parts = forces.begin_walk, forces.sum_row, forces.add_later_parts
+    hold_pins, place_ghosts, damped = forces.hold_pins, forces.place_ghosts, forces.damped
+    has_pins, has_damping, later_parts = "pins" in parts, "damping" in parts, forces.later_parts
+    block = forces.block
     zero, half, one = real(0), real(0.5), real(1)
 
-    @compiled
-    def first_stage(base, rate, count, derivative_dt, total_dt, total, out):
-        for j in range(count):
+    @row
+    def damp(blocks, velocity, record, out):
+        for j in range(blocks * block):
+            out[j] = damped(out[j], velocity[j], record[K_DAMPING])
+
+    @row
+    def first_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
+        for j in range(blocks * block):
             value, total_value = rk4_stage(base[j], rate[j], base[j], derivative_dt, total_dt)
             out[j] = value
             total[j] = total_value
 
-    @compiled
-    def middle_stage(base, rate, count, derivative_dt, total_dt, total, out):
-        for j in range(count):
+    @row
+    def middle_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
+        for j in range(blocks * block):
             value, total_value = rk4_stage(base[j], rate[j], total[j], derivative_dt, total_dt)
             out[j] = value
             total[j] = total_value
 
-    @compiled
-    def last_stage(total, rate, count, total_dt, out):
-        for j in range(count):
+    @row
+    def last_stage(blocks, total, rate, total_dt, out):
+        for j in range(blocks * block):
             _, value = rk4_stage(zero, rate[j], total[j], zero, total_dt)
             out[j] = value
 
     @compiled
-    def update(stage, base, rate, count, record, total, out):
+    def update(stage, blocks, base, rate, record, total, out):
         if stage == 0:
-            first_stage(base, rate, count, record[K_HALF_DT], record[K_SIXTH_DT], total, out)
+            first_stage(blocks, base, rate, record[K_HALF_DT], record[K_SIXTH_DT], total, out)
         elif stage == 1:
-            middle_stage(base, rate, count, record[K_HALF_DT], record[K_THIRD_DT], total, out)
+            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT], total, out)
         elif stage == 2:
-            middle_stage(base, rate, count, record[K_DT], record[K_THIRD_DT], total, out)
+            middle_stage(blocks, base, rate, record[K_DT], record[K_THIRD_DT], total, out)
         else:
-            last_stage(total, rate, count, record[K_SIXTH_DT], out)
+            last_stage(blocks, total, rate, record[K_SIXTH_DT], out)
 
     @compiled
-    def stage_band(band, stage, step, states, record, integers, pin_start, pin_column, scratches):
-        source, base, total = states[SOURCE[stage]], states[BASE], states[TOTAL]
-        out = states[TARGET[stage]]
-        rows, columns = np.int64(base.shape[1]), np.int64(base.shape[2])
-        bands = np.int64(scratches.shape[0])
+    def stage_band(band, stage, step, states, layout, record, integers, pin_start, pin_column, scratches):
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
         first, last = rows * band // bands, rows * (band + 1) // bands
-        scratch = scratches[band]
-        x, y, vx, vy = source[0], source[1], source[2], source[3]
+        size = PLANES * plane
+        base, total = row_at(states, BASE * size), row_at(states, TOTAL * size)
+        source, target = row_at(states, SOURCE[stage] * size), row_at(states, TARGET[stage] * size)
+        above = scratches[band]
+        sums = row_at(above, ABOVE_ROWS * width)
+        blocks = (columns + block - 1) // block
         offset = zero
         if stage == 1 or stage == 2:
             offset = half
         elif stage == 3:
             offset = one
-        begin_band(first, x, y, columns, record, scratch)
+        begin_walk(first, blocks, source, first * stride, stride, plane, record, above, width)
         for i in range(first, last):
-            accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, offset, scratch)
+            here = i * stride
+            below = here + stride if i < rows - 1 else here
+            sum_row(
+                blocks, row_at(source, here), row_at(source, here + plane), row_at(source, below),
+                row_at(source, below + plane), zero, zero, row_at(above, 0), row_at(above, width), record,
+                row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width),
+            )  # fmt: skip
+            if later_parts:
+                add_later_parts(i, np.int64(0), blocks, layout, record, integers, step, offset, sums, width)
             for axis in range(2):
-                update(stage, base[axis, i], source[2 + axis, i], columns, record, total[axis, i], out[axis, i])
+                position, velocity = here + axis * plane, here + (2 + axis) * plane
+                rate = row_at(sums, (CLOSE_X + axis) * width)
+                if has_damping:
+                    damp(blocks, row_at(source, velocity), record, rate)
                 update(
-                    stage, base[2 + axis, i], scratch[CLOSE_X + axis], columns, record, total[2 + axis, i],
-                    out[2 + axis, i],
+                    stage, blocks, row_at(base, position), row_at(source, velocity), record, row_at(total, position),
+                    row_at(target, position),
                 )  # fmt: skip
-            if has_pins:
-                for k in range(pin_start[i], pin_start[i + 1]):
-                    j = pin_column[k]
-                    for axis in range(2):  # a pinned mass stands still, so any stage holds its place
-                        out[axis, i, j] = source[axis, i, j]
-                        out[2 + axis, i, j] = zero
+                update(
+                    stage, blocks, row_at(base, velocity), rate, record, row_at(total, velocity), row_at(target, velocity)
+                )  # fmt: skip
+            if has_pins:  # a pinned mass stands still, so any stage holds its place
+                hold_pins(i, np.int64(0), blocks, source, here, plane, target, here, plane, pin_start, pin_column)
+            place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 
-    def advance(steps, step, states, record, integers, pin_start, pin_column, scratches):
+    def advance(steps, step, states, layout, record, integers, pin_start, pin_column, scratches):
         bands = scratches.shape[0]
         for k in range(4 * steps):
             for band in prange(bands):
                 stage_band(
-                    np.int64(band), k % 4, step + k // 4, states, record, integers, pin_start, pin_column, scratches
-                )
+                    np.int64(band), k % 4, step + k // 4, states, layout, record, integers, pin_start, pin_column,
+                    scratches,
+                )  # fmt: skip
 
     return compiler.kernel(advance)

@@ -1,18 +1,20 @@
-"""The acceleration of a row of masses, for the fused kernels: each spring once, vectorised along the row.
+"""The accelerations of a row of masses, for all kernels but `stages`: each spring once, vectorised along the row.
 
-Storage is a structure of arrays, (rows, columns) each, so that rows are contiguous. The pull along the row goes into a
-row buffer, the pull of the row below is carried to the next row as minus its pull up. Sums are taken in one fixed order,
+Storage is that of layout.py. A walk goes down the rows: the pull along a row is carried from mass to mass, the pull of
+the row below is carried to the next row, where it is minus the pull up. Sums are taken in one fixed order,
 (right + left) + (below + above), then gravity, external, manufactured, poke, damping. Flags are closure constants: a
 part that a scene lacks leaves no code.
 """
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from cpu_backend.compile import Compiler
+from cpu_backend.layout import L_COLUMNS, L_ROWS, block_of, row_at
 from model.formulas import manufactured, random, springs
 from model.record import (
     K_AMPLITUDE,
@@ -28,59 +30,80 @@ from model.record import (
     K_STIFFNESS_REST,
 )  # fmt: skip
 
-# rows of a band's scratch: pulls along the row, pulls from below for two rows in turn, two sums of accelerations
-ALONG_X, ALONG_Y, BELOW_X, BELOW_Y, CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = 0, 1, 2, 3, 6, 7, 8, 9
-SCRATCH_ROWS = 10
-SCRATCH_PADDING = 16  # of the rows' length, so that two bands never write to one cache line
+# rows of accelerations of a band: two sums that belong to the step, and two to the step before (velocity Verlet)
+CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
+SUM_ROWS = 4
 
 
-def variant_name(real: Any, math: str, integrator: str, parts: frozenset[str]) -> str:
+def variant_name(kernel: str, real: Any, math: str, integrator: str, parts: frozenset[str]) -> str:
     """A name, fit for a symbol, that tells every variant of a kernel apart."""
-    words = [np.dtype(real).name, math, integrator.replace("-", "_"), *sorted(parts)]
+    words = [kernel, np.dtype(real).name, math, integrator.replace("-", "_"), *sorted(parts)]
     return "_".join(words)
 
 
-def make_acceleration_row(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
-    """accelerate_row(...): the acceleration of every mass of a row, into the band's scratch."""
+def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """What the kernels of a variant build their rows from; see the attributes' docstrings.
+
+    `two_sums`: whether velocity Verlet's two kicks need accelerations of their own, since their random forces belong to
+    different steps. `later_parts`: whether there are parts that are added after the springs and gravity, row by row.
+    """
     compiled = compiler.compiled
+    block = block_of(real)
     spring_pull_2d, damped = springs.make(real, compiled)
     philox = random.make_philox(compiled)
     external = random.make(real, compiled).add_external
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
     has_springs, has_gravity = "springs" in parts, "gravity" in parts
     has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
-    has_damping = "damping" in parts and integrator != "velocity-verlet"
-    two_sums = has_external and integrator == "velocity-verlet"  # its two kicks belong to different steps
+    two_sums = has_external and integrator == "velocity-verlet"
     zero = real(0)
 
     @compiled
-    def pull_along(x, y, count, stiffness, stiffness_rest, out_x, out_y):
-        for j in range(count):
-            pull_x, pull_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
-            out_x[j + 1] = pull_x
-            out_y[j + 1] = pull_y
+    def sum_pulls(right, left, below, above):
+        return (right - left) + (below - above)
 
     @compiled
-    def pull_from_below(x, y, x_below, y_below, count, stiffness, stiffness_rest, out_x, out_y):
-        for j in range(count):
+    def with_gravity(acceleration, record):
+        if has_gravity:
+            return acceleration + record[K_GRAVITY]
+        return acceleration
+
+    @compiler.row
+    def pull_from_below(blocks, x, y, x_below, y_below, record, out_x, out_y):
+        """Pulls on the masses of a row from those below; also what the row below is pulled up by, with the other sign."""
+        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        for j in range(blocks * block):
             pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
             out_x[j] = pull_x
             out_y[j] = pull_y
 
     @compiled
-    def combine(along, below, above, count, constant, out):
-        for j in range(count):
-            out[j] = (along[j + 1] - along[j]) + (below[j] - above[j]) + constant
+    def pull_from_left(source, here, plane, column, record):
+        """The pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's edge."""
+        if has_springs and column > 0:
+            return spring_pull_2d(
+                source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], record[K_STIFFNESS],
+                record[K_STIFFNESS_REST],
+            )  # fmt: skip
+        return zero, zero
 
-    @compiled
-    def combine_alone(along, below, above, count, out):
-        for j in range(count):
-            out[j] = (along[j + 1] - along[j]) + (below[j] - above[j])
-
-    @compiled
-    def damp(velocity, count, rate, out):
-        for j in range(count):
-            out[j] = damped(out[j], velocity[j], rate)
+    @compiler.row
+    def sum_row(blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, record, close_x, close_y):
+        """Springs and gravity of a row into `close`. `above` comes in as the pulls between this row and the one above,
+        and leaves as those between it and the one below; the last row is its own row below, which does not pull."""
+        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        for j in range(blocks * block):
+            ax, ay = zero, zero
+            if has_springs:
+                right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
+                below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
+                ax = sum_pulls(right_x, left_x, below_x, above_x[j])
+                ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+                left_x, left_y = right_x, right_y
+                above_x[j] = below_x
+                above_y[j] = below_y
+            close_x[j] = ax
+            close_y[j] = with_gravity(ay, record)
 
     @compiled
     def add_external(out_x, out_y, count, first, step, seed, magnitude):
@@ -90,90 +113,89 @@ def make_acceleration_row(compiler: Compiler, real: Any, integrator: str, parts:
             out_y[j] = external(out_y[j], magnitude, word_y)
 
     @compiled
-    def begin_band(first, x, y, columns, record, scratch):
-        """The pull between row `first` and the row above it, which belongs to another band."""
-        if has_springs:
-            above = np.int64((first + 1) % 2)
-            if first > 0:
-                pull_from_below(
-                    x[first - 1], y[first - 1], x[first], y[first], columns, record[K_STIFFNESS], record[K_STIFFNESS_REST],
-                    scratch[BELOW_X + 2 * above], scratch[BELOW_Y + 2 * above],
-                )  # fmt: skip
-            else:
-                scratch[BELOW_X + 2 * above, :] = zero
-                scratch[BELOW_Y + 2 * above, :] = zero
-
-    @compiled
-    def accelerate_row(i, x, y, vx, vy, rows, columns, record, integers, step, offset, scratch):
-        close_x, close_y = scratch[CLOSE_X], scratch[CLOSE_Y]
-        if has_springs:
-            below = np.int64(i % 2)
-            above = np.int64((i + 1) % 2)
-            along_x, along_y = scratch[ALONG_X], scratch[ALONG_Y]
-            below_x, below_y = scratch[BELOW_X + 2 * below], scratch[BELOW_Y + 2 * below]
-            above_x, above_y = scratch[BELOW_X + 2 * above], scratch[BELOW_Y + 2 * above]
-            along_x[0] = zero
-            along_y[0] = zero
-            pull_along(x[i], y[i], columns - 1, record[K_STIFFNESS], record[K_STIFFNESS_REST], along_x, along_y)
-            along_x[columns] = zero
-            along_y[columns] = zero
-            if i < rows - 1:
-                pull_from_below(
-                    x[i],
-                    y[i],
-                    x[i + 1],
-                    y[i + 1],
-                    columns,
-                    record[K_STIFFNESS],
-                    record[K_STIFFNESS_REST],
-                    below_x,
-                    below_y,
-                )
-            else:
-                below_x[:] = zero
-                below_y[:] = zero
-            combine_alone(along_x, below_x, above_x, columns, close_x)
-            if has_gravity:
-                combine(along_y, below_y, above_y, columns, record[K_GRAVITY], close_y)
-            else:
-                combine_alone(along_y, below_y, above_y, columns, close_y)
-        else:
-            close_x[:] = zero
-            if has_gravity:
-                close_y[:] = record[K_GRAVITY]
-            else:
-                close_y[:] = zero
+    def add_later_parts(i, column, blocks, layout, record, integers, step, offset, sums, width):
+        """External, manufactured and poke forces onto the sums of row `i` from `column` on, in this order."""
+        rows, columns = layout[L_ROWS], layout[L_COLUMNS]
+        count = min(blocks * block, columns - column)
+        close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
+        open_x, open_y = row_at(sums, OPEN_X * width), row_at(sums, OPEN_Y * width)
         if two_sums:
-            open_x, open_y = scratch[OPEN_X], scratch[OPEN_Y]
-            open_x[:] = close_x
-            open_y[:] = close_y
-            add_external(open_x, open_y, columns, i * columns, step, integers[0], record[K_EXTERNAL])
-            add_external(close_x, close_y, columns, i * columns, step - 1, integers[0], record[K_EXTERNAL])
+            for j in range(count):
+                open_x[j] = close_x[j]
+                open_y[j] = close_y[j]
+            add_external(open_x, open_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
+            add_external(close_x, close_y, count, i * columns + column, step - 1, integers[0], record[K_EXTERNAL])
         elif has_external:
-            add_external(close_x, close_y, columns, i * columns, step, integers[0], record[K_EXTERNAL])
+            add_external(close_x, close_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
         if has_manufactured:
             time = stage_time(step, offset, record[K_DT])
-            for j in range(columns):
+            for j in range(count):
                 force_x, force_y = manufactured_acceleration(
-                    i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
+                    i, column + j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
                     record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
                 )  # fmt: skip
                 close_x[j] += force_x
                 close_y[j] += force_y
                 if two_sums:
-                    scratch[OPEN_X, j] += force_x
-                    scratch[OPEN_Y, j] += force_y
+                    open_x[j] += force_x
+                    open_y[j] += force_y
         if has_poke:
-            poked = np.int64(integers[1])  # 1 + particle, 0 for none
-            if poked > 0 and (poked - 1) // columns == i:
-                j = (poked - 1) % columns
+            poked = np.int64(integers[1]) - 1  # -1: none
+            j = poked - i * columns - column
+            if poked >= 0 and poked // columns == i and j >= 0 and j < count:
                 close_x[j] += record[K_POKE_X]
                 close_y[j] += record[K_POKE_Y]
                 if two_sums:
-                    scratch[OPEN_X, j] += record[K_POKE_X]
-                    scratch[OPEN_Y, j] += record[K_POKE_Y]
-        if has_damping:
-            damp(vx[i], columns, record[K_DAMPING], close_x)
-            damp(vy[i], columns, record[K_DAMPING], close_y)
+                    open_x[j] += record[K_POKE_X]
+                    open_y[j] += record[K_POKE_Y]
 
-    return begin_band, accelerate_row, two_sums
+    @compiled
+    def begin_walk(i, blocks, source, here, stride, plane, record, above, width):
+        """The pulls between row `i`, where a walk begins, and the row above it; `here`: where row i begins."""
+        if has_springs:
+            above_x, above_y = row_at(above, 0), row_at(above, width)
+            if i > 0:
+                up = here - stride
+                pull_from_below(
+                    blocks, row_at(source, up), row_at(source, up + plane), row_at(source, here),
+                    row_at(source, here + plane), record, above_x, above_y,
+                )  # fmt: skip
+            else:
+                for j in range(blocks * block):
+                    above_x[j] = zero
+                    above_y[j] = zero
+
+    @compiled
+    def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
+        """Pinned masses of row `i` stay where `source` has them, at rest."""
+        for k in range(pin_start[i], pin_start[i + 1]):
+            j = pin_column[k] - column
+            if j >= 0 and j < blocks * block:
+                for axis in range(2):
+                    target[there + axis * target_plane + j] = source[here + axis * source_plane + j]
+                    target[there + (2 + axis) * target_plane + j] = zero
+
+    @compiler.row
+    def ghosts_of(x, y, last_x, last_y, spare):
+        """The last `spare` columns of a block take the place of the mass before them."""
+        for j in range(block):
+            x[j] = last_x if j >= block - spare else x[j]
+            y[j] = last_y if j >= block - spare else y[j]
+
+    @compiled
+    def place_ghosts(column, blocks, layout, target, there, target_plane):
+        """Where a row that was written reaches the grid's edge, its ghosts follow its last mass."""
+        first = layout[L_COLUMNS] - column
+        if has_springs and first <= blocks * block:
+            spare = block - first % block
+            start = there + first + spare - block
+            last_x, last_y = row_at(target, there + first - 1)[0], row_at(target, there + target_plane + first - 1)[0]
+            ghosts_of(row_at(target, start), row_at(target, start + target_plane), last_x, last_y, spare)
+
+    return SimpleNamespace(
+        block=block, two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke,
+        has_springs=has_springs, has_gravity=has_gravity, has_pins="pins" in parts, has_damping="damping" in parts,
+        spring_pull_2d=spring_pull_2d, damped=damped, sum_pulls=sum_pulls, with_gravity=with_gravity,
+        pull_from_left=pull_from_left, sum_row=sum_row, add_later_parts=add_later_parts, begin_walk=begin_walk,
+        hold_pins=hold_pins, place_ghosts=place_ghosts,
+    )  # fmt: skip
