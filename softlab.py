@@ -59,6 +59,12 @@ def _scene(name: str, settings: list[str] | None) -> Any:
     return load_scene(name).replace(parse_settings(settings))
 
 
+def _precisions(chosen: list[str] | None) -> tuple[str, ...]:
+    from model.simulation import PRECISIONS, Options
+
+    return tuple(dict.fromkeys(Options(name).precision for name in chosen or PRECISIONS))
+
+
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --backend gpu --set grid.rows=256 --json")
 def run(
     scene: SceneName,
@@ -67,7 +73,10 @@ def run(
     precision: Precision = "float32",
     math: Math = "fast",
     kernel: Annotated[
-        str | None, typer.Option(help="Force a kernel; cpu: fused, stages; gpu: graph, launch, stages.")
+        str | None,
+        typer.Option(
+            help="Force a kernel; cpu: fused, team, tiled, stages; gpu: one-block, resident, tiles, graph, launch, stages."
+        ),
     ] = None,
     steps: Annotated[int | None, typer.Option(help="Steps to do (default 1000).")] = None,
     time: Annotated[float | None, typer.Option(help="Seconds to simulate, rounded to whole steps.")] = None,
@@ -136,17 +145,63 @@ def sweep(
     max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
     total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
     graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
+    repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
+    min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    kernels: Annotated[
+        bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
+    ] = False,
+    kernel: Annotated[list[str] | None, typer.Option(help="With --kernels: only this one. Repeatable.")] = None,
+    energy: Annotated[bool, typer.Option(help="With --kernels: joules, where the machine counts them.")] = True,
+    starts: Annotated[bool, typer.Option(help="With --kernels: the time to a first step, too.")] = True,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp).")
+    ] = False,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
     from bench.store import Store
     from bench.sweep import run_sweep
-    from bench.tables import print_sweep
+    from bench.tables import print_kernels, print_sweep
 
+    if peers and (kernels or kernel):
+        from model.errors import SceneError
+
+        raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
+    if kernels:
+        from bench.kernel_sweep import run_kernel_sweep
+
+        with Store(store) as opened:
+            summary = run_kernel_sweep(
+                opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds, total_seconds=total_seconds,
+                repeats=repeats, min_seconds=min_ms and min_ms / 1000, precisions=_precisions(precision),
+                kernels=kernel, energy=energy, starts=starts, command=" ".join(["softlab", *sys.argv[1:]]),
+            )  # fmt: skip
+            print_kernels(out, opened, summary.machine)
+            print_sweep(out, summary)
+        if summary.interrupted:
+            raise typer.Exit(130)
+        return
+    if peers:
+        from bench.peer_results import print_peers
+        from bench.peer_sweep import run_peers
+
+        with Store(store) as opened:
+            summary = run_peers(
+                opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds, total_seconds=total_seconds,
+                repeats=repeats, min_seconds=min_ms and min_ms / 1000, precisions=_precisions(precision),
+                command=" ".join(["softlab", *sys.argv[1:]]),
+            )  # fmt: skip
+            print_peers(out, opened, summary.machine)
+            print_sweep(out, summary)
+        if summary.interrupted:
+            raise typer.Exit(130)
+        return
     with Store(store) as opened:
         summary = run_sweep(
             opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds,
-            total_seconds=total_seconds, graphics=graphics,
+            total_seconds=total_seconds, graphics=graphics, repeats=repeats, min_seconds=min_ms and min_ms / 1000,
+            precisions=_precisions(precision),
             command=" ".join(["softlab", *sys.argv[1:]]),
         )  # fmt: skip
         print_sweep(out, summary)

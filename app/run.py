@@ -133,7 +133,7 @@ def _warm_up(simulation: Simulation, start: State, steps: int) -> None:
     if steps == 0:
         return
     try:
-        simulation.advance(min(steps, WARM_UP_STEPS) if simulation.kernel == "graph" else 1)
+        simulation.advance(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
         simulation.check()
     except Diverged:
         pass  # the run itself will find and report it

@@ -9,107 +9,21 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from typing import Any
 
 from app.driver import open_simulation
+from bench.cases import Case, Costs, Effort, SweepSummary, record_skip
 from bench.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
 from bench.machine import gpu_or_reason, gpu_simulated
-from bench.results import ITEM_BYTES
 from bench.store import Store
-from bench.timing import DRAW_EVERY, Neighbours, Renderer, Subject, choose_steps, interleaved, warm_up
+from bench.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
 from cpu_backend.threads import thread_count
 from model.errors import Diverged, SoftlabError
-from model.scene import Scene
 from model.simulation import Simulation
 
 PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no text
-
-Costs = dict[tuple[Any, ...], tuple[int, float, float]]  # kind of case -> (particles, seconds a step, to restore)
-
-
-@dataclass(frozen=True)
-class Effort:
-    """`repeats` samples of `min_seconds` [s] each; `max_seconds`: the most for one configuration; `total_seconds`."""
-
-    repeats: int
-    min_seconds: float
-    max_seconds: float
-    total_seconds: float | None
-
-
-@dataclass
-class SweepSummary:
-    """What a sweep did. `machine`, `run`: their keys in the store. `measured`, `held`: configurations timed now, and
-    found complete in the store; `samples` new ones, `suspect` of them; `skipped`: (configuration in words, reason);
-    `wrong`: (configuration, failed check); `seconds` of wall time, `compile_seconds` of them to compile or load
-    kernels; `interrupted`: by Ctrl-C. `run` is empty where there was nothing to measure."""
-
-    machine: str
-    run: str
-    measured: int = 0
-    held: int = 0
-    samples: int = 0
-    suspect: int = 0
-    skipped: list[tuple[str, str]] = field(default_factory=list)
-    wrong: list[tuple[str, str]] = field(default_factory=list)
-    seconds: float = 0.0
-    compile_seconds: float = 0.0
-    interrupted: bool = False
-
-
-@dataclass(frozen=True)
-class Case:
-    """One configuration to time. `word`, `threads`: 1x and what it means here, None on the GPU; `sources`: the hash of
-    what is measured; `description`: the configuration as the store names it."""
-
-    scene: Scene
-    backend: str
-    word: str | None
-    threads: int | None
-    precision: str
-    graphics: bool
-    description: dict[str, Any]
-    sources: str
-
-    def __str__(self) -> str:
-        grid = self.scene.grid
-        words = [f"{grid.rows} x {grid.columns}", self.backend, self.word, self.precision]
-        return " ".join(filter(None, words)) + (" with graphics" if self.graphics else "")
-
-    @property
-    def particles(self) -> int:
-        return self.scene.grid.particle_count
-
-    @property
-    def least_steps(self) -> int:
-        return DRAW_EVERY if self.graphics else 1
-
-    @property
-    def simulation_kind(self) -> tuple[Any, ...]:
-        """What the cases that can share one opened simulation have in common."""
-        return (self.backend, self.threads, self.precision)
-
-    @property
-    def kind(self) -> tuple[Any, ...]:
-        """What the cases have in common whose costs tell of each other."""
-        return (*self.simulation_kind, self.graphics)
-
-    @property
-    def host_bytes(self) -> int:
-        """Main memory that its simulation takes, roughly: the body and what loading a state copies, and the state."""
-        return self.particles * (72 + (20 if self.backend == "cpu" else 16) * ITEM_BYTES[self.precision])
-
-    def open(self) -> Simulation:
-        return open_simulation(self.scene, self.backend, threads=self.word or "1x", precision=self.precision)
-
-
-def record_skip(store: Store, summary: SweepSummary, case: Case, reason: str) -> None:
-    """Put the reason why a case was not measured into the store and the summary."""
-    summary.skipped.append((str(case), reason))
-    store.add_measure(summary.run, case.description, case.sources, "skipped", None, "", reason)
 
 
 class GroupRunner:
@@ -117,6 +31,8 @@ class GroupRunner:
 
     `costs` gains what each kind of case took. `backends`: those that may be opened for a comparison.
     """
+
+    refusals: tuple[type[Exception], ...] = (SoftlabError, MemoryError)  # what ends a case, not the sweep
 
     def __init__(
         self,
@@ -142,8 +58,8 @@ class GroupRunner:
                 if kind not in simulations and kind not in refused:
                     try:
                         simulations[kind] = self._open(case, stack)
-                    except (SoftlabError, MemoryError) as error:
-                        refused[kind] = str(error) or "not enough memory"
+                    except self.refusals as error:
+                        refused[kind] = str(error) or type(error).__name__
                         self._diverged(case, error)
                 if kind in refused:
                     record_skip(self.store, self.summary, case, refused[kind])
@@ -158,26 +74,30 @@ class GroupRunner:
         """The simulation, its kernels compiled; the first of its variant in this process is timed at that."""
         self.tell(f"{case}: opening")
         begin = time.perf_counter()
-        simulation = stack.enter_context(case.open())
+        simulation = self._enter(case, stack)
         first = time.perf_counter() - begin + self._first_steps(simulation)
         variant = (case.backend, case.precision, simulation.kernel)
         if variant not in self._compiled:
             self._compiled.add(variant)
             begin = time.perf_counter()
-            simulation.reset()
+            simulation.rewind()
             again = time.perf_counter() - begin + self._first_steps(simulation)
             seconds = max(0.0, first - again)
             self.summary.compile_seconds += seconds
             if not self.store.sample_count(case.description, self.summary.machine, case.sources, "compile"):
                 self.store.add_sample(self.summary.run, case.description, case.sources, seconds, 0, stage="compile")
-        simulation.reset()
+        simulation.rewind()  # to the start, which opening put aside
         return simulation
+
+    def _enter(self, case: Case, stack: ExitStack) -> Simulation:
+        """The simulation of a case, closed with the stack."""
+        return stack.enter_context(case.open())
 
     @staticmethod
     def _first_steps(simulation: Simulation) -> float:
         begin = time.perf_counter()
         simulation.advance(1)
-        simulation.check()
+        simulation.check(keep=False)
         simulation.synchronize()
         return time.perf_counter() - begin
 
@@ -224,7 +144,7 @@ class GroupRunner:
             if kind[0] == name and kind[2] == case.precision:
                 return against_other(simulation, other)
         threads = thread_count("1x") if name == "cpu" else None
-        particles, seconds, _ = self.costs.get((name, threads, case.precision, False), (case.particles, 0.0, 0.0))
+        particles, seconds, _ = self.costs.get((name, threads, case.precision, None, False), (case.particles, 0.0, 0.0))
         needed = seconds * case.particles / particles * OWN_SIZE_STEPS
         if needed > self.effort.max_seconds:
             return f"the {name} would take about {needed:.0f} s for {OWN_SIZE_STEPS} steps of this size"
@@ -266,17 +186,17 @@ class GroupRunner:
             try:
                 warm_up(subject)
                 least = subject.restore_seconds + subject.seconds_per_step * case.least_steps
-                needed = (self.effort.repeats + 1) * least
+                needed = (self.effort.repeats_of(case) + 1) * least
                 self.costs[case.kind] = (case.particles, subject.seconds_per_step, subject.restore_seconds)
                 if needed > self.effort.max_seconds:
                     reason = f"would take {needed:.0f} s, over --max-seconds {self.effort.max_seconds:g}"
                     record_skip(self.store, self.summary, case, reason)
                     continue
-                most = self.effort.max_seconds / (self.effort.repeats + 2) - subject.restore_seconds
+                most = self.effort.max_seconds / (self.effort.repeats_of(case) + 2) - subject.restore_seconds
                 choose_steps(subject, self.effort.min_seconds, most)
-            except SoftlabError as error:
+            except self.refusals as error:
                 self._diverged(case, error)
-                record_skip(self.store, self.summary, case, str(error))
+                record_skip(self.store, self.summary, case, str(error) or type(error).__name__)
                 continue
             subjects.append(subject)
         return subjects
@@ -290,15 +210,18 @@ class GroupRunner:
         except (SoftlabError, ImportError, MemoryError) as error:
             return f"no off-screen drawing: {error}"
 
+    def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
+        return interleaved(subjects, wanted, self._neighbours)
+
     def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
         """Sample the subjects in turn; each sample is on disk before the next one starts."""
         summary, store = self.summary, self.store
         wanted = [
-            self.effort.repeats - store.sample_count(s.name.description, summary.machine, s.name.sources)
+            self.effort.repeats_of(s.name) - store.sample_count(s.name.description, summary.machine, s.name.sources)
             for s in subjects
         ]
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
-        for subject, sample in interleaved(subjects, wanted, self._neighbours):
+        for subject, sample in self._interleaved(subjects, wanted):
             case = subject.name
             marks = [sample.suspect, warnings.get(case.simulation_kind)]
             if case.backend == "gpu" and gpu_simulated():

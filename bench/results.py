@@ -91,9 +91,10 @@ class Timing:
     `seconds_per_step`: one per sample [s]; of stages without steps (compile) the plain seconds. `median`, `low`, `high`
     (least and most) [s] a step; `spread`: (75th - 25th percentile) / median. `suspect`: reasons, empty where there are
     none. `error` in units of the spacing, None with `error_reason`; with a value, `error_reason` tells how it was had.
-    `thread_word`: 1x, 2x, 4x of the machine's cores or the number; None on the GPU. `bytes_per_step`: what one fused
-    pass over the state moves. `joules_per_step`: median [J], None where the machine does not tell. `graphics` timings
-    hold stepping and drawing together; what drawing costs is the difference to the same timing without.
+    `kernel`: the one that ran; `chosen`: by the backend itself, not forced. `thread_word`: 1x, 2x, 4x of the machine's
+    cores or the number; None on the GPU. `bytes_per_step`: what one fused pass over the state moves. `joules_per_step`:
+    median [J], None where the machine does not tell. `graphics` timings hold stepping and drawing together; what drawing
+    costs is the difference to the same timing without.
     """
 
     machine: str
@@ -101,6 +102,7 @@ class Timing:
     sources: str
     backend: str
     kernel: str
+    chosen: bool
     threads: int | None
     thread_word: str | None
     layer: str | None
@@ -240,6 +242,7 @@ def _timing(
             for name in ("backend", "threads", "layer", "wait_policy", "precision", "math", "graphics", "peer")
         },
         kernel=kernel.reason or "auto" if kernel and description["kernel"] == "auto" else description["kernel"],
+        chosen=description["kernel"] == "auto",
         thread_word=_thread_word(description["threads"], cores),
         rows=grid["rows"],
         columns=grid["columns"],

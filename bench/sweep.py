@@ -15,8 +15,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from bench.cases import Case, Costs, Effort, SweepSummary, record_skip
 from bench.machine import enter_machine, gpu_or_reason, gpu_simulated, source_revision
-from bench.measure_group import Case, Costs, Effort, GroupRunner, SweepSummary, record_skip
+from bench.measure_group import GroupRunner
 from bench.results import configuration, timings
 from bench.store import Store, configuration_hash
 from bench.timing import MEASUREMENT
@@ -108,6 +109,29 @@ def cases_of(
     return list(cases.values())
 
 
+def choose_effort(
+    quick: bool,
+    max_seconds: float | None = None,
+    total_seconds: float | None = None,
+    repeats: int | None = None,
+    min_seconds: float | None = None,
+) -> Effort:
+    """The preset, with what was asked for instead. Raises SceneError for what is no positive number."""
+    for name, value in (
+        ("--max-seconds", max_seconds), ("--total-seconds", total_seconds), ("--repeats", repeats),
+        ("--min-ms", min_seconds),
+    ):  # fmt: skip
+        if value is not None and not 0 < value < float("inf"):
+            raise SceneError(name, value, "must be greater than 0 and finite")
+    preset = QUICK if quick else FULL
+    return Effort(
+        repeats or preset.repeats,
+        min_seconds or preset.min_seconds,
+        max_seconds or preset.max_seconds,
+        total_seconds or preset.total_seconds,
+    )
+
+
 def run_sweep(
     store: Store,
     *,
@@ -134,23 +158,14 @@ def run_sweep(
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
     begin = time.perf_counter()
-    for name, value in (("--max-seconds", max_seconds), ("total_seconds", total_seconds), ("repeats", repeats)):
-        if value is not None and not 0 < value < float("inf"):
-            raise SceneError(name, value, "must be greater than 0 and finite")
     base = scene if isinstance(scene, Scene) else load_scene(scene)
-    preset = QUICK if quick else FULL
-    effort = Effort(
-        repeats or preset.repeats,
-        min_seconds or preset.min_seconds,
-        max_seconds or preset.max_seconds,
-        total_seconds or preset.total_seconds,
-    )
+    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
     chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
     for word in threads:
         thread_count(word)  # refuse an impossible word before anything is measured
     revision = source_revision()  # before any thread runs
     summary = SweepSummary(enter_machine(store), "")
-    sweep = _Sweep(store, effort, summary, begin, chosen_backends)
+    sweep = Sweep(store, effort, summary, begin, chosen_backends)
     work: Work = []
     for rows, columns in chosen_shapes:
         sized = base.replace({"grid.rows": rows, "grid.columns": columns})
@@ -168,7 +183,7 @@ def run_sweep(
     return summary
 
 
-class _Sweep:
+class Sweep:
     """One sweep under way: what is known of costs, what is left of the time."""
 
     def __init__(self, store: Store, effort: Effort, summary: SweepSummary, begin: float, backends: Sequence[str]):
@@ -177,7 +192,10 @@ class _Sweep:
         self.no_graphics: str | None = None
         self.costs: Costs = {}
         for timing in timings(store, summary.machine):
-            kind = (timing.backend, timing.threads, timing.precision, timing.graphics)
+            if timing.peer is not None:
+                continue
+            asked = None if timing.chosen else timing.kernel
+            kind = (timing.backend, timing.threads, timing.precision, asked, timing.graphics)
             self.costs[kind] = (timing.particles, timing.median, 0.0)
 
     def pending(self, work: Work) -> Work:
@@ -190,8 +208,8 @@ class _Sweep:
                 pending.append((scene, missing))
         return pending
 
-    def run(self, pending: Work, show: bool) -> None:
-        """Measure the grids one after another."""
+    def run(self, pending: Work, show: bool, runner_class: type[GroupRunner] = GroupRunner) -> None:
+        """Measure the grids one after another, each with a runner of the class."""
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -201,7 +219,7 @@ class _Sweep:
         with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
             weights = {id(case): self._weight(case) for _, cases in pending for case in cases}
             task = bar.add_task("sweep", total=sum(weights.values()) or 1)
-            runner = GroupRunner(
+            runner = runner_class(
                 self.store,
                 self.effort,
                 self.summary,
@@ -216,7 +234,8 @@ class _Sweep:
                 bar.advance(task, sum(weights[id(case)] for case in cases))
 
     def _missing(self, case: Case) -> int:
-        return self.effort.repeats - self.store.sample_count(case.description, self.summary.machine, case.sources)
+        held = self.store.sample_count(case.description, self.summary.machine, case.sources)
+        return self.effort.repeats_of(case) - held
 
     def _skip(self, case: Case, reason: str) -> None:
         record_skip(self.store, self.summary, case, reason)
@@ -233,7 +252,7 @@ class _Sweep:
     def _weight(self, case: Case) -> float:
         """Seconds that a case may take, roughly: for the bar's time left."""
         each = max(self.effort.min_seconds, case.particles * case.least_steps * (2e-7 if case.graphics else 2e-9))
-        return min(self.effort.max_seconds, (self.effort.repeats + 2) * each) + case.particles * 1e-7
+        return min(self.effort.max_seconds, (self.effort.repeats_of(case) + 2) * each) + case.particles * 1e-7
 
     def estimate(self, case: Case) -> float | None:
         """Seconds that all repeats of a case take, from the same kind at the last size, scaled; None: not known."""

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bench.measure_group import SweepSummary
+from bench.cases import LADDER, SweepSummary
 from bench.results import Store, timings
 
 
@@ -46,7 +46,7 @@ def print_fastest(console: Console, store: Store, machine: str) -> None:
     rows: dict[tuple[int, int], dict[str, str]] = {}
     heads: list[str] = []
     for timing in sorted(timings(store, machine), key=lambda t: (t.backend, t.threads or 0)):
-        if timing.graphics or timing.precision != "float32" or timing.peer:
+        if timing.graphics or timing.precision != "float32" or timing.peer or not timing.chosen:
             continue
         head = "gpu" if timing.backend == "gpu" else f"cpu {timing.thread_word}"
         if head not in heads:
@@ -60,3 +60,29 @@ def print_fastest(console: Console, store: Store, machine: str) -> None:
     console.print(table)
     if any("?" in cell for cells in rows.values() for cell in cells.values()):
         console.print("?: suspect, see docs/method.md")
+
+
+def print_kernels(console: Console, store: Store, machine: str) -> None:
+    """Time per step of every forced kernel and size, a table for each backend and precision, the best in bold."""
+    found = [t for t in timings(store, machine) if not (t.chosen or t.graphics or t.peer)]
+    suspect = False
+    for key in sorted({(t.backend, t.precision, t.thread_word or "") for t in found}):
+        mine = [t for t in found if (t.backend, t.precision, t.thread_word or "") == key]
+        names = sorted({t.kernel for t in mine}, key=lambda name: (LADDER.index(name) if name in LADDER else 99, name))
+        words = " ".join(filter(None, (key[0], key[2], key[1])))
+        console.print(f"{words}: microseconds a step, median (spread of the repeats)")
+        table = Table("masses", *names, box=None)
+        for shape in dict.fromkeys((t.rows, t.columns) for t in mine):
+            here = {t.kernel: t for t in mine if (t.rows, t.columns) == shape}
+            right = [t for t in here.values() if not any("wrong answer" in mark for mark in t.suspect)]
+            best = min(right, key=lambda t: t.median, default=None)
+            cells = {}
+            for name, t in here.items():
+                mark = "?" if t.suspect else ""
+                suspect = suspect or bool(mark)
+                text = f"{_short(t.median)} ({t.spread:.0%}){mark}"
+                cells[name] = f"[bold green]{text} *[/]" if t is best else text
+            table.add_row(f"{shape[0]} x {shape[1]}", *(cells.get(name, "-") for name in names))
+        console.print(table)
+    if found:
+        console.print("*: the fastest" + (";  ?: suspect, see docs/method.md" if suspect else ""))

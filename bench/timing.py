@@ -114,6 +114,7 @@ class Subject:
     seconds_per_step: float = math.nan
     restore_seconds: float = 0.0
     start: State | None = None
+    _kept: int = field(default=-1, repr=False)
     _picture: np.ndarray | None = field(default=None, repr=False)
 
     @property
@@ -125,12 +126,16 @@ class Subject:
         return DRAW_EVERY if self.renderer else 1
 
     def restore(self) -> None:
-        """Back to the state that every repeat starts from."""
-        if self.start is None:
-            self.simulation.reset()
+        """Back to the state that every repeat starts from: by a copy on the device while that is put aside there."""
+        simulation = self.simulation
+        if simulation.kept == self._kept:
+            simulation.rewind()
+        elif self.start is None:
+            simulation.reset()
         else:
-            self.simulation.load(self.start)
-        self.simulation.synchronize()
+            simulation.load(self.start)
+        self._kept = simulation.kept
+        simulation.synchronize()
 
     def run(self, steps: int) -> float:
         """Seconds that `steps` steps (and their pictures) take from the current state. Raises Diverged."""
@@ -155,7 +160,7 @@ class Subject:
         begin = time.perf_counter()
         try:
             seconds = self.run(self.steps)
-            self.simulation.check()
+            self.simulation.check(keep=False)
         except Diverged as error:
             return time.perf_counter() - begin, f"state not finite: {error}"
         return seconds, None

@@ -18,8 +18,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from labbook import accuracy_claims, claims, comparison_claims
+from labbook import accuracy_claims, claims, comparison_claims, kernel_claims
 from labbook.facts import facts
+from labbook.kernel_tables import joule_tables, kernel_tables, region_tables, roof_tables
 from labbook.tables import error_tables, fastest_table, machine_table, scene_table, time_tables
 from model.errors import BackendUnavailable, InputError
 from plots.data import Origin, Results, is_suspect, load
@@ -28,7 +29,7 @@ from plots.draw import draw_figures
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
-CHAPTERS = (*ENTRIES, "conclusions", "accuracy")
+CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy")
 WORDS = (300, 500)
 TITLE = "Soft-body lab book"
 
@@ -70,7 +71,7 @@ def build(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Everything the template prints, but for the figures' files."""
-    every_claim = {**claims.CLAIMS, **comparison_claims.CLAIMS, **accuracy_claims.CLAIMS}
+    every_claim = {**claims.CLAIMS, **comparison_claims.CLAIMS, **kernel_claims.CLAIMS, **accuracy_claims.CLAIMS}
     scene, fastest = scene_table(results), fastest_table(results)
     return {
         "title": TITLE,
@@ -86,6 +87,10 @@ def book_data(results: Results) -> dict[str, Any]:
             "times": [table for source in results.sources for table in time_tables(source)],
             "errors": error_tables(results),
             "fastest": [fastest] if fastest else [],
+            "kernels": kernel_tables(results),
+            "roofs": roof_tables(results),
+            "joules": joule_tables(results),
+            "regions": region_tables(results),
         },
     }
 

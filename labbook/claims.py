@@ -30,8 +30,12 @@ class Claim:
 
 
 def cpu_source(results: Results) -> Source | None:
-    """The machine whose CPU times the text quotes: the first featured one that has any."""
-    return next((s for s in results.featured if any(t.backend == "cpu" for t in s.timings)), None)
+    """The machine whose CPU times the text quotes: the first featured one that has any, of forced kernels at least."""
+    for held in ("timings", "kernels"):
+        for source in results.featured:
+            if any(timing.backend == "cpu" for timing in getattr(source, held)):
+                return source
+    return None
 
 
 def on_gpu(source: Source) -> str:

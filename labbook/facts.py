@@ -37,7 +37,6 @@ def constant(module: str, name: str) -> Any:
 def facts() -> dict[str, str]:
     """Name in the text -> the number as it is printed."""
     block = constant("gpu_backend/mass_spring_kernels.py", "BLOCK")
-    one_block = constant("gpu_backend/one_block.py", "MOST_MASSES")
     passes = constant("gpu_backend/launch.py", "CHUNKS")
     scene = load_scene("lab-grid")
     plan = mass_spring_plan(scene)
@@ -46,7 +45,6 @@ def facts() -> dict[str, str]:
         "block-rows": str(block[1]),
         "block-threads": str(block[0] * block[1]),
         "graph-passes": str(max(passes)),
-        "one-block-masses": f"{one_block:,}".replace(",", "\N{NARROW NO-BREAK SPACE}"),
         "pair-bytes": str(np.dtype(np.complex64).itemsize),
         "pair-bytes-double": str(np.dtype(np.complex128).itemsize),
         "index-bits": str(8 * np.dtype(np.int32).itemsize),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -15,7 +16,7 @@ MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
 @dataclass(frozen=True)
 class Body:
-    """The arrays a solver starts from. float64; `position`, `velocity` (particles, 2); `inverse_mass` (particles,), 0
+    """The arrays a solver starts from, to be read only: simulations of one scene share them. float64; `position`, `velocity` (particles, 2); `inverse_mass` (particles,), 0
     where pinned; `pinned` sorted indices (int64); `size` [m]: the length that divergence is measured against."""
 
     rows: int
@@ -58,8 +59,22 @@ def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
     return amplitude * np.stack([np.sin(2 * time + 1.7 * i + 0.9 * j), np.cos(3 * time + 0.6 * i - 1.3 * j)], axis=1)
 
 
+_built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those that an open simulation holds
+
+
 def build(scene: Scene) -> Body:
-    """The scene's masses at time 0. Raises SceneError where they would not fit into memory or into 32-bit indices."""
+    """The scene's masses at time 0: the same Body while anything holds it, since a large one takes seconds to make.
+
+    Raises SceneError where they would not fit into memory or into 32-bit indices.
+    """
+    key = scene.canonical()
+    body = _built.get(key)
+    if body is None:
+        body = _built[key] = _build(scene)
+    return body
+
+
+def _build(scene: Scene) -> Body:
     grid = scene.grid
     count = grid.particle_count
     # state and copies on the host: position, velocity and inverse mass in float64, two solver states, a snapshot

@@ -76,7 +76,8 @@ class Simulation(ABC):
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
     `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads a block),
-    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps).
+    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps),
+    `kept` (how many states were put aside so far).
     """
 
     backend: str
@@ -100,6 +101,7 @@ class Simulation(ABC):
         self._poke_force = (0.0, 0.0)
         self._record = parameter_record(scene, self.real)
         self._kept_step, self._kept_time = 0, 0.0
+        self.kept = 0
 
     # ------------------------------------------------------------------ what a backend writes
 
@@ -174,26 +176,36 @@ class Simulation(ABC):
         self.step += steps
         self.time = self._kept_time + (self.step - self._kept_step) * self.scene.method.dt
 
-    def check(self) -> None:
-        """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one."""
+    def check(self, keep: bool = True) -> None:
+        """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one (if `keep`)."""
         if self.step == self._kept_step:
             return
         if self._first_bad() < 0:
-            self._keep()
-            self._kept_step, self._kept_time = self.step, self.time
+            if keep:
+                self._put_aside()
             return
         last = self.step
-        self._rewind()
+        self.rewind()
         bad = -1
         while bad < 0 and self.step < last:
             self._run(1)
             self._count(1)
             bad = self._first_bad()
         step = self.step
-        self._rewind()
+        self.rewind()
         raise Diverged(step, bad, self.scene.method.dt, self.limit)
 
-    def _rewind(self) -> None:
+    def _put_aside(self) -> None:
+        self._keep()
+        self._kept_step, self._kept_time = self.step, self.time
+        self.kept += 1
+
+    def rewind(self) -> None:
+        """Back to the state that was put aside last, without a copy through the host.
+
+        That is the one loaded last, until `kept` moves on: a look at the state (`check`, `state`, and `advance` every
+        `check_interval` steps) puts a newer one aside.
+        """
         self._restore()
         self.step, self.time = self._kept_step, self._kept_time
 
@@ -223,13 +235,13 @@ class Simulation(ABC):
         inverse_mass = np.asarray(state.inverse_mass)
         if inverse_mass.shape != (count,):
             raise InputError(f"inverse_mass has shape {inverse_mass.shape}, this scene needs ({count},)")
-        if not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
+        same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
+        if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
         arrays["velocity"][self.body.pinned] = 0
         self._upload(arrays["position"], arrays["velocity"])
         self.step, self.time = int(state.step), float(state.time)
-        self._keep()
-        self._kept_step, self._kept_time = self.step, self.time
+        self._put_aside()
 
     def reset(self) -> None:
         """Back to the scene's start."""

@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.accuracy import STAGE as ACCURACY_STAGE
+from bench.energy import STAGE as ENERGY_STAGE
+from bench.peer_results import Ratio, ratios
 from bench.results import Machine, Measure, Store, Timing, canonical, machines, measures, open_readonly, timings
 
 Origin = Store | str | Path
@@ -37,7 +39,9 @@ class Run:
 class Source:
     """What one machine measured. `own`: by the user, else committed with the lab. `timings`: of the sweep, by the
     kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one).
-    `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration."""
+    `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration.
+    `kernels`: timings of forced kernels; `energies`: samples with joules, by configuration; `defaults`: of forced
+    kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab."""
 
     machine: Machine
     own: bool
@@ -47,6 +51,10 @@ class Source:
     scene: dict[str, Any] = field(default_factory=dict)
     threading: tuple[str | None, str | None] = (None, None)
     costs: dict[str, Timing] = field(default_factory=dict)
+    kernels: tuple[Timing, ...] = ()
+    energies: dict[str, Timing] = field(default_factory=dict)
+    defaults: dict[str, bool] = field(default_factory=dict)
+    peers: tuple[Ratio, ...] = ()
 
     @property
     def processor(self) -> str:
@@ -93,6 +101,17 @@ class Source:
             and timing.graphics == graphics
             and (not square or timing.rows == timing.columns)
         ]
+
+    def ladder(self, backend: str, precision: str = "float32", word: str | None = "1x") -> dict[str, list[Timing]]:
+        """The timings of every forced kernel at square sizes, smallest first, by kernel. `word`: threads on the CPU."""
+        found: dict[str, list[Timing]] = {}
+        for timing in self.kernels:
+            wanted = timing.thread_word == (None if backend == "gpu" else word)
+            if ":" in timing.kernel:  # a tile that was tried out by hand is no rung
+                continue
+            if wanted and (timing.backend, timing.precision) == (backend, precision) and timing.rows == timing.columns:
+                found.setdefault(timing.kernel, []).append(timing)
+        return found
 
     @property
     def has_gpu_times(self) -> bool:
@@ -148,16 +167,16 @@ def _sources(store: Store, own: bool) -> list[Source]:
     descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
     result = []
     for machine in machines(store):
-        times = [
+        everything = [
             timing
             for timing in timings(store, machine.key)
-            if descriptions[timing.configuration]["kernel"] == "auto"
-            and timing.peer is None
-            and not any(SIMULATOR in mark for mark in timing.suspect)
+            if timing.peer is None and not any(SIMULATOR in mark for mark in timing.suspect)
         ]
         simulated = machine.record.get("gpu_count") is None
         numbers = [
-            m for m in measures(store, machine=machine.key) if not (simulated and m.description["backend"] == "gpu")
+            m
+            for m in measures(store, machine=machine.key)
+            if not (simulated and m.description["backend"] == "gpu") and m.description.get("peer") is None
         ]
         costs = {timing.configuration: timing for timing in timings(store, machine.key, ACCURACY_STAGE)}
         runs = tuple(
@@ -167,10 +186,30 @@ def _sources(store: Store, own: bool) -> list[Source]:
                 (machine.key,),
             )
         )
-        scene, times = _one_family(times, descriptions)
-        threading, times = _one_threading(times)
-        if times or numbers:
-            result.append(Source(machine, own, tuple(times), tuple(numbers), runs, scene, threading, costs))
+        scene, everything = _one_family(everything, descriptions)
+        threading, everything = _one_threading(everything)
+        times = tuple(timing for timing in everything if timing.chosen)
+        forced = tuple(timing for timing in everything if not timing.chosen)
+        energies = {timing.configuration: timing for timing in timings(store, machine.key, ENERGY_STAGE)}
+        defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}
+        peers = tuple(ratios(store, machine.key))
+        if everything or numbers or peers:
+            result.append(
+                Source(
+                    machine,
+                    own,
+                    times,
+                    tuple(numbers),
+                    runs,
+                    scene,
+                    threading,
+                    costs,
+                    forced,
+                    energies,
+                    defaults,
+                    peers,
+                )
+            )
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
 
 

@@ -14,9 +14,13 @@ from model.errors import InputError
 from plots import (
     bandwidth,
     graphics,
+    joules,
+    kernels,
     lab_step,
     overtaking,
+    peers,
     precisions,
+    roofline,
     shapes,
     thread_scaling,
     time_per_step,
@@ -35,6 +39,10 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "shapes": shapes.draw,
     "work-precision": work_precision.draw,
     "lab-step": lab_step.draw,
+    "kernels": kernels.draw,
+    "roofline": roofline.draw,
+    "joules": joules.draw,
+    "peers": peers.draw,
 }
 TITLES = {
     "time-per-step": time_per_step.TITLE,
@@ -46,6 +54,10 @@ TITLES = {
     "shapes": shapes.TITLE,
     "work-precision": work_precision.TITLE,
     "lab-step": lab_step.TITLE,
+    "kernels": kernels.TITLE,
+    "roofline": roofline.TITLE,
+    "joules": joules.TITLE,
+    "peers": peers.TITLE,
 }
 
 

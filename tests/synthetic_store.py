@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bench.accuracy import COST, ERROR, HALF, STAGE
+from bench.peers.registry import OURS, PEERS
 from bench.results import configuration
 from bench.store import Store
 from model.scene import load_scene
@@ -20,11 +21,18 @@ CPU_RECORD = {
     "numpy": "2.4.6", "numba_cuda": None, "gpu": None, "gpu_driver": None, "copy_bandwidth": 2e10,
     "gpu_copy_bandwidth": None, "gpu_launch_seconds": None, "threading_layer": "omp", "wait_policy": "passive",
     "region_seconds": {"1": 8e-7, "2": 1.5e-6, "4": 1.8e-5, "8": 4.3e-5},
+    "region_policies": {
+        "active": {"1": 8e-7, "2": 1.5e-6, "4": 1.8e-5, "8": 1.6e-4},
+        "passive": {"1": 8e-7, "2": 2e-5, "4": 3e-5, "8": 4.3e-5},
+    },
+    "arithmetic": {"float32": 2e11, "float64": 1e11}, "gpu_arithmetic": None,
 }  # fmt: skip
 GPU_RECORD = CPU_RECORD | {
     "cores": 16, "numba_cuda": "0.30.4", "gpu": "Made-up GPU", "gpu_count": 1, "gpu_memory_gib": 80,
     "gpu_driver": "580.1", "gpu_copy_bandwidth": 4e12, "gpu_launch_seconds": 9e-6, "copy_bandwidth": 2e11,
     "region_seconds": {"1": 8e-7, "16": 5e-6, "32": 1e-4, "64": 2e-4},
+    "region_policies": {"active": {"16": 5e-6, "64": 2e-4}, "passive": {"16": 5e-5, "64": 9e-5}},
+    "gpu_arithmetic": {"float32": 6e13, "float64": 3e13},
 }  # fmt: skip
 
 
@@ -38,6 +46,27 @@ def gpu_seconds(record: dict, masses: int, precision: str) -> float:
     """A launch inside a graph, and the bytes of a step at 0.8 times the copy bandwidth."""
     item = 8 if precision == "float64" else 4
     return 2e-6 + 8 * item * masses / (0.8 * record["gpu_copy_bandwidth"])
+
+
+KERNELS = {  # backend -> kernel -> (seconds a step by itself, share of the copy bandwidth, most masses)
+    "cpu": {
+        "stages": (2e-4, 0.2, 2**20), "fused": (1.5e-6, 0.8, 2**30), "tiled": (4e-6, 1.6, 2**30),
+        "team": (8e-7, 0.8, 2**14),
+    },
+    "gpu": {
+        "stages": (2e-4, 0.2, 2**30), "launch": (3.5e-5, 0.8, 2**30), "graph": (1.3e-6, 0.8, 2**30),
+        "one-block": (5e-7, 4.0, 1024), "resident": (7e-7, 4.0, 2**18), "tiles": (2e-6, 1.7, 2**30),
+    },
+}  # fmt: skip
+WATTS = 400.0
+
+
+def kernel_seconds(record: dict, backend: str, kernel: str, masses: int, precision: str) -> float:
+    """A cost per step, and the bytes of one step per pass at a share of the copy bandwidth."""
+    alone, share, _ = KERNELS[backend][kernel]
+    item = 8 if precision == "float64" else 4
+    bandwidth = record["gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth"]
+    return alone + 8 * item * masses / (share * bandwidth)
 
 
 class Maker:
@@ -75,6 +104,50 @@ class Maker:
                     if self.record["gpu"]:
                         seconds = gpu_seconds(self.record, masses, precision) + picture
                         self.timing(shape, seconds, precision=precision, graphics=drawn, backend="gpu")
+
+    def ladder(self, sizes: Iterable[int] = SIZES, *, joules: bool = True) -> None:
+        """Every kernel at square sizes: times, the backend's own choice (the fastest), and the GPU's joules; starts."""
+        cores = self.record["cores"]
+        for backend in ("cpu", "gpu") if self.record["gpu"] else ("cpu",):
+            host = {"layer": "omp", "wait_policy": "passive"} if backend == "cpu" else {}
+            for n, precision in ((n, p) for n in sizes for p in ("float32", "float64")):
+                able = [name for name, (_, _, most) in KERNELS[backend].items() if n * n <= most]
+                seconds = {name: kernel_seconds(self.record, backend, name, n * n, precision) for name in able}
+                for name in able:
+                    threads = {"threads": cores} if backend == "cpu" else {}
+                    made = self.timing(
+                        (n, n), seconds[name], backend=backend, kernel=name, precision=precision, **host, **threads
+                    )
+                    chosen = float(seconds[name] == min(seconds.values()))
+                    self.store.add_measure(self.run, made, "sources", "default", chosen, "", "made up")
+                    if joules and backend == "gpu" and precision == "float32":
+                        steps = round(0.5 / seconds[name])
+                        took = steps * seconds[name]
+                        self.store.add_sample(
+                            self.run, made, "sources", took, steps, stage="energy", joules=WATTS * took
+                        )
+                    if backend == "cpu" and precision == "float32" and n <= 128 and name != "stages":
+                        for factor in (2, 4):
+                            cost = self.record["region_seconds"][str(factor * cores)]
+                            slow = cost if name != "team" else cost / 10
+                            self.timing((n, n), seconds[name] + slow, backend=backend, kernel=name,
+                                        threads=factor * cores, **host)  # fmt: skip
+            threads = {"threads": cores} if backend == "cpu" else {}
+            start = configuration(load_scene("lab-grid"), backend=backend, **host, **threads)
+            for name, value in (("start_seconds_cold", 4.3), ("start_seconds_warm", 1.1)):
+                self.store.add_measure(self.run, start, "sources", name, value, "s", "made up")
+
+    def beside(self, sizes: Iterable[int] = SIZES) -> None:
+        """The lab and every peer of its backends at square sizes, in one run: each peer twice as slow as the one before."""
+        for backend in ("cpu", "gpu") if self.record["gpu"] else ("cpu",):
+            threads = {"threads": self.record["cores"], "wait_policy": "passive"} if backend == "cpu" else {}
+            peers = [OURS, *(peer.name for peer in PEERS if peer.backend == backend)]
+            for n in sizes:
+                seconds = kernel_seconds(
+                    self.record, backend, "fused" if backend == "cpu" else "graph", n * n, "float32"
+                )
+                for k, peer in enumerate(peers):
+                    self.timing((n, n), 2**k * seconds, backend=backend, peer=peer, **threads)
 
     def accuracy(self) -> None:
         """Both scenes, four integrators and one that diverges, at four step sizes."""
@@ -114,6 +187,8 @@ def cpu_store(path: str | Path = ":memory:", **options) -> Store:
     maker = Maker(store, CPU_RECORD, "cpu000000000", **options)
     with store.transaction():
         maker.sweep()
+        maker.ladder()
+        maker.beside()
         maker.accuracy()
     return store
 
@@ -124,5 +199,7 @@ def gpu_store(path: str | Path = ":memory:", **options) -> Store:
     maker = Maker(store, GPU_RECORD, "gpu000000000", **options)
     with store.transaction():
         maker.sweep((*SIZES, 1024, 2048, 4096))
+        maker.ladder((*SIZES, 1024, 2048, 4096))
+        maker.beside()
         maker.accuracy()
     return store

@@ -13,7 +13,7 @@ from synthetic_store import CPU_RECORD, GPU_RECORD, SIZES, Maker, cpu_store, gpu
 
 from bench.store import Store
 from bench.transfer import export
-from labbook import accuracy_claims, claims, comparison_claims, words
+from labbook import accuracy_claims, claims, comparison_claims, kernel_claims, words
 from labbook.build import (
     CHAPTERS,
     ENTRIES,
@@ -63,7 +63,8 @@ def noisy() -> Results:
 
 
 def test_every_claim_is_a_sentence_whatever_the_data(variants: dict[str, Results]) -> None:
-    for name, claim in {**claims.CLAIMS, **comparison_claims.CLAIMS, **accuracy_claims.CLAIMS}.items():
+    modules = (claims, comparison_claims, kernel_claims, accuracy_claims)
+    for name, claim in {name: claim for module in modules for name, claim in module.CLAIMS.items()}.items():
         for variant, results in variants.items():
             made = claim(results)
             assert made.sentence[0].isupper() and made.sentence.endswith("."), (name, variant)

@@ -1,0 +1,91 @@
+"""Compiling a C++ source of this folder at run time, into a folder of the user's, once for each source and compiler."""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from bench.peers.base import PeerError
+from cpu_backend.mass_spring import processor_name
+
+COMPILERS = ("g++", "clang++")  # g++ first: it shares its OpenMP threads with numba, two teams would disturb each other
+COMPILE = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-fPIC", "-c")
+# Linked apart and without -ffast-math: with it, g++ before 13 adds start-up code that flushes denormal numbers to zero
+# in the thread that loads the library, which would change the arithmetic of the whole process.
+LINK = ("-shared", "-fopenmp")
+TIMEOUT = 120  # s
+
+
+@cache
+def find_compiler() -> tuple[str, str] | str:
+    """(path, its first line of --version) of a C++ compiler with OpenMP, or why there is none."""
+    asked = os.environ.get("CXX")
+    names = (asked,) if asked else COMPILERS
+    for name in names:
+        path = shutil.which(name)
+        if path is None:
+            continue
+        try:
+            text = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=TIMEOUT).stdout
+        except (OSError, subprocess.SubprocessError) as error:
+            return f"{name} does not start ({error})"
+        return path, (text.splitlines() or [name])[0]
+    return f"no C++ compiler ({', '.join(names)}); install g++, or set CXX"
+
+
+def cache_folder() -> Path:
+    """Where libraries are kept: the user's cache, or a fresh private folder where that cannot be written.
+
+    Never a shared folder under a name that another user could guess and fill.
+    """
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / "peers"
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except (OSError, RuntimeError):
+        pass
+    private = tempfile.mkdtemp(prefix="softlab-peers-")
+    atexit.register(shutil.rmtree, private, ignore_errors=True)
+    return Path(private)
+
+
+@cache
+def load_library(source: Path) -> ctypes.CDLL:
+    """The source as a loaded library. Raises PeerError (no compiler, it fails, the library does not load)."""
+    found = find_compiler()
+    if isinstance(found, str):
+        raise PeerError(found)
+    compiler, version = found
+    parts = (source.read_text(encoding="utf-8"), version, " ".join((*COMPILE, *LINK)), processor_name())
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+    folder = cache_folder()
+    library = folder / f"{source.stem}-{key}.so"
+    try:
+        if not library.exists():
+            with tempfile.TemporaryDirectory(dir=folder) as work:
+                compiled, linked = Path(work) / "grid.o", Path(work) / "grid.so"
+                _call([compiler, *COMPILE, str(source), "-o", str(compiled)])
+                _call([compiler, *LINK, str(compiled), "-o", str(linked)])
+                os.replace(linked, library)  # at once: a second process never loads half a file
+        return ctypes.CDLL(str(library))
+    except OSError as error:
+        raise PeerError(f"the compiled library cannot be used: {error}") from None
+
+
+def _call(command: list[str]) -> None:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT)
+    except subprocess.SubprocessError as error:
+        raise PeerError(f"the compiler did not finish: {error}") from None
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["?"]
+        raise PeerError(f"{Path(command[0]).name} refuses the source: {lines[0]}")
