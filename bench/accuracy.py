@@ -50,9 +50,9 @@ from bench.results import configuration, measures
 from bench.store import Store, configuration_hash
 from bench.sweep import backends_here, source_hash
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
-from cpu_backend.compile import folder_digest
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
 from model.energy import energies, spring_strain
+from model.digest import source_digest
 from model.errors import Diverged
 from model.integrators import INTEGRATORS
 from model.scene import Scene, load_scene
@@ -104,7 +104,7 @@ class Case:
 
 def cases(scenes: Sequence[str], backends: Sequence[str]) -> list[Case]:
     """Each scene x backend x precision x integrator x step size, in the order they are measured."""
-    judge = folder_digest(Path(cache.__file__).parent)
+    judge = source_digest(Path(cache.__file__).parent)
     found = []
     for label in scenes:
         base = load_scene(SCENES[label])

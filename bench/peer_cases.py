@@ -48,7 +48,7 @@ class Beside:
     def __init__(self, peer: Peer, opened: Opened, body: Body):
         self.backend, self.opened = peer.backend, opened
         self.threads = opened.threads or 1
-        self.kernel = opened.kernel
+        self.kernel, self.steps_together = opened.kernel, opened.steps_together
         self._body = body
 
     def advance(self, steps: int) -> None:

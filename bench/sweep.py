@@ -21,8 +21,8 @@ from bench.measure_group import GroupRunner
 from bench.results import configuration, timings
 from bench.store import Store, configuration_hash
 from bench.timing import MEASUREMENT
-from cpu_backend.compile import folder_digest
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from model.digest import source_digest
 from model.errors import BackendUnavailable, SceneError
 from model.memory import available_bytes, readable
 from model.scene import Scene, load_scene
@@ -45,7 +45,7 @@ FULL = Effort(5, 0.1, 30.0, None)
 def source_hash(backend: str) -> str:
     """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
     root = Path(__file__).resolve().parent.parent
-    return folder_digest(root / "model" / "formulas", root / f"{backend}_backend") + f"-{MEASUREMENT}"
+    return source_digest(root / "model" / "formulas", root / f"{backend}_backend") + f"-{MEASUREMENT}"
 
 
 def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shape]:

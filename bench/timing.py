@@ -22,10 +22,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from cpu_backend.choice import LEVELS
 from cpu_backend.threads import core_count
 from model.errors import Diverged
 from model.simulation import Simulation, State
 
+PASSES = 4  # of a kernel that does several steps in a pass, in a sample at least
 MEASUREMENT = 1  # part of every resume key: raise it when what a sample means changes
 DRAW_EVERY = 10  # steps, as the hand-out suggests
 SHORTEST_SAMPLE = 1e-3  # s
@@ -202,7 +204,8 @@ def warm_up(subject: Subject) -> tuple[float, float]:
 def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
     """Set and return the steps of a sample, so that one takes about `seconds`, and never (knowingly) `most_seconds`.
 
-    Rounded to two digits, whole pictures; at least one. Needs `warm_up`.
+    Rounded to two digits, whole pictures; at least one, and at least PASSES passes of a kernel that does several steps
+    in one (as far as `most_seconds` allows): fewer would time it at what it is not made for. Needs `warm_up`.
     """
     steps, least = subject.least_steps, subject.least_steps
     taken = subject.seconds_per_step * steps
@@ -216,7 +219,18 @@ def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
     subject.wanted_seconds = min(1.1 * seconds, max(most_seconds, 0))
     wanted = subject.wanted_seconds / max(subject.seconds_per_step, 1e-12)
     subject.steps = max(least, _two_digits(wanted) // least * least)
+    together = steps_together(subject.simulation)
+    if subject.steps < PASSES * together:
+        affordable = int(most_seconds / max(subject.seconds_per_step, 1e-12)) // together * together
+        subject.steps = max(subject.steps, min(PASSES * together, affordable))
     return subject.steps
+
+
+def steps_together(simulation: Any) -> int:
+    """Steps that a kernel does in one pass over memory: the CPU's `tiled` several; a peer says it itself."""
+    if getattr(simulation, "kernel", None) == "tiled":
+        return LEVELS
+    return int(getattr(simulation, "steps_together", 1))
 
 
 def _two_digits(number: float) -> int:

@@ -48,7 +48,7 @@ def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:
 
     `precision`: float32 or float64.
     """
-    real = np.dtype(precision).type
+    real: Any = np.dtype(precision).type
     numba.set_num_threads(threads)
     rows = np.ones((threads, ROW), real)
     kernel = _make_chains(real)

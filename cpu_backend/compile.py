@@ -7,7 +7,6 @@ variant's name (precision, math, integrator, parts) and a hash of the sources of
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -19,32 +18,25 @@ from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
 import model.formulas
+import model.record
+from model.digest import source_digest
 
 # What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
 # a diverging state must stay visible.
 FAST = frozenset({"contract", "arcp", "afn", "nsz"})
 
 
-def folder_digest(*folders: Path) -> str:
-    """A hash of every Python file in the folders: changed sources are compiled, and measured, anew."""
-    digest = hashlib.sha256()
-    for folder in folders:
-        for file in sorted(folder.glob("*.py")):
-            digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
-
-
 @cache
-def source_digest() -> str:
+def backend_digest() -> str:
     """A hash of the sources that this backend's machine code is made from."""
-    return folder_digest(Path(model.formulas.__file__).parent, Path(__file__).parent)
+    return source_digest(Path(model.formulas.__file__).parent, Path(model.record.__file__), Path(__file__).parent)
 
 
 class _VariantCache(FunctionCache):
     """numba's on-disk cache, keyed by the variant and the sources instead of the closure."""
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (sig, codegen.magic_tuple(), self._py_func.__qualname__, source_digest())
+        return (sig, codegen.magic_tuple(), self._py_func.__qualname__, backend_digest())
 
 
 class _RowPipeline(NumbaCompiler):

@@ -214,3 +214,7 @@ class MassSpring(Simulation):
 
     def synchronize(self) -> None:
         """Nothing to wait for: a call returns when its steps are done."""
+
+    def close(self) -> None:
+        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        self.__dict__.pop("_executor", None)

@@ -79,7 +79,7 @@ def test_every_time_has_an_error_and_a_second_sweep_measures_nothing() -> None:
         assert first.measured == 8 and first.samples == 16 and first.wrong == []
         found = timings(store)
         assert len(found) == 8 and [t.particles for t in found] == sorted(t.particles for t in found)
-        assert {t.kernel for t in found} == {"fused"} and all(t.count == 2 for t in found)
+        assert {t.kernel for t in found} <= {"team", "tiled"} and all(t.count == 2 for t in found)
         for timing in found:
             assert timing.error is not None and timing.error < (1e-3 if timing.precision == "float32" else 1e-9)
         assert {m.name for m in measures(store)} == {"error", "error_largest", "difference", "kernel"}

@@ -19,10 +19,12 @@ from model.simulation import PRECISIONS
 
 
 class Opened(ABC):
-    """A scene opened by a peer; a context manager. `kernel`: what runs, in a word or two; `threads`: None on the GPU."""
+    """A scene opened by a peer; a context manager. `kernel`: what runs, in a word or two; `threads`: None on the GPU;
+    `steps_together`: steps of one pass over memory."""
 
     kernel: str = "auto"
     threads: int | None = None
+    steps_together: int = 1
 
     @abstractmethod
     def advance(self, steps: int) -> None:

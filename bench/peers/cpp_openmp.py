@@ -54,6 +54,7 @@ class _Grid(Opened):
         if blocked:
             self._levels = max(1, min(MOST_LEVELS, rows // threads // ROWS_A_LEVEL))
             self._tile = TILE_BYTES // item
+        self.steps_together = max(1, self._levels)
         self.kernel = f"{self._levels} levels a pass" if blocked else "one step a pass"
         library = load_library(SOURCE)
         self._advance = library.advance_float32 if item == 4 else library.advance_float64
