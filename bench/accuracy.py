@@ -51,8 +51,8 @@ from bench.store import Store, configuration_hash
 from bench.sweep import backends_here, source_hash
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
-from model.energy import energies, spring_strain
 from model.digest import source_digest
+from model.energy import energies, spring_strain
 from model.errors import Diverged
 from model.integrators import INTEGRATORS
 from model.scene import Scene, load_scene

@@ -16,8 +16,11 @@ MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
 @dataclass(frozen=True)
 class Body:
-    """The arrays a solver starts from, to be read only: simulations of one scene share them. float64; `position`, `velocity` (particles, 2); `inverse_mass` (particles,), 0
-    where pinned; `pinned` sorted indices (int64); `size` [m]: the length that divergence is measured against."""
+    """The arrays a solver starts from, to be read only: simulations of one scene share them.
+
+    float64; `position`, `velocity` (particles, 2); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted indices
+    (int64); `size` [m]: the length that divergence is measured against.
+    """
 
     rows: int
     columns: int
