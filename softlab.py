@@ -211,19 +211,102 @@ def sweep(
 
 @app.command(epilog="Example: softlab accuracy --quick")
 def accuracy(
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats; neither exact math nor other sizes.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    findings: Annotated[bool, typer.Option(help="Also the small experiments behind single findings.")] = True,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Hold every integrator, step size and precision against a converged reference: speed against error."""
     from bench.accuracy import run_accuracy
+    from bench.findings import run_findings
+    from bench.store import Store
+
+    command = " ".join(["softlab", *sys.argv[1:]])
+    with Store(store) as opened:
+        summary: Any = run_accuracy(opened, quick=quick, backends=backend, command=command)
+        out.print(str(summary), markup=False, soft_wrap=True)
+        if findings and not summary.interrupted:
+            summary = run_findings(opened, quick=quick, backends=backend, command=command)
+            out.print(str(summary), markup=False, soft_wrap=True)
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
+@app.command(epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
+def advise(
+    scene: SceneName,
+    error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
+    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
+    write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
+    settings: Settings = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
+    from app.scene_file import check_scene_target, write_scene
+    from bench.advise import advise as find
+    from bench.store import Store
+
+    if write is not None:
+        check_scene_target(write, force)  # before the work whose result it holds
+    with Store(store) as opened:
+        advice = find(
+            opened, _scene(scene, settings), error, backends=backend, time=time, precisions=_precisions(precision),
+            total_seconds=total_seconds, command=" ".join(["softlab", *sys.argv[1:]]),
+        )  # fmt: skip
+    out.print(str(advice), markup=False, soft_wrap=True)
+    if advice.best is None:
+        raise typer.Exit(2)
+    if write is not None:
+        path = write_scene(write, advice.configured(), advice.heading(), force=force)
+        out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
+
+
+@app.command(epilog="Example: softlab stability --quick")
+def stability(
+    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges.")] = False,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
+    from bench.stability import run_stability
     from bench.store import Store
 
     with Store(store) as opened:
-        summary = run_accuracy(opened, quick=quick, backends=backend, command=" ".join(["softlab", *sys.argv[1:]]))
+        summary = run_stability(opened, quick=quick, backends=backend, command=" ".join(["softlab", *sys.argv[1:]]))
         out.print(str(summary), markup=False, soft_wrap=True)
     if summary.interrupted:
         raise typer.Exit(130)
+
+
+@app.command(epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
+def hard(
+    quick: Annotated[bool, typer.Option("--quick", help="The hand-out's step and velocity Verlet alone.")] = False,
+    case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
+    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Run the hard cases: grids collapsed, flipped, poked, far away; pass, fail, or refused with a diagnosis."""
+    from bench.hard import run_hard
+    from bench.hard_results import failed, print_hard
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_hard(
+            opened, quick=quick, cases=case, integrators=integrator, backends=backend, precisions=precision,
+            pictures=pictures, command=" ".join(["softlab", *sys.argv[1:]]),
+        )  # fmt: skip
+        print_hard(out, summary)
+    if summary.interrupted:
+        raise typer.Exit(130)
+    if failed(summary):
+        raise typer.Exit(1)
 
 
 @app.command(epilog="Example: softlab figures --out figures")
@@ -258,7 +341,7 @@ def lab(
     quick: Annotated[bool, typer.Option("--quick", help="Everything in under three minutes on two cores.")] = False,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Everything: doctor, sweep, accuracy, figures, lab book."""
+    """Everything: doctor, sweep, accuracy, stability, figures, lab book."""
     from labbook.jobs import whole_lab
 
     whole_lab(out, quick=quick, store_path=store, command=" ".join(["softlab", *sys.argv[1:]]))

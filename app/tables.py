@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from app.doctor import Finding
+from model.frequency import frequency_lines
 from model.integrators import INTEGRATORS, stability_limit
 from model.plan import Node, Stage, mass_spring_plan
 from model.scene import Scene, catalogue, load_scene
@@ -87,6 +88,8 @@ def print_plan(console: Console, scene: Scene, precision: str) -> None:
     state = "running at" if scene.method.dt <= limit else "OVER IT at"
     bound = f"limit dt {limit:.6g} s" if limit > 0 else "no stable dt"
     console.print(f"{bound} ({integrator}: {INTEGRATORS[integrator].note}), {state} {scene.method.dt:g} s")
+    for line in frequency_lines(scene):
+        console.print(line, soft_wrap=True)
     table = Table("stage", "bytes a mass", "operations a mass", title="one step, stage by stage", title_justify="left")
 
     def add(node: Node | Stage, depth: int) -> None:

@@ -3,8 +3,9 @@
 Scenes S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s, a time at which a perturbation has not yet grown (the
 damped net contracts), so that the distance to the reference means something. Reference: RK4 at h and h/2 with
 Richardson extrapolation in NumPy float64 (bench/reference/), with its own error estimate; a point under ten times that
-is marked as not resolved. Runs that diverge are points with an infinite error and a reason: where a method breaks is a
-result.
+is marked as not resolved. A twin of it, disturbed by 1e-9, gives the growth factor that stands beside every error;
+beyond 1e3 the error is refused (bench/growth.py). Runs that diverge are points with an infinite error and a reason:
+where a method breaks is a result.
 
 The hand-out's step is held against Newton's law like all others, and beside it against x'' = a / 2, which it solves.
 
@@ -14,7 +15,6 @@ Hairer and Wanner, "Solving ODEs II", IV.10; SciML's work-precision diagrams.
 
 from __future__ import annotations
 
-import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -23,27 +23,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from app.driver import open_simulation
 from bench.accuracy_points import (
+    COPY,
     COST,
     END,
-    ENERGY,
-    ENERGY_OFF,
-    ERROR,
-    ESTIMATE,
-    HALF,
-    LARGEST,
     SCENES,
-    STRAIN,
-    UNRESOLVED,
+    SIZES,
     AccuracyPoint,
     AccuracySummary,
     pareto_front,
     point,
 )
+from bench.growth import Growth, kept_growth
 from bench.judge import distance
+from bench.judgement import ERROR, GROWTH, HALF, RESOLVED, UNRESOLVED, judge
 from bench.machine import enter_machine, gpu_simulated, source_revision
 from bench.reference import cache
 from bench.results import configuration, measures
@@ -52,17 +46,32 @@ from bench.sweep import backends_here, source_hash
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
 from model.digest import source_digest
-from model.energy import energies, spring_strain
 from model.errors import Diverged
 from model.integrators import INTEGRATORS
 from model.scene import Scene, load_scene
 from model.simulation import PRECISIONS, Simulation
 
-__all__ = ["AccuracyPoint", "AccuracySummary", "pareto_front", "run_accuracy"]
+__all__ = [
+    "COST",
+    "END",
+    "ERROR",
+    "HALF",
+    "RESOLVED",
+    "SCENES",
+    "STAGE",
+    "STEP_SIZES",
+    "UNRESOLVED",
+    "AccuracyPoint",
+    "AccuracySummary",
+    "distance",
+    "pareto_front",
+    "run_accuracy",
+]
 
 STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
-RESOLVED = 10  # an error under so many times the reference's own is not resolved
+WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")  # of exact math and other sizes: what holds at these steps
+COPIES = 3  # of the state to the host, of which the median counts
 STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
 
 
@@ -87,6 +96,7 @@ class Case:
     scene: Scene
     backend: str
     precision: str
+    math: str
     description: dict[str, Any]
     sources: str
 
@@ -96,30 +106,48 @@ class Case:
 
     def __str__(self) -> str:
         method = self.scene.method
-        return f"{self.label} {method.integrator} dt {method.dt:g} {self.precision} {self.backend}"
+        return f"{self.label} {method.integrator} dt {method.dt:g} {self.precision} {self.math} {self.backend}"
 
     def open(self) -> Simulation:
-        return open_simulation(self.scene, self.backend, precision=self.precision, allow_unstable=True)
+        return open_simulation(self.scene, self.backend, precision=self.precision, math=self.math, allow_unstable=True)
 
 
-def cases(scenes: Sequence[str], backends: Sequence[str]) -> list[Case]:
-    """Each scene x backend x precision x integrator x step size, in the order they are measured."""
-    judge = source_digest(Path(cache.__file__).parent)
+def cases(scenes: Sequence[str], backends: Sequence[str], wide: bool = False) -> list[Case]:
+    """Each scene x backend x precision x integrator x step size, in the order they are measured.
+
+    `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE.
+    """
     found = []
     for label in scenes:
         base = load_scene(SCENES[label])
-        for backend in backends:
-            host: dict[str, Any] = {}
-            if backend == "cpu":
-                host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
-            for precision in PRECISIONS:
-                for integrator in INTEGRATORS:
-                    for dt in STEP_SIZES:
-                        scene = base.replace({"method.integrator": integrator, "method.dt": dt})
-                        description = configuration(scene, backend=backend, precision=precision, **host)
-                        sources = f"{source_hash(backend)}-{judge}"
-                        found.append(Case(label, scene, backend, precision, description, sources))
+        kinds: list[tuple[str, Scene, Sequence[str], str]] = [(label, base, tuple(INTEGRATORS), "fast")]
+        if wide and label == "S1":
+            kinds.append((label, base, WIDE, "exact"))
+            for name, (_, n) in SIZES.items():
+                kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), WIDE, "fast"))
+        found += [
+            make_case(name, sized.replace({"method.integrator": integrator, "method.dt": dt}), backend, precision, math)
+            for name, sized, integrators, math in kinds
+            for backend in backends
+            for precision in PRECISIONS
+            for integrator in integrators
+            for dt in STEP_SIZES
+        ]
     return found
+
+
+def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
+    """One configuration, described as the store holds it."""
+    host: dict[str, Any] = {}
+    if backend == "cpu":
+        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
+    description = configuration(scene, backend=backend, precision=precision, math=math, **host)
+    return Case(label, scene, backend, precision, math, description, judged_sources(backend))
+
+
+def judged_sources(backend: str) -> str:
+    """The hash of what an error depends on: the backend's sources, and the reference's."""
+    return f"{source_hash(backend)}-{source_digest(Path(cache.__file__).parent)}"
 
 
 def run_accuracy(
@@ -133,8 +161,9 @@ def run_accuracy(
 ) -> AccuracySummary:
     """Judge what the store lacks of the grid of cases, and return all of its points.
 
-    `quick`: the same cases with fewer and shorter samples. `backends`: cpu, gpu (None: all that are here). References
-    are kept in the folder `references` beside the store. Every number is on disk when it is had; Ctrl-C ends cleanly.
+    `quick`: fewer and shorter samples, and neither `exact` math nor other sizes. `backends`: cpu, gpu (None: all that
+    are here). References are kept in the folder `references` beside the store. Every number is on disk when it is had;
+    Ctrl-C ends cleanly.
 
     Raises SceneError (an unknown backend), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
@@ -143,7 +172,7 @@ def run_accuracy(
     chosen = backends_here(backends)
     revision = source_revision()
     summary = AccuracySummary(enter_machine(store))
-    everything = cases(scenes, chosen)
+    everything = cases(scenes, chosen, wide=not quick)
     missing = [case for case in everything if not _held(store, case, summary.machine, effort)]
     summary.held = len(everything) - len(missing)
     try:
@@ -158,9 +187,9 @@ def run_accuracy(
 
 
 def _held(store: Store, case: Case, machine: str, effort: Effort) -> bool:
-    return store.has_measure(case.description, machine, case.sources, COST) and (
-        store.sample_count(case.description, machine, case.sources, STAGE) >= effort.repeats
-    )
+    key = case.description, machine, case.sources
+    told = all(store.has_measure(*key, name) for name in (COST, GROWTH))
+    return told and store.sample_count(*key, STAGE) >= effort.repeats
 
 
 def _measure_all(store: Store, summary: AccuracySummary, missing: list[Case], effort: Effort, show: bool) -> None:
@@ -186,51 +215,40 @@ class _Group:
 
     def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Callable[[str, int], None]):
         self.store, self.summary, self.effort, self.tell = store, summary, effort, tell
-        self.folder = None if store.path == ":memory:" else Path(store.path).absolute().parent / "references"
+        self.folder = references(store)
 
     def measure(self, group: Sequence[Case]) -> None:
         self.tell(f"{group[0].label}: converged reference", 0)
-        newton = cache.kept(group[0].scene, END, self.folder)
-        half = cache.kept(group[0].scene, END, self.folder, inertia=HALF_ACCELERATION)
+        scene = group[0].scene
+        newton = cache.kept(scene, END, self.folder)
+        half = cache.kept(scene, END, self.folder, inertia=HALF_ACCELERATION)
+        growth = kept_growth(scene, END, self.folder)
         with ExitStack() as stack:
             subjects = []
             for case in group:
                 self.tell(str(case), 1)
                 subject = Subject(stack.enter_context(case.open()), case)
-                broken = self._judge(subject, newton, half)
+                broken = self._judge(subject, newton, half, growth)
                 self._prepare(subject, broken)
                 subjects.append(subject)
             self._sample(subjects)
 
-    def _judge(self, subject: Subject, newton: cache.Converged, half: cache.Converged) -> Diverged | None:
+    def _judge(
+        self, subject: Subject, newton: cache.Converged, half: cache.Converged, growth: Growth
+    ) -> Diverged | None:
         """Run to the end and store the errors; the error with which it broke, if it did."""
         case, simulation = subject.name, subject.simulation
-        spacing = case.scene.grid.spacing
-        estimate = newton.estimate / spacing
-        numbers: dict[str, tuple[float, str, str | None]] = {}
-        note = f"RMS over the free masses; the reference's own error is {estimate:.1e} spacings"
-        broken = None
+        broken, copying = None, None
         try:
             simulation.advance(case.steps)
             state = simulation.state()
         except Diverged as divergence:
             broken = divergence
-            numbers[ERROR] = numbers[LARGEST] = (math.inf, "spacing", str(divergence))
-            numbers[UNRESOLVED] = (0.0, "", None)
         else:
-            free = state.inverse_mass > 0
-            error, largest = distance(state.position, newton.position, free, spacing)
-            unresolved = error < RESOLVED * estimate
-            numbers[ERROR] = (error, "spacing", note + ("; not resolved by it" if unresolved else ""))
-            numbers[LARGEST] = (largest, "spacing", None)
-            numbers[UNRESOLVED] = (float(unresolved), "", None)
-            if case.scene.method.integrator == "lab":
-                numbers[HALF] = (*distance(state.position, half.position, free, spacing)[:1], "spacing", "x'' = a / 2")
-            energy = energies(case.scene, state.position, state.velocity)["total"]
-            right = energies(case.scene, newton.position, newton.velocity)["total"]
-            numbers[ENERGY], numbers[ENERGY_OFF] = (energy, "J", None), (energy - right, "J", None)
-            numbers[STRAIN] = (float(np.abs(spring_strain(case.scene, state.position)).max()), "", None)
-        numbers[ESTIMATE] = (estimate, "spacing", None)
+            copying = copy_seconds(simulation)
+        numbers = judge(case.scene, broken or state, newton, growth, half)
+        if copying is not None:
+            numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
         with self.store.transaction():
             for name, (value, unit, reason) in numbers.items():
                 self.store.add_measure(self.summary.run, case.description, case.sources, name, value, unit, reason)
@@ -263,6 +281,21 @@ class _Group:
                 store.add_measure(run, case.description, sources, COST, cost, "s/s", f"median of {repeats}")
                 summary.measured += 1
                 self.tell(f"{case}: timed", 1)
+
+
+def references(store: Store) -> Path | None:
+    """The folder of the converged references that belong to a store; None for one in memory."""
+    return None if store.path == ":memory:" else Path(store.path).absolute().parent / "references"
+
+
+def copy_seconds(simulation: Simulation) -> float:
+    """Seconds that the state takes from the device to arrays on the host; the state must be checked already."""
+    taken = []
+    for _ in range(COPIES):
+        begin = time.perf_counter()
+        simulation.state()
+        taken.append(time.perf_counter() - begin)
+    return statistics.median(taken)
 
 
 def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:

@@ -7,21 +7,38 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
+from bench.equal_error import Fastest, equal_error
+from bench.judgement import (
+    ENERGY,
+    ENERGY_OFF,
+    ERROR,
+    GROWTH,
+    HALF,
+    LARGEST,
+    MEAN_OFF,
+    MOMENTUM_OFF,
+    REFUSED,
+    STRAIN,
+    STRAIN_OFF,
+    UNRESOLVED,
+)
+
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
+SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
 END = 1.5  # s: the horizon of both scenes
 
-ERROR, LARGEST = "accuracy_error", "accuracy_error_largest"
-HALF = "accuracy_error_half"
-ENERGY, ENERGY_OFF, STRAIN = "accuracy_energy", "accuracy_energy_off", "accuracy_strain"
-COST, UNRESOLVED, ESTIMATE = "seconds_per_simulated_second", "unresolved", "reference_estimate"
+COST = "seconds_per_simulated_second"
+COPY = "copy_seconds"  # of the whole state, from the device to the host
 
 
 @dataclass(frozen=True)
 class AccuracyPoint:
-    """One configuration. `scene`: S1 or S2; `error`, `largest`: root mean square and maximum over the free masses, in
-    spacings, against Newton's law, infinite when it diverged; `half`: against half the acceleration (`lab` alone);
-    `energy` [J] and how far it is `energy_off` [J] the reference's; `strain`: the worst; `seconds`: wall time per
-    simulated second, None if not timed; `resolved`: the reference is good enough to tell; `note`: how, or why not."""
+    """One configuration. `scene`: S1, S2 or one of SIZES; `error`, `largest`: root mean square and maximum over the free
+    masses, in spacings, against Newton's law, infinite when it diverged or was refused; `half`: against half the
+    acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to then; `energy` [J]; `strain`: the worst; how far
+    they, the centre of mass [spacings] and the momentum [kg m/s] are off the reference's; `seconds`: wall time per
+    simulated second, None if not timed; `copy_seconds` [s]: of the state to the host, once a run; `resolved`: the
+    reference is good enough to tell; `note`: how, or why not."""
 
     scene: str
     integrator: str
@@ -29,23 +46,45 @@ class AccuracyPoint:
     precision: str
     backend: str
     threads: int | None
+    math: str
     error: float
     largest: float | None
     half: float | None
+    growth: float | None
     energy: float | None
     energy_off: float | None
     strain: float | None
+    strain_off: float | None
+    mean_off: float | None
+    momentum_off: float | None
     seconds: float | None
+    copy_seconds: float | None
     resolved: bool
     note: str | None
 
     @property
+    def refused(self) -> bool:
+        """The motion is chaotic by then, and no error of a trajectory means anything."""
+        return (self.note or "").startswith(REFUSED)
+
+    @property
     def diverged(self) -> bool:
-        return not math.isfinite(self.error)
+        return not math.isfinite(self.error) and not self.refused
+
+    @property
+    def copied(self) -> float | None:
+        """`seconds` with the copy of the end state to the host in it."""
+        return None if self.seconds is None or self.copy_seconds is None else self.seconds + self.copy_seconds / END
+
+    @property
+    def name(self) -> str:
+        exact = "" if self.math == "fast" else f", {self.math}"
+        return f"{self.integrator}, dt {self.dt:g} s, {self.precision}{exact}, {self.backend}"
 
     def __str__(self) -> str:
         cost = "not timed" if self.seconds is None else f"{self.seconds * 1e3:9.3f} ms a simulated second"
-        return f"{self.error:8.2e}  {cost}  {self.integrator}, dt {self.dt:g} s, {self.precision}, {self.backend}"
+        growth = "" if self.growth is None else f" (growth {self.growth:.1e})"
+        return f"{self.error:8.2e}{growth}  {cost}  {self.name}"
 
 
 class Judged(Protocol):
@@ -90,15 +129,10 @@ class AccuracySummary:
 
     def __str__(self) -> str:
         lines = []
-        for label, name in SCENES.items():
+        for label in (*SCENES, *SIZES):
             mine = [p for p in self.points if p.scene == label]
-            if not mine:
-                continue
-            broken = sum(p.diverged for p in mine)
-            lines.append(
-                f"{label} ({name}) at {END:g} s: {len(mine)} runs, of which {broken} diverged; the Pareto front:"
-            )
-            lines += [f"  {point}" for point in pareto_front(mine)]
+            if mine:
+                lines += summary_lines(label, mine)
         lines.append(
             f"{self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
             + ("; interrupted: the same command resumes" if self.interrupted else "")
@@ -106,10 +140,49 @@ class AccuracySummary:
         return "\n".join(lines)
 
 
+def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:
+    """What is told of the points of one scene: how many broke, the Pareto front, the fastest way to each error."""
+    name = SCENES[SIZES[label][0]] if label in SIZES else SCENES[label]
+    sized = f", {SIZES[label][1]} x {SIZES[label][1]}" if label in SIZES else ""
+    refused, broken = sum(p.refused for p in points), sum(p.diverged for p in points)
+    heading = f"{label} ({name}{sized}) at {END:g} s: {len(points)} runs, of which {broken} diverged"
+    growth = next((p.growth for p in points if p.growth is not None), None)
+    if growth is not None:
+        heading += f"; a disturbance of 1e-9 grows {growth:.1e} times"
+    if refused:
+        return [f"{heading}: chaotic, the error of {refused} is refused", *(f"  {_statistics(p)}" for p in points)]
+    lines = [f"{heading}; the Pareto front:", *(f"  {point}" for point in pareto_front(points))]
+    return [*lines, "fastest way to an error (cost with the state's copy to the host in brackets):"] + [
+        f"  {fastest_line(row)}" for row in equal_error(points)
+    ]
+
+
+def fastest_line(row: Fastest[AccuracyPoint]) -> str:
+    """`1e-03  cpu 1.2 ms (1.2) velocity-verlet ...; gpu ...; at equal error the gpu is 2.1 times as fast (2.0)`."""
+    ways = []
+    for way, copied in ((row.cpu, row.cpu_copied), (row.gpu, row.gpu_copied)):
+        if way is not None:
+            cost = f"{1e3 * (way.seconds or 0.0):.3f} ms"
+            cost += f" ({1e3 * copied.copied:.3f})" if copied is not None and copied.copied is not None else ""
+            ways.append(f"{cost}  {way.name}")
+    text = f"{row.target:.0e}  " + ("; ".join(ways) or "none of those measured")
+    if row.speed_up is not None:
+        text += f"; at equal error the gpu is {row.speed_up:.2g} times as fast"
+        text += f" ({row.speed_up_copied:.2g})" if row.speed_up_copied is not None else ""
+    return text
+
+
+def _statistics(p: AccuracyPoint) -> str:
+    """Of a refused run: what is compared instead of the trajectory."""
+    told = ((p.energy_off, "J energy"), (p.mean_off, "spacings centre of mass"), (p.strain_off, "worst strain"))
+    parts = [f"{value:+.2e} {what}" for value, what in told if value is not None]
+    return f"off by {', '.join(parts)}  {p.name}" if parts else f"{p.note}  {p.name}"
+
+
 def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) -> AccuracyPoint | None:
     """The point of one configuration from its measures by name (bench.results.Measure); None where it has no error.
 
-    `label`: S1 or S2; `description`: as bench.results.configuration makes it.
+    `label`: as in AccuracyPoint; `description`: as bench.results.configuration makes it.
     """
     if ERROR not in named or named[ERROR].value is None:
         return None
@@ -122,13 +195,19 @@ def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) 
         precision=description["precision"],
         backend=description["backend"],
         threads=description["threads"],
+        math=description["math"],
         error=values[ERROR],
         largest=values.get(LARGEST),
         half=values.get(HALF),
+        growth=values.get(GROWTH),
         energy=values.get(ENERGY),
         energy_off=values.get(ENERGY_OFF),
         strain=values.get(STRAIN),
+        strain_off=values.get(STRAIN_OFF),
+        mean_off=values.get(MEAN_OFF),
+        momentum_off=values.get(MOMENTUM_OFF),
         seconds=values.get(COST),
+        copy_seconds=values.get(COPY),
         resolved=not values.get(UNRESOLVED),
         note=named[ERROR].reason,
     )

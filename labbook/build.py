@@ -18,10 +18,19 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from labbook import accuracy_claims, claims, comparison_claims, kernel_claims
+from labbook import (
+    accuracy_claims,
+    claims,
+    comparison_claims,
+    findings_claims,
+    hard_claims,
+    kernel_claims,
+    stability_claims,
+)
 from labbook.facts import facts
 from labbook.kernel_tables import joule_tables, kernel_tables, region_tables, roof_tables
-from labbook.tables import error_tables, fastest_table, machine_table, scene_table, time_tables
+from labbook.stability_tables import edge_tables
+from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
 from model.errors import BackendUnavailable, InputError
 from plots.data import Origin, Results, is_suspect, load
 from plots.draw import draw_figures
@@ -29,7 +38,7 @@ from plots.draw import draw_figures
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
-CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy")
+CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy", "findings", "stability", "hard")
 WORDS = (300, 500)
 TITLE = "Soft-body lab book"
 
@@ -71,8 +80,17 @@ def build(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Everything the template prints, but for the figures' files."""
-    every_claim = {**claims.CLAIMS, **comparison_claims.CLAIMS, **kernel_claims.CLAIMS, **accuracy_claims.CLAIMS}
-    scene, fastest = scene_table(results), fastest_table(results)
+    modules = (
+        claims,
+        comparison_claims,
+        kernel_claims,
+        accuracy_claims,
+        findings_claims,
+        stability_claims,
+        hard_claims,
+    )
+    every_claim = {name: claim for module in modules for name, claim in module.CLAIMS.items()}
+    scene = scene_table(results)
     return {
         "title": TITLE,
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
@@ -86,7 +104,11 @@ def book_data(results: Results) -> dict[str, Any]:
             "scene": [scene] if scene else [],
             "times": [table for source in results.sources for table in time_tables(source)],
             "errors": error_tables(results),
-            "fastest": [fastest] if fastest else [],
+            "edges": edge_tables(results),
+            "hard": hard_claims.hard_tables(results),
+            "hard-waiting": hard_claims.waiting_tables(results),
+            "fastest": fastest_tables(results),
+            "pareto": pareto_tables(results),
             "kernels": kernel_tables(results),
             "roofs": roof_tables(results),
             "joules": joule_tables(results),

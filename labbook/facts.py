@@ -14,6 +14,10 @@ import numpy as np
 from bench.accuracy import END, RESOLVED, STEP_SIZES
 from bench.checks import AMPLITUDE, CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS, OWN_SIZE_STEPS
 from bench.results import SPREAD_LIMIT
+from bench.stability import LINKS
+from bench.stability import ROWS as STABILITY_ROWS
+from bench.stability_runs import END as STABILITY_END
+from bench.stability_runs import TOLERANCE as STABILITY_TOLERANCE
 from bench.sweep import FULL, QUICK
 from bench.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
 from cpu_backend.threads import MULTIPLES
@@ -74,4 +78,8 @@ def facts() -> dict[str, str]:
         "accuracy-end": f"{END:g}\N{NO-BREAK SPACE}s",
         "accuracy-steps": ", ".join(f"{1000 * dt:g}" for dt in STEP_SIZES) + "\N{NO-BREAK SPACE}ms",
         "resolved": str(RESOLVED),
+        "stability-links": str(LINKS),
+        "stability-rows": str(STABILITY_ROWS),
+        "stability-end": f"{STABILITY_END:g}\N{NO-BREAK SPACE}s",
+        "stability-tolerance": percent(STABILITY_TOLERANCE),
     }

@@ -47,13 +47,17 @@ def make_labbook(store: Path, pdf: Path) -> Path:
 
 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
-    """Doctor, sweep, accuracy, figures, lab book; then a table of what came out and where it is.
+    """Doctor, sweep, accuracy, stability, hard cases (unless quick), figures, lab book; then a table of what came out.
 
     What the machine lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
     from app.doctor import examine
     from app.tables import print_findings
     from bench.accuracy import run_accuracy
+    from bench.findings import run_findings
+    from bench.hard import run_hard
+    from bench.hard_results import print_hard
+    from bench.stability import run_stability
     from bench.store import Store
     from bench.sweep import run_sweep
     from bench.tables import print_fastest, print_sweep
@@ -73,6 +77,23 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
         console.print(str(judged), markup=False, soft_wrap=True)
         if judged.interrupted:
             raise KeyboardInterrupt
+        if not quick:
+            console.rule("findings: the small experiments")
+            found = run_findings(store, command=command)
+            console.print(str(found), markup=False, soft_wrap=True)
+            if found.interrupted:
+                raise KeyboardInterrupt
+        console.rule("stability: where it breaks")
+        broken = run_stability(store, quick=quick, command=command)
+        console.print(str(broken), markup=False, soft_wrap=True)
+        if broken.interrupted:
+            raise KeyboardInterrupt
+        if not quick:
+            console.rule("hard cases: what each integrator makes of them")
+            trials = run_hard(store, pictures=False, command=command)
+            print_hard(console, trials)
+            if trials.interrupted:
+                raise KeyboardInterrupt
     console.rule("figures and lab book")
     figures = folder / "figures"
     made: list[tuple[str, Any]] = [("store", store_path)]

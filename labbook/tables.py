@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from bench.accuracy_points import pareto_front
+from bench.equal_error import Fastest, equal_error
 from bench.results import Timing
 from labbook import words
-from labbook.accuracy_claims import TARGETS
 from labbook.words import number
 from model.integrators import INTEGRATORS
-from plots.accuracy_points import Point, order_points, points, reaching
+from plots.accuracy_points import Point, order_points, points
 from plots.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
 from plots.work_precision import SCENES, accurate_source
 
@@ -134,20 +135,57 @@ def _half_cell(point: Point | None) -> str:
     return DASH if point is None or point.half is None else number(point.half, 3)
 
 
-def fastest_table(results: Results) -> Table | None:
-    """The fastest way to reach each target error, per scene."""
-    source = accurate_source(results)
-    if source is None or not any(p.seconds for p in points(source)):
-        return None
-    rows = []
-    for scene in SCENES:
-        found = points(source, scene)
-        for target in TARGETS:
-            able = reaching(found, target)[:1]
-            if found:
-                best = able[0].name if able else "none of those measured"
-                cost = number(1000 * (able[0].seconds or 0.0)) if able else DASH
-                rows.append([scene, number(target, 1), best, cost])
-    head = ["Scene", "Error / spacings", "Integrator, step size, precision, backend", "Cost / ms per s"]
-    title = f"The fastest way to an error, and the wall time of a simulated second. {source.provenance}"
-    return table(title, head, rows, left=3)
+def accurate_sources(results: Results) -> list[Source]:
+    """The machines whose accuracy runs were timed: featured ones first, committed ones after."""
+    return [s for s in (*results.featured, *results.background) if any(p.seconds for p in points(s))]
+
+
+def fastest_tables(results: Results) -> list[Table]:
+    """The fastest way to each target error and the GPU's speed-up over the CPU at that error, a table a machine."""
+    tables = []
+    for source in accurate_sources(results):
+        rows = []
+        for scene in sorted({p.scene for p in points(source)}):
+            found = [*points(source, scene), *points(source, scene, "exact")]
+            rows += [[scene, *_fastest_cells(row)] for row in equal_error(found)]
+        head = ["Scene", "Error / spacings", "Integrator, step size, precision, backend", "Cost / ms per s"]
+        head += ["with copy / ms per s", "GPU over CPU", "with copy"]
+        title = (
+            "The fastest way to an error, the wall time of a simulated second without and with a copy of the end state to "
+            f"the host, and how many times as fast the GPU reaches that error as the CPU. {source.provenance}"
+        )
+        tables.append(table(title, head, rows, left=3))
+    return tables
+
+
+def _fastest_cells(row: Fastest[Point]) -> list[str]:
+    best = row.best
+    if best is None:
+        return [number(row.target, 1), "none of those measured", DASH, DASH, DASH, DASH]
+    copied = min((p.copied for p in (row.cpu_copied, row.gpu_copied) if p is not None and p.copied), default=None)
+    ratios = (row.speed_up, row.speed_up_copied)
+    return [
+        number(row.target, 1), best.name, number(1000 * (best.seconds or 0.0)),
+        DASH if copied is None else number(1000 * copied), *(DASH if r is None else number(r, 2) for r in ratios),
+    ]  # fmt: skip
+
+
+def pareto_tables(results: Results) -> list[Table]:
+    """What no other configuration beats in both error and time, a table a scene, of the first machine."""
+    tables = []
+    for source in accurate_sources(results)[:1]:
+        for scene in SCENES:
+            front = pareto_front([*points(source, scene), *points(source, scene, "exact")])
+            rows = [
+                [
+                    p.name,
+                    number(p.error, 2),
+                    number(1000 * (p.seconds or 0.0)),
+                    DASH if p.growth is None else number(p.growth, 2),
+                ]
+                for p in front
+            ]
+            head = ["Integrator, step size, precision, backend", "Error / spacings", "Cost / ms per s", "Growth"]
+            if rows:
+                tables.append(table(f"{scene}: the Pareto front. {source.provenance}", head, rows))
+    return tables

@@ -61,19 +61,28 @@ class Diverged(SoftlabError):
     """The state left the finite world: a non-finite value, or a coordinate beyond 1e6 times the scene's size.
 
     Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
-    `limit` (the dt [s] that would have held, or None where none is known).
+    `limit` (the dt [s] that would have held, or None where none is known), `cause` and `remedy` (with its number; given by
+    model/diagnosis.py).
     """
 
     exit_status = 1
 
-    def __init__(self, step: int, particle: int, dt: float, limit: float | None):
+    def __init__(
+        self,
+        step: int,
+        particle: int,
+        dt: float,
+        limit: float | None,
+        cause: str | None = None,
+        remedy: str | None = None,
+    ):
         self.step, self.particle, self.dt, self.limit = step, particle, dt, limit
-        if limit is None:
-            remedy = "no stability limit is known for it; try half the step size"
-        elif limit == 0:
-            remedy = "this integrator is unstable at every step size; choose another with --set method.integrator=..."
+        if limit is None or limit != limit:
+            self.cause = cause or "no stability limit is known for it"
         elif dt > limit:
-            remedy = f"the step size is over the stability limit: use dt <= {limit:.6g} s"
+            self.cause = cause or "the step size is over the stability limit"
         else:
-            remedy = f"dt is under the linear limit of {limit:.6g} s, so the motion itself is too violent: halve dt"
-        super().__init__(f"diverged at step {step}, particle {particle} (dt = {dt:.6g} s); {remedy}")
+            self.cause = cause or f"dt is under the linear limit of {limit:.6g} s"
+        over = limit is not None and 0 < limit < dt
+        self.remedy = remedy or (f"use dt <= {limit:.6g} s" if over else "try half the step size")
+        super().__init__(f"diverged at step {step}, particle {particle} (dt = {dt:.6g} s): {self.cause}; {self.remedy}")

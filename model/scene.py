@@ -203,7 +203,9 @@ def load_scene(name_or_path: str | Path) -> Scene:
     path = known.get(text)
     if path is None:
         path = Path(text)
-        looks_like_a_name = path.suffix == "" and len(path.parts) <= 1 and not path.exists()
+        folders = {name.split("/")[0] for name in known if "/" in name}
+        inside = len(path.parts) <= 1 or path.parts[0] in folders
+        looks_like_a_name = path.suffix == "" and inside and not path.exists()
         if looks_like_a_name:
             raise InputError(
                 f"unknown scene {text!r}{_suggestion(text, known)}; known: {', '.join(known)}, or a .toml file"

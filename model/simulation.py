@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from model.build import Body, build
+from model.diagnosis import diagnose
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
 from model.plan import Plan
@@ -193,7 +194,8 @@ class Simulation(ABC):
             bad = self._first_bad()
         step = self.step
         self.rewind()
-        raise Diverged(step, bad, self.scene.method.dt, self.limit)
+        found = diagnose(self.scene, self.limit, self._download()[1])
+        raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
 
     def _put_aside(self) -> None:
         self._keep()

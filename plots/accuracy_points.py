@@ -7,19 +7,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.accuracy import COST, ERROR, HALF, SCENES, UNRESOLVED
+from bench.accuracy_points import COPY, COST, END, ERROR, GROWTH, HALF, REFUSED, SCENES, UNRESOLVED
 from bench.results import Measure
 from model.scene import load_scene
 from plots.data import Source
 
 LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
+SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have it in their label
 
 
 @dataclass(frozen=True)
 class Point:
-    """One accuracy run. `error` in spacings against Newton's law, infinite when it diverged; `half`: against the
-    half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed;
-    `low`, `high`: the least and greatest of its repeats, where they are known."""
+    """One accuracy run. `scene`: S1, S2, or S1-16 at 16 x 16 masses; `error` in spacings against Newton's law, infinite
+    when it diverged or was `refused` (chaotic by then); `half`: against the half-acceleration equation, where that was
+    asked; `seconds`: wall seconds a simulated second, None if untimed; `copied`: with the state's copy to the host;
+    `low`, `high`: the least and greatest of its repeats, where they are known; `growth`: of a disturbance up to then."""
 
     scene: str
     integrator: str
@@ -32,25 +34,30 @@ class Point:
     low: float | None
     high: float | None
     resolved: bool
+    math: str = "fast"
+    copied: float | None = None
+    growth: float | None = None
+    refused: bool = False
 
     @property
     def diverged(self) -> bool:
-        return not math.isfinite(self.error)
+        return not math.isfinite(self.error) and not self.refused
 
     @property
     def name(self) -> str:
         """`rk4, 5 ms, float64, CPU`."""
-        return f"{self.integrator}, {1000 * self.dt:g} ms, {self.precision}, {self.backend.upper()}"
+        exact = "" if self.math == "fast" else f", {self.math}"
+        return f"{self.integrator}, {1000 * self.dt:g} ms, {self.precision}{exact}, {self.backend.upper()}"
 
 
-def points(source: Source, scene: str | None = None) -> list[Point]:
-    """The accuracy runs of one machine, of one scene (`S1`, `S2`) or all, largest step first."""
+def points(source: Source, scene: str | None = None, math: str = "fast") -> list[Point]:
+    """The accuracy runs of one machine in one math, of one scene (`S1`, `S2`, `S1-16`) or all, largest step first."""
     gathered: dict[str, dict[str, Measure]] = {}
     for measure in source.measures:
-        if measure.name in (ERROR, HALF, COST, UNRESOLVED):
+        if measure.name in (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH):
             gathered.setdefault(measure.configuration, {})[measure.name] = measure
     found = [_point(source, named) for named in gathered.values() if ERROR in named]
-    result = [p for p in found if p is not None and scene in (None, p.scene)]
+    result = [p for p in found if p is not None and scene in (None, p.scene) and p.math == math]
     return sorted(result, key=lambda p: (p.scene, p.integrator, p.backend, p.precision, -p.dt))
 
 
@@ -59,10 +66,10 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     description = error.description
     tables: dict[str, Any] = description["scene"]
     kinds = {table.get("kind", name): table for name, table in tables.items() if isinstance(table, dict)}
-    label = LABELS.get(str(kinds["grid"].get("pinned")))
+    label = _label(kinds["grid"]) if "end" not in description else None  # `softlab advise` judges at times of its own
     if error.value is None or label is None:
         return None
-    half, cost, unresolved = (named.get(name) for name in (HALF, COST, UNRESOLVED))
+    half, cost, unresolved, copy, growth = (named.get(name) for name in (HALF, COST, UNRESOLVED, COPY, GROWTH))
     repeats = source.costs.get(error.configuration)
     dt = kinds["method"]["dt"]
     return Point(
@@ -77,7 +84,19 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
         low=repeats.low / dt if repeats else None,
         high=repeats.high / dt if repeats else None,
         resolved=not (unresolved and unresolved.value),
+        math=description["math"],
+        copied=cost.value + copy.value / END if cost and copy and cost.value and copy.value is not None else None,
+        growth=growth.value if growth else None,
+        refused=(error.reason or "").startswith(REFUSED),
     )
+
+
+def _label(grid: dict[str, Any]) -> str | None:
+    """The scene's label from its pins and size; None for a scene that is no accuracy scene."""
+    label, rows = LABELS.get(str(grid.get("pinned"))), grid.get("rows")
+    if label is None or rows != grid.get("columns"):
+        return None
+    return label if rows == SIDE else f"{label}-{rows}"
 
 
 def reaching(candidates: Sequence[Point], error: float) -> list[Point]:

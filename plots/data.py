@@ -17,6 +17,7 @@ from typing import Any
 
 from bench.accuracy import STAGE as ACCURACY_STAGE
 from bench.energy import STAGE as ENERGY_STAGE
+from bench.findings_timing import STAGE as FINDINGS_STAGE
 from bench.peer_results import Ratio, ratios
 from bench.results import Machine, Measure, Store, Timing, canonical, machines, measures, open_readonly, timings
 
@@ -41,7 +42,8 @@ class Source:
     kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one).
     `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration.
     `kernels`: timings of forced kernels; `energies`: samples with joules, by configuration; `defaults`: of forced
-    kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab."""
+    kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab.
+    `findings`: timings behind single findings (bench/findings.py), small grids first."""
 
     machine: Machine
     own: bool
@@ -55,6 +57,7 @@ class Source:
     energies: dict[str, Timing] = field(default_factory=dict)
     defaults: dict[str, bool] = field(default_factory=dict)
     peers: tuple[Ratio, ...] = ()
+    findings: tuple[Timing, ...] = ()
 
     @property
     def processor(self) -> str:
@@ -193,6 +196,11 @@ def _sources(store: Store, own: bool) -> list[Source]:
         energies = {timing.configuration: timing for timing in timings(store, machine.key, ENERGY_STAGE)}
         defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}
         peers = tuple(ratios(store, machine.key))
+        findings = tuple(
+            timing
+            for timing in timings(store, machine.key, FINDINGS_STAGE)
+            if not any(SIMULATOR in mark for mark in timing.suspect)
+        )
         if everything or numbers or peers:
             result.append(
                 Source(
@@ -208,6 +216,7 @@ def _sources(store: Store, own: bool) -> list[Source]:
                     energies,
                     defaults,
                     peers,
+                    findings,
                 )
             )
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)

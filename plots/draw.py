@@ -13,7 +13,12 @@ from pathlib import Path
 from model.errors import InputError
 from plots import (
     bandwidth,
+    findings_damping,
+    findings_dissipation,
+    findings_exact,
+    findings_float32,
     graphics,
+    hard,
     joules,
     kernels,
     lab_step,
@@ -22,6 +27,7 @@ from plots import (
     precisions,
     roofline,
     shapes,
+    stability,
     thread_scaling,
     time_per_step,
     work_precision,
@@ -43,6 +49,14 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "roofline": roofline.draw,
     "joules": joules.draw,
     "peers": peers.draw,
+    "stability-stiffness": stability.draw_stiffness,
+    "stability-damping": stability.draw_damping,
+    "findings-damping": findings_damping.draw,
+    "findings-float32": findings_float32.draw,
+    "findings-dissipation": findings_dissipation.draw,
+    "findings-exact": findings_exact.draw,
+    "hard-states": hard.draw_states,
+    "hard-verdicts": hard.draw_verdicts,
 }
 TITLES = {
     "time-per-step": time_per_step.TITLE,
@@ -58,6 +72,14 @@ TITLES = {
     "roofline": roofline.TITLE,
     "joules": joules.TITLE,
     "peers": peers.TITLE,
+    "stability-stiffness": stability.TITLE_STIFFNESS,
+    "stability-damping": stability.TITLE_DAMPING,
+    "findings-damping": findings_damping.TITLE,
+    "findings-float32": findings_float32.TITLE,
+    "findings-dissipation": findings_dissipation.TITLE,
+    "findings-exact": findings_exact.TITLE,
+    "hard-states": hard.STATES_TITLE,
+    "hard-verdicts": hard.VERDICTS_TITLE,
 }
 
 

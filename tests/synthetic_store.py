@@ -7,10 +7,17 @@ that the lab book may make can be made to hold, to fail, or to be drowned in spr
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from bench import findings
 from bench.accuracy import COST, ERROR, HALF, STAGE
+from bench.accuracy_points import COPY, GROWTH
+from bench.findings_timing import STAGE as FINDINGS_STAGE
 from bench.peers.registry import OURS, PEERS
 from bench.results import configuration
+from bench.stability import analytic, chain
+from bench.stability_points import EDGE, LIMIT, OUTCOME, STEP
+from bench.stability_runs import linear
 from bench.store import Store
+from model.integrators import INTEGRATORS, stability_limit
 from model.scene import load_scene
 
 SIZES = (16, 32, 64, 128, 256, 512)
@@ -168,12 +175,72 @@ class Maker:
                     for dt in STEPS:
                         self.point(scene_name, "explicit-euler", dt, float("inf"), 2e-5 / dt, None, precision, backend)
 
+    def stability(self) -> None:
+        """A coarse map, where what is over 1.2 times its limit diverges, and edges a thousandth under the analytic one."""
+        curtain = load_scene("lab-curtain").replace({"grid.rows": 8, "grid.columns": 8})
+        for backend in ["cpu", *(["gpu"] if self.record["gpu"] else [])]:
+            for name in INTEGRATORS:
+                for stiffness, damping in ((1.0, 0.03), (10.0, 0.03), (10.0, 0.0)):
+                    at = {"springs.stiffness": stiffness, "damping.coefficient": damping, "method.integrator": name}
+                    for dt in (0.001, 0.01, 0.1):
+                        scene = curtain.replace(at | {"method.dt": dt})
+                        lost = dt > 1.2 * stability_limit(scene)
+                        code = 3.0 if lost else 0.0 if damping else 1.0
+                        numbers = {STEP: 90.0} if lost else {}
+                        self.numbers(scene, backend, numbers | {OUTCOME: code})
+                    for net in (linear(curtain.replace(at)), chain(damping).replace({"method.integrator": name})):
+                        limit = analytic(net)
+                        if limit > 0:
+                            self.numbers(net, backend, {EDGE: 0.999 * limit, LIMIT: limit})
+
+    def findings(self) -> None:
+        """Dampers of order 2 and 1, a floor of float32, errors that grow with the offset, one rate, and exact math a
+        quarter slower."""
+        curtain = load_scene("lab-curtain")
+        for scheme, order in zip(findings.DAMPERS, (2, 1), strict=True):
+            for dt in STEPS:
+                self.finding(curtain, findings.DAMPING, dt, findings.ERROR, 1e-3 * (dt / 0.01) ** order, scheme=scheme)
+        for precision, rounding in (("float32", 1e-5), ("float64", 0.0)):
+            for dt in findings.FLOOR_STEPS:
+                value = 1e-4 * (dt / 0.01) ** 4 + rounding * 0.01 / dt
+                self.finding(curtain, findings.FLOOR, dt, findings.ERROR, value, integrator="rk4", precision=precision)
+        for integrator, factor in (("lab", 1e-5), ("velocity-verlet", 1e-7)):
+            for offset in findings.OFFSETS:
+                value = factor * (1 + offset / 100)
+                self.finding(curtain, findings.AWAY, 0.01, findings.ERROR, value, integrator=integrator, offset=offset)
+        for integrator, rate in (("lab", 0.0), ("rk4", 1e-3), ("taylor", -2.0)):
+            for dt in findings.RATE_STEPS:
+                self.finding(curtain, findings.DISSIPATION, dt, findings.RATE, rate, integrator=integrator)
+        for backend in ["cpu", *(["gpu"] if self.record["gpu"] else [])]:
+            for n in findings.EXACT_SIZES:
+                scene = curtain.replace({"grid.rows": n, "grid.columns": n})
+                for math, seconds in (("fast", 1e-5), ("exact", 1.25e-5)):
+                    description = findings.described(scene, backend, findings.EXACT, math=math)
+                    for factor in (1, 1 + self.wobble, 1 - self.wobble):
+                        self.store.add_sample(
+                            self.run, description, "sources", 1000 * factor * seconds, 1000, stage=FINDINGS_STAGE
+                        )
+
+    def finding(self, scene, name, dt, measure, value, integrator="velocity-verlet", **how) -> None:
+        """One measure of a finding."""
+        changed = scene.replace({"method.integrator": integrator, "method.dt": dt})
+        self.store.add_measure(
+            self.run, findings.described(changed, "cpu", name, **how), "sources", measure, value, "", "made up"
+        )
+
+    def numbers(self, scene, backend, numbers) -> None:
+        """Measures of a scene in float64."""
+        threads = 1 if backend == "cpu" else None
+        description = configuration(scene, backend=backend, threads=threads, precision="float64")
+        for name, value in numbers.items():
+            self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
+
     def point(self, scene_name, integrator, dt, error, cost, half, precision, backend) -> None:
         """One accuracy run."""
         scene = load_scene(scene_name).replace({"method.integrator": integrator, "method.dt": dt})
         threads = self.record["cores"] if backend == "cpu" else None
         description = configuration(scene, backend=backend, threads=threads, precision=precision)
-        names = {ERROR: error, HALF: half, COST: cost}
+        names = {ERROR: error, HALF: half, COST: cost, COPY: 2e-5, GROWTH: 0.09}
         for name, value in names.items():
             if value is not None:
                 self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
@@ -190,6 +257,8 @@ def cpu_store(path: str | Path = ":memory:", **options) -> Store:
         maker.ladder()
         maker.beside()
         maker.accuracy()
+        maker.stability()
+        maker.findings()
     return store
 
 
@@ -202,4 +271,6 @@ def gpu_store(path: str | Path = ":memory:", **options) -> Store:
         maker.ladder((*SIZES, 1024, 2048, 4096))
         maker.beside()
         maker.accuracy()
+        maker.stability()
+        maker.findings()
     return store

@@ -112,6 +112,22 @@ def test_points_of_a_run(small_run):
     assert at["rk4", 0.01] in pareto_front(first.points)
     assert broken not in pareto_front(first.points)
     assert "6 runs, of which 1 diverged" in str(first)
+    assert "fastest way to an error" in str(first)
+    assert all(p.growth < 1 and not p.refused for p in first.points)  # S1 contracts
+    assert all(p.copied > p.seconds for p in first.points if not p.diverged)
+    assert all(p.momentum_off is not None and p.mean_off <= p.error for p in first.points if not p.diverged)
+
+
+def test_the_wide_grid():
+    """Beside what quick has: exact math and other sizes, of S1 and of what holds at these step sizes; labels differ."""
+    quick, wide = (accuracy.cases(["S1", "S2"], ["cpu"], wide=wide) for wide in (False, True))
+    held = {str(case.description) for case in quick}
+    more = [case for case in wide if str(case.description) not in held]
+    assert {c.label for c in quick} == {"S1", "S2"}
+    assert {(c.label, c.math) for c in more} == {("S1", "exact"), ("S1-16", "fast"), ("S1-64", "fast")}
+    assert {c.scene.method.integrator for c in more} == set(accuracy.WIDE)
+    assert {c.scene.grid.rows for c in more if c.label == "S1-64"} == {64}
+    assert len({str(c.description) for c in wide}) == len(wide)
 
 
 def test_nothing_is_measured_twice(small_run):

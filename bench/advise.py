@@ -1,0 +1,145 @@
+"""Which method, step size, precision and backend reaches an error soonest on this machine: measured, not looked up.
+
+The error at a step size is the same story for every backend, and falls by a known power of it; so no full grid is run.
+For each integrator the largest step size that reaches the error is closed in on by its order from one or two coarse
+runs; an integrator that already needs many times the forces of the best so far is not even compiled. What is found in
+float64 is where the search in float32 and on the other backends begins; every answer was reached by the very
+configuration it names. Those are then timed side by side. Step sizes over the stability limit are not advised.
+
+Everything goes into the store as it is had, so that asking again, or for less, costs little.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any
+
+from bench.accuracy import references
+from bench.accuracy_points import END
+from bench.advice import Advice
+from bench.advise_search import Kind, Search, Task
+from bench.growth import MOST_GROWTH, Growth, kept_growth
+from bench.judge import SECONDS_PER_EVALUATION
+from bench.judgement import RESOLVED
+from bench.machine import enter_machine, source_revision
+from bench.reference import cache
+from bench.store import Store
+from bench.sweep import backends_here
+from model.build import pinned_indices
+from model.errors import SceneError
+from model.integrators import INTEGRATORS, damping_rate, frequency_bound
+from model.scene import Scene
+from model.simulation import PRECISIONS
+
+REFERENCE_SECONDS = 60.0  # the most that a reference may take, estimated
+TOTAL_SECONDS = 180.0
+
+
+def advise(
+    store: Store,
+    scene: Scene,
+    error: float,
+    *,
+    backends: Sequence[str] | None = None,
+    time: float | None = None,
+    integrators: Sequence[str] = tuple(INTEGRATORS),
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    total_seconds: float = TOTAL_SECONDS,
+    progress: bool = True,
+    command: str = "softlab advise",
+) -> Advice:
+    """The soonest way to at most `error` spacings (root mean square over the free masses) at `time` [s] (None: 1.5).
+
+    `backends`: None: all that are here. `total_seconds`: after it no new search is begun; what was found is told.
+
+    Raises SceneError (an error or time that cannot be, a scene with a random force, nothing that moves, a reference that
+    would take too long), BackendUnavailable, InputError (the store). Chaos, and an error that nothing reaches, are
+    answers: `why` says so.
+    """
+    begin = clock.perf_counter()
+    end = END if time is None else time
+    _check(scene, error, end, total_seconds)
+    chosen = backends_here(backends)
+    revision = source_revision()
+    machine = enter_machine(store)
+    growth = kept_growth(scene, end, references(store))
+    found = Advice(scene, error, end, growth.factor, machine=machine)
+    if growth.chaotic:
+        return replace(found, why=_chaos(growth), seconds=clock.perf_counter() - begin)
+    newton = cache.kept(scene, end, references(store))
+    if not newton.estimate * RESOLVED <= error * scene.grid.spacing:
+        off = newton.estimate / scene.grid.spacing
+        why = f"the reference itself is only good to {off:.1e} spacings; ask for a larger --error"
+        return replace(found, why=why, seconds=clock.perf_counter() - begin)
+    run = store.start_run(machine, command, revision)
+    search = Search(store, Task(scene, error, end, growth, newton, machine, run, begin + total_seconds))
+    kinds = [
+        [Kind(name, precision, backend) for backend in chosen for precision in sorted(precisions, reverse=True)]
+        for name in sorted(integrators, key=lambda name: (-INTEGRATORS[name].order, INTEGRATORS[name].forces))
+    ]
+    with _bar(progress) as bar:
+        row = bar.add_task("advise", total=sum(map(len, kinds)) + 1)
+        for of_integrator in kinds:
+            for kind in of_integrator:
+                bar.update(row, description=str(kind))
+                search.find(kind)
+                bar.advance(row)
+        bar.update(row, description=f"timing {len(search.reached)} side by side")
+        choices = search.timed()
+    return replace(
+        found, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
+        notes=tuple(search.notes()), seconds=clock.perf_counter() - begin,
+    )  # fmt: skip
+
+
+def _bar(show: bool) -> Any:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), disable=not show, transient=True)
+
+
+def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None:
+    """Refuse what has no answer before anything is measured."""
+    for name, value in (("--time", end), ("--total-seconds", total_seconds)):
+        if not 0 < value < inf:
+            raise SceneError(name, value, "must be greater than 0 and finite")
+    least = RESOLVED * cache.TOLERANCE
+    if not least <= error < inf:
+        raise SceneError(
+            "--error", error, f"in spacings; must be finite and at least {least:g}, which references resolve"
+        )
+    if scene.external and scene.external.magnitude > 0:
+        raise SceneError(
+            "external.magnitude",
+            scene.external.magnitude,
+            "a random force is another force at every step size, so that no run has an error; "
+            "pass --set external.magnitude=0",
+        )
+    if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
+        raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, any method is right")
+    needed = reference_seconds(scene, end)
+    if needed > REFERENCE_SECONDS:
+        fits = end * REFERENCE_SECONDS / needed
+        raise SceneError(
+            "--time", end, f"its reference would take about {needed:.0f} s; use at most {fits:.1g}, or a smaller grid"
+        )
+
+
+def reference_seconds(scene: Scene, end: float) -> float:
+    """What reference and twins of a scene take in NumPy, roughly: RK4 at h, h/2 and h/4, and twice at h."""
+    steps = 4 * end * (frequency_bound(scene) + damping_rate(scene))
+    return 9 * steps * 4 * (scene.grid.particle_count * SECONDS_PER_EVALUATION + 1e-4)
+
+
+def _chaos(growth: Growth) -> str:
+    text = (
+        f"chaos: by {growth.times[-1]:g} s a disturbance has grown {growth.factor:.1e} times (over {MOST_GROWTH:g}), and "
+        "every method's trajectory is as wrong as any other's"
+    )
+    safe = growth.safe_time()
+    return f"{text}; up to {safe:.2g} s it is told: --time {safe:.2g}" if safe else f"{text}; ask for a shorter --time"

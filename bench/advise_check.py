@@ -1,0 +1,88 @@
+"""Whether an advice is right, by brute force: the whole grid of methods and step sizes, judged, and the best of it timed.
+
+Slow on purpose, and without what `softlab advise` takes for granted (that errors fall by their order, that a method with
+many more forces cannot win): every integrator and precision at step sizes a fixed factor apart, up to the stability limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, inf
+
+from bench.accuracy import references
+from bench.advice import NOISE, Advice, Choice
+from bench.advise_search import LEAST_STEPS, Kind, Search, Task
+from bench.growth import kept_growth
+from bench.reference import cache
+from bench.store import Store
+from bench.sweep import backends_here
+from model.integrators import INTEGRATORS
+from model.simulation import PRECISIONS
+
+
+@dataclass(frozen=True)
+class Check:
+    """`judged` configurations of the grid, `reaching` of which reach the error; `advised`: the advice, timed beside
+    `rivals`, the largest step size of each method that reaches it, soonest first."""
+
+    judged: int
+    reaching: int
+    advised: Choice
+    rivals: tuple[Choice, ...]
+
+    def cheaper(self, factor: float = NOISE) -> list[Choice]:
+        """The rivals that reach the error in less time than the advised configuration's over `factor`."""
+        return [rival for rival in self.rivals if rival.seconds < self.advised.seconds / factor]
+
+
+def grid_steps(least: int, per_octave: int, octaves: int) -> list[int]:
+    """Steps from the fewest that are stable to 2^octaves times as many, `per_octave` to a doubling."""
+    return sorted({ceil(least * 2 ** (k / per_octave)) for k in range(per_octave * octaves + 1)})
+
+
+def brute_force(
+    store: Store,
+    advice: Advice,
+    *,
+    backends: Sequence[str] | None = None,
+    integrators: Sequence[str] = tuple(INTEGRATORS),
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    per_octave: int = 2,
+    octaves: int = 5,
+    command: str = "brute force",
+) -> Check:
+    """Judge the whole grid at the time of the advice, and time what reaches the error beside what was advised.
+
+    Raises ValueError for an advice without an answer, BackendUnavailable, SceneError.
+    """
+    best = advice.best
+    if best is None:
+        raise ValueError(advice.why or "no choice")
+    scene, end = advice.scene, advice.time
+    growth = kept_growth(scene, end, references(store))
+    newton = cache.kept(scene, end, references(store))
+    run = store.start_run(advice.machine, command)
+    search = Search(store, Task(scene, advice.error, end, growth, newton, advice.machine, run, inf))
+    judged, reaching, fewest = 0, 0, []
+    for backend in backends_here(backends):
+        for precision in precisions:
+            for name in integrators:
+                limit = search.limit(name)
+                if limit == 0:
+                    continue
+                least = LEAST_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
+                kind = Kind(name, precision, backend)
+                errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
+                able = [steps for steps, error in errors.items() if error <= advice.error]
+                judged, reaching = judged + len(errors), reaching + len(able)
+                if able:
+                    fewest.append((kind, min(able), errors[min(able)]))
+    advised = (Kind(best.integrator, best.precision, best.backend), best.steps, best.error)
+    timed = search.time([advised, *(entry for entry in fewest if entry != advised)])
+    mine = next(c for c in timed if (c.integrator, c.precision, c.backend, c.steps) == (*_key(advised[0]), best.steps))
+    return Check(judged, reaching, mine, tuple(choice for choice in timed if choice is not mine))
+
+
+def _key(kind: Kind) -> tuple[str, str, str]:
+    return kind.integrator, kind.precision, kind.backend

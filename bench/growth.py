@@ -1,0 +1,123 @@
+"""How much a small disturbance has grown by the time a run is judged: the guard against chaos.
+
+The distance to a reference says something about a method only while the motion does not blow every rounding error up to
+the size of the scene. So the reference is run a second time from a start disturbed by 1e-9 spacings (a twin): by how
+much the two have parted at the end, over how much they were apart at the start, is the growth factor. Damped lab grids
+contract (a factor under 1); beyond MOST_GROWTH the error of a trajectory is refused, and only statistics are compared.
+
+A twin in float32 would be lost in rounding, and the growth belongs to the motion, not to a method: it is measured in
+NumPy float64 with RK4 (bench/reference/), once a scene and time.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zlib
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from bench.reference import cache
+from bench.reference.mass_spring import pinned_mask, simulate, start
+from model.integrators import damping_rate, frequency_bound
+from model.scene import Scene
+
+DISTURBANCE = 1e-9  # spacings
+MOST_GROWTH = 1e3  # a larger factor makes a trajectory's error meaningless
+LOOKS = 24  # times at which the twins are compared
+STEPS_PER_RADIAN = 4  # h w = 1/4, far more than a growth factor needs
+LEAST_STEPS = 96
+
+
+@dataclass(frozen=True)
+class Growth:
+    """`times` (looks,) [s] and the `factors` (looks,) by which a disturbance had grown then; 1 where nothing is free."""
+
+    times: np.ndarray
+    factors: np.ndarray
+
+    @property
+    def factor(self) -> float:
+        """The growth factor at the end."""
+        return float(self.factors[-1])
+
+    @property
+    def chaotic(self) -> bool:
+        """Whether the error of a trajectory is to be refused at the end (also where the twins left the finite world)."""
+        return not self.factor <= MOST_GROWTH
+
+    def safe_time(self, most: float = MOST_GROWTH) -> float | None:
+        """The last time [s] looked at before the factor first passes `most`; None where it does from the first on."""
+        over = np.flatnonzero(~(self.factors <= most))
+        last = (over[0] if len(over) else len(self.times)) - 1
+        return float(self.times[last]) if last >= 0 else None
+
+
+def disturbance(scene: Scene) -> np.ndarray:
+    """(particles, 2) [m]: DISTURBANCE spacings times a fixed pattern that no symmetry of a grid shares; 0 at pins."""
+    i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
+    pattern = np.stack([np.sin(1.7 * i + 0.9 * j + 1), np.cos(0.6 * i - 1.3 * j + 1)], axis=-1)
+    pattern[pinned_mask(scene)] = 0
+    return DISTURBANCE * scene.grid.spacing * pattern.reshape(-1, 2)
+
+
+def twin_steps(scene: Scene, time: float) -> int:
+    """Steps of the twins up to `time` [s]: whole ones between two looks."""
+    wanted = time * (frequency_bound(scene) + damping_rate(scene)) * STEPS_PER_RADIAN
+    return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
+
+
+def measure_growth(scene: Scene, time: float) -> Growth:
+    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it."""
+    times = time * np.arange(1, LOOKS + 1) / LOOKS
+    offset = disturbance(scene)
+    before = float(np.linalg.norm(offset))
+    if before == 0:
+        return Growth(times, np.ones(LOOKS))
+    count = twin_steps(scene, time)
+    stepped = scene.replace({"method.dt": time / count, "method.integrator": "rk4"})
+    position, velocity = start(scene)
+    one, other = (position, velocity), (position + offset, velocity)
+    factors = []
+    each = count // LOOKS
+    for look in range(LOOKS):
+        one, other = (simulate(stepped, each, p, v, look * each) for p, v in (one, other))
+        with np.errstate(over="ignore", invalid="ignore"):
+            factors.append(float(np.linalg.norm(other[0] - one[0])) / before)
+    return Growth(times, np.array(factors))
+
+
+def kept_growth(scene: Scene, time: float, folder: Path | None) -> Growth:
+    """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
+    file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
+    if file:
+        try:
+            with np.load(file) as held:
+                found = Growth(held["times"], held["factors"])
+            if found.times.shape == found.factors.shape == (LOOKS,):
+                return found
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # not there, or cut short
+            pass
+    made = measure_growth(scene, time)
+    if file:
+        _write(file, made)
+    return made
+
+
+def _write(file: Path, made: Growth) -> None:
+    """Under another name first; a folder that cannot be written costs the time to measure again, nothing else."""
+    try:
+        file.parent.mkdir(exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
+    except OSError:
+        return
+    try:
+        with os.fdopen(handle, "wb") as opened:
+            np.savez(opened, times=made.times, factors=made.factors)
+        os.replace(name, file)
+    except OSError:
+        Path(name).unlink(missing_ok=True)

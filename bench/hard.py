@@ -1,0 +1,267 @@
+"""Where it breaks: the hard cases, each under every integrator, on every backend, in both precisions.
+
+A run ends in a verdict (bench/hard_results.py) and the measured quantities beside their bounds, which go into the store as
+soon as they are had: Ctrl-C loses none, and what is held of these sources is not run again. An integrator whose limit is
+below a scene's step size runs at 0.9 of its limit, which is said beside its verdict; where the step size is the point of
+the case, it is refused.
+
+A kernel that never returns cannot be stopped from inside its process; everything else is looked at by the clock.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench import hard_cases, hard_laws, hard_trial
+from bench.hard_cases import CASES, HardCase
+from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, rows_of
+from bench.hard_trial import Check, Endless, SilentNaN, Trial
+from bench.machine import enter_machine, source_revision
+from bench.results import configuration, measures
+from bench.store import Store, configuration_hash
+from bench.sweep import backends_here, source_hash
+from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from model.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
+from model.integrators import INTEGRATORS, stability_limit
+from model.scene import Scene, load_scene
+from model.simulation import PRECISIONS
+
+SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
+QUICK = ("lab", "velocity-verlet")
+DRAWN = ("lab", "velocity-verlet")  # integrators whose end states are drawn, besides all that failed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """`verdict`: of bench.hard_results.CODES; `diagnosis`; `checks`; `end`: positions (particles, 2) [m] or None."""
+
+    verdict: str
+    diagnosis: str
+    checks: list[Check] = field(default_factory=list)
+    end: np.ndarray | None = None
+
+
+def case_scene(case: HardCase, integrator: str) -> tuple[Scene, str]:
+    """The scene of a case under an integrator, and what is to be said of its step size."""
+    scene = load_scene(case.scene).replace({**case.changes, "method.integrator": integrator})
+    limit, dt = stability_limit(scene), scene.method.dt
+    if not case.own_step or dt <= limit or limit <= 0:
+        return scene, ""
+    own = float(f"{SAFE * limit:.3g}")
+    return scene.replace({"method.dt": own}), f"at dt {own:g} s; {dt:g} s is over the limit of {limit:.4g} s"
+
+
+def judge_case(
+    case: HardCase, integrator: str, backend: str = "cpu", precision: str = "float64", **how: Any
+) -> Outcome:
+    """Run one case and judge it. `how`: options of a Trial. Never raises but for Ctrl-C: a crash is a verdict, too."""
+    scene, note = case_scene(case, integrator)
+    trial = Trial(scene, backend, precision, **how)
+
+    def outcome(verdict: str, diagnosis: str, checks: Sequence[Check] = ()) -> Outcome:
+        known = case.known_failure(integrator, precision)
+        if verdict == "fail" and known:
+            verdict, diagnosis = "known", known
+        return Outcome(verdict, diagnosis, list(checks), trial.end)
+
+    try:
+        checks = case.law(trial)
+        refusal = _refusal(trial) if case.expect == "refused" else None
+    except UnstableTimeStep as error:
+        return outcome("refused", str(error))
+    except SceneError as error:
+        return outcome("refused" if case.expect == "refused" else "fail", str(error))
+    except (Diverged, SilentNaN, Endless) as error:
+        return outcome("fail", str(error))
+    except Exception as error:
+        return outcome("fail", f"crashed: {type(error).__name__}: {error}")
+    bad = [check for check in checks if not check.good]
+    if bad:
+        return outcome("fail", "; ".join(map(str, bad)), checks)
+    if case.expect == "refused":
+        return outcome("refused", refusal, checks) if refusal else outcome("fail", "was not refused", checks)
+    return outcome("pass", note, checks)
+
+
+def _refusal(trial: Trial) -> str | None:
+    """What the door says to the scene as it is; None where it lets it in."""
+    try:
+        trial.open().close()
+    except SoftlabError as error:
+        return str(error)
+    return None
+
+
+@dataclass(frozen=True)
+class _Work:
+    """One run to do, and the description and source hash by which the store knows it."""
+
+    case: HardCase
+    integrator: str
+    backend: str
+    precision: str
+    description: dict[str, Any]
+    sources: str
+
+    def __str__(self) -> str:
+        return f"{self.case.name} {self.integrator} {self.precision} {self.backend}"
+
+
+def _digest() -> str:
+    """A hash of the laws: a case that judges otherwise is run anew."""
+    digest = hashlib.sha256()
+    for module in (hard_cases, hard_laws, hard_trial):
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _work(
+    cases: Sequence[HardCase], integrators: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
+) -> list[_Work]:
+    """All runs, those that share machine code one after another."""
+    laws, found = _digest(), []
+    for backend in backends:
+        host: dict[str, Any] = {}
+        if backend == "cpu":
+            host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
+        sources = f"{source_hash(backend)}-{laws}"
+        for precision in precisions:
+            for integrator in integrators:
+                for case in cases:
+                    scene, _ = case_scene(case, integrator)
+                    description = configuration(scene, backend=backend, precision=precision, **host)
+                    entry = description | {"hard": case.name}
+                    found.append(_Work(case, integrator, backend, precision, entry, sources))
+    return found
+
+
+def _chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: bool = False) -> list[str]:
+    """`names` (None: all), each one of `known`, or with `rows` the row that several begin with. Raises SceneError."""
+    if not names:
+        return list(known)
+    chosen = []
+    for name in names:
+        mine = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
+        if not mine:
+            raise SceneError(what, name, f"must be one of {', '.join(known)}")
+        chosen += mine
+    return list(dict.fromkeys(chosen))
+
+
+def run_hard(
+    store: Store,
+    *,
+    quick: bool = False,
+    cases: Sequence[str] | None = None,
+    integrators: Sequence[str] | None = None,
+    backends: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
+    pictures: bool = True,
+    progress: bool = True,
+    command: str = "softlab hard",
+) -> HardSummary:
+    """Judge what the store lacks of the hard cases, and return all verdicts.
+
+    `cases`: names or rows (`B5`); None: all. `quick`: the hand-out's step and velocity Verlet alone. `backends`: cpu, gpu
+    (None: all that are here). `pictures`: end states as PNG into the folder `hard` beside the store, where OpenGL is.
+
+    Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
+    """
+    begin = time.perf_counter()
+    wanted = _chosen(cases, [case.name for case in CASES], "--case", rows=True)
+    names = _chosen(integrators or (QUICK if quick else None), list(INTEGRATORS), "--integrator")
+    accurate = _chosen(precisions, list(PRECISIONS), "--precision")
+    here, revision = backends_here(backends), source_revision()
+    everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
+    summary = HardSummary(enter_machine(store))
+    missing = [w for w in everything if not store.has_measure(w.description, summary.machine, w.sources, VERDICT)]
+    summary.held = len(everything) - len(missing)
+    ends: list[tuple[_Work, Outcome]] = []
+    try:
+        if missing:
+            summary.run = store.start_run(summary.machine, command, revision)
+            _judge_all(store, summary, missing, here[0], ends, progress)
+        if pictures and store.path != ":memory:":
+            _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.rows = _rows(store, summary.machine, everything)
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _bar(show: bool) -> Any:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True), disable=not show, transient=True)
+
+
+def _judge_all(
+    store: Store, summary: HardSummary, missing: list[_Work], first: str, ends: list[Any], show: bool
+) -> None:
+    with _bar(show) as bar:
+        task = bar.add_task("hard cases", total=len(missing))
+        for work in missing:
+            bar.update(task, description=str(work))
+            outcome = judge_case(work.case, work.integrator, work.backend, work.precision)
+            drawn = outcome.end is not None and (
+                outcome.verdict in ("fail", "known")
+                or (work.backend == first and work.precision == "float64" and work.integrator in DRAWN)
+            )
+            _keep(store, summary.run, work, outcome, drawn)
+            if drawn:
+                ends.append((work, outcome))
+            summary.measured += 1
+            bar.advance(task)
+
+
+def _keep(store: Store, run: str, work: _Work, outcome: Outcome, drawn: bool) -> None:
+    """Checks, shape and verdict into the store, all or none."""
+
+    def add(name: str, value: float | None, unit: str, reason: str | None) -> None:
+        store.add_measure(run, work.description, work.sources, name, value, unit, reason)
+
+    with store.transaction():
+        for place, check in enumerate(outcome.checks):
+            value = None if np.isnan(check.value) else check.value
+            add(f"{CHECK}{place:02d} {check.name}", value, check.unit, check.bound_text)
+        if drawn:
+            grid = case_scene(work.case, work.integrator)[0].grid
+            add(SHAPE, None, "m", as_text(outcome.end, grid.rows, grid.columns))
+        add(VERDICT, CODES[outcome.verdict], "", outcome.diagnosis)
+
+
+def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:
+    """A picture of every end state that was kept; none where OpenGL is missing, which is said."""
+    from app.offscreen import opengl_available, render_frame
+
+    if not ends:
+        return
+    works, reason = opengl_available()
+    if not works:
+        summary.no_pictures = reason
+        return
+    folder.mkdir(exist_ok=True)
+    with _bar(show) as bar:
+        for work, outcome in bar.track(ends, description="pictures"):
+            scene, _ = case_scene(work.case, work.integrator)
+            words = [work.case.name.replace(" ", "-"), work.integrator, work.precision, work.backend]
+            caption = f"{work.case.name}: {work.case.title}, {work.integrator}: {outcome.verdict}"
+            render_frame(scene, outcome.end, folder / f"{'-'.join(words)}.png", 640, 480, caption=caption)
+            summary.pictures += 1
+
+
+def _rows(store: Store, machine: str, everything: Sequence[_Work]) -> list[HardRow]:
+    """What the store holds of these runs."""
+    wanted: set[str] = {configuration_hash(work.description) for work in everything}
+    keep: Callable[[Any], bool] = lambda measure: measure.configuration in wanted  # noqa: E731
+    return rows_of(filter(keep, measures(store, machine=machine)))

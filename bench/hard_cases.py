@@ -1,0 +1,125 @@
+"""The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
+
+Those that concern the mass-spring grid are CASES, with a scene in the catalogue under `hard/` and a law of
+bench/hard_laws.py; the others, with what they wait for, are NOT_YET. docs/method.md names the rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bench.hard_laws import (
+    Law,
+    beside_the_limit,
+    coincident,
+    comes_to_rest,
+    denormals,
+    empty,
+    far_away,
+    flipped,
+    folded_line,
+    like_the_reference,
+    long_chain,
+    mirrored,
+    one_pin,
+    scattered,
+    ten_times_too_large,
+    to_a_disturbed_line,
+    to_a_point,
+    toggled,
+    violent,
+)
+
+ANY = "any"
+
+
+@dataclass(frozen=True)
+class HardCase:
+    """`name`: row and variant; `scene`: catalogue name; `changes`: fields replaced in it; `law`: runs a Trial and returns
+    its checks, the telling one first. `expect`: the verdict that is right, `pass` or `refused`. `own_step`: an integrator
+    that the scene's dt is too large for runs at 0.9 of its limit instead; else it is refused. `known`: (integrator,
+    precision), either of them ANY -> why it fails there, which then is no bug."""
+
+    name: str
+    title: str
+    scene: str
+    law: Law
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    expect: str = "pass"
+    own_step: bool = True
+    known: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+    @property
+    def row(self) -> str:
+        return self.name.split()[0]
+
+    def known_failure(self, integrator: str, precision: str) -> str | None:
+        """Why this case fails there by nature of the method; None where it must hold."""
+        keys = ((integrator, precision), (integrator, ANY), (ANY, precision))
+        return next((self.known[key] for key in keys if key in self.known), None)
+
+
+LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
+FAR_KNOWN = {("lab", ANY): LAB_FAR}
+# Seen as a swing whose accelerations stay at an ulp / dt^2: larger ones the half still acts on.
+REST_KNOWN = {
+    (
+        "taylor",
+        "float32",
+    ): "float32 rounds a dt^2 / 2, under half an ulp of the position, away; what is left is explicit "
+    "Euler, over its own limit"
+}
+
+FAR = (1e3, 1e4, 1e5)  # m
+CASES = (
+    HardCase("B4", "two masses in one place", "hard/b4", coincident),
+    HardCase("B4 zero", "the same, no rest length", "hard/b4", coincident, {"springs.rest_length": 0.0}),
+    HardCase("B5 line", "collapsed to a line", "hard/b5", folded_line),
+    HardCase("B5 disturbed", "the same, disturbed", "hard/b5", comes_to_rest(to_a_disturbed_line), known=REST_KNOWN),
+    HardCase("B5 point", "collapsed to a point", "hard/b5", comes_to_rest(to_a_point), known=REST_KNOWN),
+    HardCase("B6", "turned upward, disturbed", "hard/b6", flipped, known=REST_KNOWN),
+    HardCase("B7 mirrored", "mirrored in x", "hard/b7", comes_to_rest(mirrored), known=REST_KNOWN),
+    HardCase("B7 random", "scattered in a box", "hard/b7", comes_to_rest(scattered), known=REST_KNOWN),
+    HardCase("B8", "ten times the step size", "hard/b8", ten_times_too_large, expect="refused", own_step=False),
+    HardCase("B9 below", "0.99 of the limit", "hard/b9", beside_the_limit(0.99)),
+    HardCase("B9 above", "1.01 of the limit", "hard/b9", beside_the_limit(1.01)),
+    HardCase("B10 100", "poke of 100 m/s", "hard/b10", violent(speed=100.0), known=REST_KNOWN),
+    HardCase("B10 1000", "poke of 1000 m/s", "hard/b10", violent(speed=1000.0), known=REST_KNOWN),
+    HardCase("B10 drag", "corner let go 707 m away", "hard/b10", violent(drag=500.0), known=REST_KNOWN),
+    HardCase("B11", "gravity toggled each step", "hard/b11", toggled, own_step=False),
+    HardCase("B12", "hung by one corner", "hard/b12", one_pin),
+    HardCase("B13", "chain of 4096 links", "hard/b13", long_chain, known={("lab", "float32"): LAB_FAR}),
+    *(
+        HardCase(f"B14 {offset:.0e}".replace("e+0", "e"), f"chain {offset:g} m away", "hard/b14", far_away(offset, False),
+                 own_step=False, known=FAR_KNOWN)
+        for offset in FAR
+    ),
+    HardCase("B14 swinging", "the same, swinging", "hard/b14", far_away(1e5, True), own_step=False,
+             known=FAR_KNOWN),
+    HardCase("B15", "denormal numbers", "hard/b15", denormals),
+    HardCase("B24 one", "1 x 1 masses", "hard/b24", like_the_reference),
+    HardCase("B24 row", "1 x 7 masses", "hard/b24", like_the_reference, {"grid.columns": 7}),
+    HardCase("B24 column", "7 x 1 masses", "hard/b24", like_the_reference, {"grid.rows": 7, "grid.pinned": "top"}),
+    HardCase("B24 pinned", "every mass pinned", "hard/b24", like_the_reference,
+             {"grid.rows": 2, "grid.columns": 3, "grid.pinned": "edges"}),
+    HardCase("B24 empty", "no masses", "hard/b24", empty, expect="refused"),
+)  # fmt: skip
+
+NOT_YET = {
+    # B1's own limit will be 2 / sqrt(2 k / m) = 4.5e-5 s, of pairs on one stiff link; the collection's 3.2e-5 s is the bound
+    # for a chain that is stiff throughout, which a scene with one stiffness is held to.
+    "B1": "needs a stiffness per spring; the grid's springs share one",
+    "B2": "needs distance constraints and a mass per particle",
+    "B3": "needs distance constraints and a mass per particle",
+    "B13 inextensible": "needs distance constraints and long-range attachments",
+    "B16": "needs a sphere to collide with",
+    "B17": "needs a sphere to collide with",
+    "B18": "needs contacts between sheets",
+    "B19": "needs contacts of a sheet with itself",
+    "B20": "needs shape matching",
+    "B21": "needs tetrahedra",
+    "B22": "needs tetrahedra",
+    "B23": "needs a solver that iterates",
+}

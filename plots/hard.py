@@ -1,0 +1,119 @@
+"""The hard cases: a contact sheet of end states, and the table of verdicts as a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from bench.hard_results import HardRow, rows_of, table_of
+from plots.data import Results, Source
+from plots.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, WIDTH, Drawing
+
+STATES_TITLE = "What the hard cases end in"
+VERDICTS_TITLE = "Verdicts of the hard cases"
+ACROSS = 5  # panels a line of the contact sheet
+PANEL = 1.3  # inch, high
+LINE = 0.19  # inch: a line of the verdict table
+POINT = 1e-12  # m: a shape that is smaller is drawn as a point
+PREFERRED = ("velocity-verlet", "lab")  # whose end states are shown
+COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
+
+
+def hard_source(results: Results) -> Source | None:
+    """The source that the hard cases are told of: the first one featured that ran any, else a committed one."""
+    return next((s for s in (*results.featured, *results.background) if rows_of(s.measures)), None)
+
+
+def draw_states(results: Results) -> Drawing | str:
+    """The contact sheet, or why there is none."""
+    source = hard_source(results)
+    shown = _shown(rows_of(source.measures)) if source else []
+    if source is None or not shown:
+        return "the hard cases were not run"
+    lines = -(-len(shown) // ACROSS)
+    figure = _figure(PANEL * lines)
+    axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
+    for ax in axes:
+        ax.set_axis_off()
+    for ax, row in zip(axes, shown, strict=False):
+        _draw_shape(ax, row)
+    words = "; ".join(dict.fromkeys(f"{row.case}: {row.title}" for row in shown))
+    caption = (
+        f"The last state of each hard case, of {PREFERRED[0]} in float64, and one for each reason to fail; large grids are "
+        f"thinned, each panel to its own scale, the first row of masses orange. {words}."
+    )
+    return Drawing(figure, STATES_TITLE, caption, (source,))
+
+
+def draw_verdicts(results: Results) -> Drawing | str:
+    """The verdict table, a line a case and a column an integrator, or why there is none."""
+    source = hard_source(results)
+    if source is None:
+        return "the hard cases were not run"
+    rows = rows_of(source.measures)
+    names, lines = table_of(rows)
+    figure = _figure(LINE * (len(lines) + 3))
+    ax = figure.subplots()
+    ax.set_axis_off()
+    ax.set_xlim(-0.02, len(names))
+    ax.set_ylim(len(lines), -0.1)
+    for y, (case, _, _, cells) in enumerate(lines):
+        ax.text(-0.05, y + 0.5, case, ha="right", va="center", fontsize=7)
+        for x, (verdict, text) in enumerate(cells):
+            if not verdict:
+                continue
+            ax.fill([x + 0.02, x + 0.98, x + 0.98, x + 0.02], [y + 0.05, y + 0.05, y + 0.95, y + 0.95],
+                    color=COLOURS[verdict], alpha=0.35, linewidth=0)  # fmt: skip
+            ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
+    for x, name in enumerate(names):
+        ax.text(x + 0.5, -0.15, name, ha="center", va="bottom", fontsize=7)
+    ran = sorted({row.backend.upper() for row in rows})
+    caption = (
+        f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "
+        "was done. Fails: implied by the method, with what it costs in the text. A failure in capitals is a bug of this lab."
+    )
+    return Drawing(figure, VERDICTS_TITLE, caption, (source,))
+
+
+def _figure(height: float) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, max(height, PANEL)), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
+    """A row a case, of the preferred integrator; and for each reason to fail the last case that did."""
+    failing = [row for row in rows if row.shape and row.verdict in ("fail", "known")]
+    failing.sort(key=lambda row: row.precision, reverse=True)  # float32, where there is more to see, is kept
+    told = {row.diagnosis: row for row in failing}
+    found = []
+    for case in dict.fromkeys(row.case for row in rows):
+        drawn = [row for row in rows if row.case == case and row.shape]
+        right = [row for name in PREFERRED for row in drawn
+                 if row.integrator == name and row.verdict in ("pass", "refused")]  # fmt: skip
+        found += [*right[:1], *(row for row in told.values() if row.case == case)]
+    return found
+
+
+def _draw_shape(ax: Any, row: HardRow) -> None:
+    assert row.shape is not None
+    grid = np.array(row.shape.position, dtype=float)
+    flat = grid.reshape(-1, 2)
+    centre, extent = (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
+    grid = (grid - centre) / extent if extent > POINT else np.zeros_like(grid)
+    colour = VERMILLION if row.verdict in ("fail", "known") else BLUE
+    for line in (*grid, *np.moveaxis(grid, 1, 0)):
+        ax.plot(line[:, 0], line[:, 1], color=colour, linewidth=0.5, marker=".", markersize=1.2)
+    ax.plot(grid[0, :, 0], grid[0, :, 1], linestyle="", marker=".", color=ORANGE, markersize=2.5)
+    ax.set_xlim(-0.6, 0.6)
+    ax.set_ylim(-0.6, 0.6)
+    ax.set_aspect("equal")
+    scale = f"{extent:.3g} m" if extent > POINT else "a point"
+    words = "" if row.verdict in ("pass", "refused") else f"{row.integrator}, {row.precision}: fails\n"
+    ax.set_title(f"{row.case}\n{words}", fontsize=6.5, pad=1, color="black" if not words else colour)
+    ax.text(0.5, -0.02, scale, transform=ax.transAxes, fontsize=6, color=GREY, ha="center", va="top")
