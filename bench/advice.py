@@ -99,9 +99,10 @@ class Advice:
         )
 
     def __str__(self) -> str:
+        grid = self.scene.grid
         lines = [
-            f"{self.scene.title}: at most {self.error:g} spacings of error at {self.time:g} s "
-            f"(a disturbance of {DISTURBANCE:g} grows {self.growth:.1e} times by then)"
+            f"{self.scene.title}, {grid.rows} x {grid.columns} masses: at most {self.error:g} spacings of error at "
+            f"{self.time:g} s (a disturbance of {DISTURBANCE:g} grows {self.growth:.1e} times by then)"
         ]
         if self.why:
             lines.append(f"no answer: {self.why}")

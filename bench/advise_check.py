@@ -13,8 +13,7 @@ from math import ceil, inf
 from bench.accuracy import references
 from bench.advice import NOISE, Advice, Choice
 from bench.advise_search import LEAST_STEPS, Kind, Search, Task
-from bench.growth import kept_growth
-from bench.reference import cache
+from bench.own_reference import converged_of, growth_of
 from bench.store import Store
 from bench.sweep import backends_here
 from model.integrators import INTEGRATORS
@@ -60,8 +59,8 @@ def brute_force(
     if best is None:
         raise ValueError(advice.why or "no choice")
     scene, end = advice.scene, advice.time
-    growth = kept_growth(scene, end, references(store))
-    newton = cache.kept(scene, end, references(store))
+    growth = growth_of(scene, end, references(store))
+    newton = converged_of(scene, end, references(store))
     run = store.start_run(advice.machine, command)
     search = Search(store, Task(scene, advice.error, end, growth, newton, advice.machine, run, inf))
     judged, reaching, fewest = 0, 0, []

@@ -18,7 +18,7 @@ from bench.judgement import ERROR, judge
 from bench.machine import gpu_simulated
 from bench.reference.cache import Converged
 from bench.reference.mass_spring import start
-from bench.results import measures, timings
+from bench.results import Timing, measures, timings
 from bench.store import Store, configuration_hash
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from model.errors import Diverged, SoftlabError
@@ -33,6 +33,8 @@ MOST_STRIDE = 64.0  # times the steps, from one run to the next
 FLOOR = 0.75  # an error that twice the steps leave above so much of it has stopped to fall
 HOPELESS = 10  # times the forces of the best so far: not compiled, not run
 REPEATS, SAMPLE_SECONDS, MOST_SAMPLE = 9, 0.02, 1.0  # many and short: the least of them counts
+MOST_ROUNDS = 3  # of samples, while they are disturbed
+DISTURBED = 1.5  # a median over so many times the least: other programs had the cores
 LEAST_STEPS = 4  # where nothing limits the step size
 
 Tried = tuple[int, float]  # steps, error [spacings]
@@ -209,17 +211,24 @@ class Search:
         return self.time([(kind, *tried) for kind, tried in self.reached.items()])
 
     def time(self, wanted: Sequence[tuple[Kind, int, float]]) -> list[Choice]:
-        """Time each (kind, steps, error) side by side, unless the store holds all of them; soonest first."""
+        """Time each (kind, steps, error) side by side, unless the store holds sound samples of all; soonest first.
+
+        Samples that other programs disturbed (by the cores' load, or because they differ much) are taken again: the least
+        of all counts, so that more of them can only mend it.
+        """
         cases = [self.case(kind, steps) for kind, steps, _ in wanted]
-        machine = self.task.machine
-        if any(self.store.sample_count(c.description, machine, c.sources, STAGE) < REPEATS for c in cases):
+        found = self._timings()
+        for _ in range(MOST_ROUNDS):
+            if all(self._sound(found.get(self._key(case))) for case in cases):
+                break
             self._sample(cases)
-        found = {(t.configuration, t.sources): t for t in timings(self.store, machine, STAGE)}
+            found = self._timings()
+        machine = self.task.machine
         copies = {m.configuration: m.value for m in measures(self.store, COPY, machine)}
         choices = []
         for (kind, steps, error), case in zip(wanted, cases, strict=True):
             key = configuration_hash(case.description)
-            timing, dt = found[key, case.sources], case.scene.method.dt
+            timing, dt = found[self._key(case)], case.scene.method.dt
             choices.append(
                 Choice(
                     kind.integrator, dt, kind.precision, kind.backend, case.math, timing.kernel, timing.threads, steps,
@@ -228,6 +237,17 @@ class Search:
                 )
             )  # fmt: skip
         return sorted(choices, key=lambda choice: choice.seconds)
+
+    @staticmethod
+    def _key(case: Case) -> tuple[str, str]:
+        return configuration_hash(case.description), case.sources
+
+    def _timings(self) -> dict[tuple[str, str], Timing]:
+        return {(t.configuration, t.sources): t for t in timings(self.store, self.task.machine, STAGE)}
+
+    @staticmethod
+    def _sound(timing: Timing | None) -> bool:
+        return timing is not None and timing.count >= REPEATS and timing.median <= DISTURBED * timing.low
 
     def _sample(self, cases: Sequence[Case]) -> None:
         """Time the cases in turn (A B A B ...)."""
@@ -264,3 +284,10 @@ class Search:
         if moved < task.error:
             return [f"nothing moves by more than {moved:.1e} spacings until then, so any method is right"]
         return []
+
+
+def disturbed(choices: Sequence[Choice]) -> list[str]:
+    """A note where other programs ran while the choices were timed."""
+    if any("load" in (c.suspect or "") or c.median > DISTURBED * c.seconds for c in choices):
+        return ["other programs ran while this was timed; ask again on a quiet machine before you rely on close times"]
+    return []

@@ -1,18 +1,22 @@
 """`softlab advise`: shown right by brute force under a made-up clock, clear where there is no answer, and safe to write."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import softlab
 from app.scene_file import scene_toml, write_scene
 from bench import advise_search
 from bench.advise import advise
 from bench.advise_check import brute_force, grid_steps
 from bench.advise_search import TIGHT, next_steps
 from bench.growth import MOST_GROWTH, kept_growth, measure_growth
+from bench.own_reference import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
+from bench.reference import cache
 from bench.store import Store
 from bench.timing import Sample
 from model.errors import InputError, SceneError
@@ -94,7 +98,7 @@ def test_an_answer_in_words_and_from_the_store(store, clockwork, monkeypatch):
 
 def test_an_error_that_nothing_reaches(store, clockwork):
     """In float32 rounding stops the error from falling: the answer says how near one can get."""
-    advice = advise(store, small(), 1e-7, time=END, **ASKED)
+    advice = advise(store, small(), 1e-7, time=END, total_seconds=20, **ASKED)
     assert advice.best is None
     assert "nothing tried reaches 1e-07 spacings: the closest is rk4" in (advice.why or "")
     assert "stops falling" in dict(advice.beaten)["rk4, float32, cpu"]
@@ -229,3 +233,56 @@ def test_the_advised_scene_round_trips(store, clockwork, tmp_path):
     assert read.method.integrator == advice.best.integrator
     assert read.method.dt == advice.best.dt
     assert read.canonical() == advice.configured().canonical()
+
+
+def test_own_reference_is_the_independent_one():
+    """Where NumPy would take minutes the lab's own RK4 in exact float64 stands in: here both, 5e-9 spacings apart at most
+    (each is that good), and the same growth of a disturbance."""
+    scene = small()
+    own, independent = own_converged(scene, END), cache.kept(scene, END, None)
+    assert np.abs(own.position - independent.position).max() < cache.TOLERANCE
+    assert own.estimate < cache.TOLERANCE
+    assert own_growth(scene, END).factors == pytest.approx(measure_growth(scene, END).factors, rel=1e-3)
+    large = scene.replace({"grid.rows": 512, "grid.columns": 512})
+    assert by_numpy(scene, END)
+    assert not by_numpy(large, 1.5)
+    assert own_seconds(large, 1.5) < numpy_seconds(large, 1.5) / 5
+
+
+# ---------------------------------------------------------------------- the command
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("--error 0", "--error = 0.0"),
+        ("--error 1e-3 --set external.magnitude=1.0", "a random force is another force at every step size"),
+        ("--error 1e-3 --write there.toml", "there.toml exists already"),
+        ("--error 1e-3 --write there.txt", "must end in .toml"),
+    ],
+)
+def test_the_command_refuses_in_one_line(words, told, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.toml").write_text("mine")
+    monkeypatch.setattr(sys, "argv", ["softlab", "advise", "lab-curtain", *words.split()])
+    with pytest.raises(SystemExit) as ended:
+        softlab.main()
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert len(error.strip().splitlines()) == 1
+    assert (tmp_path / "there.toml").read_text() == "mine"
+
+
+def test_the_command_writes_what_it_advises(capsys, monkeypatch, tmp_path, clockwork):
+    monkeypatch.chdir(tmp_path)
+    line = "advise lab-curtain --set grid.rows=6 --set grid.columns=6 --error 0.2 --time 0.3 --precision float32"
+    monkeypatch.setattr(sys, "argv", ["softlab", *line.split(), "--backend", "cpu", "--write", "fast.toml"])
+    with pytest.raises(SystemExit) as ended:
+        softlab.main()
+    assert not ended.value.code
+    printed = capsys.readouterr().out
+    assert "soonest" in printed
+    assert "softlab run fast.toml --backend cpu --precision float32" in printed
+    scene = load_scene("fast.toml")
+    assert (scene.grid.rows, scene.method.dt) != (32, 0.01)

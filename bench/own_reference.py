@@ -1,0 +1,105 @@
+"""References of grids that NumPy would take minutes for: the lab's own RK4, in float64 and exact math, on the CPU.
+
+Not independent of what it judges, as bench/reference/ is; but the tests hold that very configuration against bench/reference/
+to rounding, and Richardson's estimate is its own. Whoever uses it says so.
+"""
+
+from __future__ import annotations
+
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.growth import LOOKS, Growth, disturbance, kept_growth, twin_steps
+from bench.judge import SECONDS_PER_EVALUATION as NUMPY_SECONDS
+from bench.reference import cache
+from bench.reference.mass_spring import start
+from model.build import build
+from model.integrators import damping_rate, frequency_bound
+from model.scene import Scene
+from model.simulation import Simulation, State
+
+OWN_SECONDS = 6e-9  # s a mass and force evaluation, rounded up
+MOST_NUMPY_SECONDS = 20.0
+MOST_HALVINGS = 5
+
+
+def _evaluations(scene: Scene, time: float) -> float:
+    """Force evaluations of reference and twins, roughly: RK4 at h, h/2 and h/4, and twice at h."""
+    return 9 * 4 * 4 * time * (frequency_bound(scene) + damping_rate(scene))
+
+
+def numpy_seconds(scene: Scene, time: float) -> float:
+    """What reference and twins of a scene take in NumPy, roughly."""
+    return _evaluations(scene, time) * (scene.grid.particle_count * NUMPY_SECONDS + 1e-4)
+
+
+def own_seconds(scene: Scene, time: float) -> float:
+    """What they take here, roughly."""
+    return _evaluations(scene, time) * (scene.grid.particle_count * OWN_SECONDS + 2e-5)
+
+
+def by_numpy(scene: Scene, time: float) -> bool:
+    """Whether the independent reference is affordable."""
+    return numpy_seconds(scene, time) <= MOST_NUMPY_SECONDS
+
+
+def growth_of(scene: Scene, time: float, folder: Path | None) -> Growth:
+    """The growth of a disturbance, from NumPy (kept in `folder`) where that is affordable, else by the lab's own RK4."""
+    return kept_growth(scene, time, folder) if by_numpy(scene, time) else own_growth(scene, time)
+
+
+def converged_of(scene: Scene, time: float, folder: Path | None) -> cache.Converged:
+    """The converged reference, from NumPy (kept in `folder`) where that is affordable, else by the lab's own RK4."""
+    return cache.kept(scene, time, folder) if by_numpy(scene, time) else own_converged(scene, time)
+
+
+def _opened(scene: Scene, dt: float) -> Simulation:
+    stepped = scene.replace({"method.integrator": "rk4", "method.dt": dt})
+    return open_simulation(stepped, "cpu", precision="float64", math="exact", allow_unstable=True)
+
+
+def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE) -> cache.Converged:
+    """RK4 at h and h/2 with Richardson, as bench.reference.mass_spring.converged does it. Raises Diverged."""
+
+    def solve(count: int) -> tuple[np.ndarray, np.ndarray]:
+        with _opened(scene, time / count) as simulation:
+            simulation.advance(count)
+            state = simulation.state()
+            return state.position, state.velocity
+
+    steps = max(8, ceil(4 * time * (frequency_bound(scene) + damping_rate(scene))))
+    coarse = solve(steps)
+    for halvings_left in range(MOST_HALVINGS, 0, -1):
+        steps *= 2
+        fine = solve(steps)
+        change = [(b - a) / 15 for a, b in zip(coarse, fine, strict=True)]
+        estimate = float(np.hypot(*change[0].T).max())
+        if estimate <= tolerance * scene.grid.spacing or halvings_left == 1:
+            break
+        coarse = fine
+    return cache.Converged(fine[0] + change[0], fine[1] + change[1], estimate)
+
+
+def own_growth(scene: Scene, time: float) -> Growth:
+    """As bench.growth.measure_growth, by the lab's own solver."""
+    times = time * np.arange(1, LOOKS + 1) / LOOKS
+    offset = disturbance(scene)
+    before = float(np.linalg.norm(offset))
+    if before == 0:
+        return Growth(times, np.ones(LOOKS))
+    count = twin_steps(scene, time)
+    position, velocity = start(scene)
+    inverse_mass = build(scene).inverse_mass
+    paths = []
+    for begin in (position, position + offset):
+        with _opened(scene, time / count) as simulation:
+            simulation.load(State(begin, velocity, inverse_mass, 0.0, 0))
+            path = []
+            for _ in range(LOOKS):
+                simulation.advance(count // LOOKS)
+                path.append(simulation.state().position)
+            paths.append(path)
+    return Growth(times, np.array([float(np.linalg.norm(b - a)) / before for a, b in zip(*paths, strict=True)]))
