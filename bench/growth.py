@@ -11,17 +11,15 @@ NumPy float64 with RK4 (bench/reference/), once a scene and time.
 
 from __future__ import annotations
 
-import os
-import tempfile
-import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 from bench.reference import cache
+from bench.reference.kept import read_arrays, write_arrays
 from bench.reference.mass_spring import pinned_mask, simulate, start
 from model.integrators import damping_rate, frequency_bound
 from model.scene import Scene
@@ -71,53 +69,46 @@ def twin_steps(scene: Scene, time: float) -> int:
     return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
 
 
-def measure_growth(scene: Scene, time: float) -> Growth:
-    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it."""
+def growth_along(scene: Scene, time: float, path: Callable[[np.ndarray, int], list[np.ndarray]]) -> Growth:
+    """The growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, 2) at the LOOKS times, from
+    such a start at the scene's velocities, in so many steps."""
     times = time * np.arange(1, LOOKS + 1) / LOOKS
     offset = disturbance(scene)
     before = float(np.linalg.norm(offset))
     if before == 0:
         return Growth(times, np.ones(LOOKS))
     count = twin_steps(scene, time)
-    stepped = scene.replace({"method.dt": time / count, "method.integrator": "rk4"})
-    position, velocity = start(scene)
-    one, other = (position, velocity), (position + offset, velocity)
-    factors = []
-    each = count // LOOKS
-    for look in range(LOOKS):
-        one, other = (simulate(stepped, each, p, v, look * each) for p, v in (one, other))
-        with np.errstate(over="ignore", invalid="ignore"):
-            factors.append(float(np.linalg.norm(other[0] - one[0])) / before)
-    return Growth(times, np.array(factors))
+    position, _ = start(scene)
+    one, other = path(position, count), path(position + offset, count)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return Growth(times, np.array([float(np.linalg.norm(b - a)) / before for a, b in zip(one, other, strict=True)]))
+
+
+def measure_growth(scene: Scene, time: float) -> Growth:
+    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it."""
+
+    def path(position: np.ndarray, count: int) -> list[np.ndarray]:
+        stepped = scene.replace({"method.dt": time / count, "method.integrator": "rk4"})
+        state = position, start(scene)[1]
+        each = count // LOOKS
+        passed = []
+        for look in range(LOOKS):
+            state = simulate(stepped, each, *state, look * each)
+            passed.append(state[0])
+        return passed
+
+    return growth_along(scene, time, path)
 
 
 def kept_growth(scene: Scene, time: float, folder: Path | None) -> Growth:
     """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
     file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
-    if file:
-        try:
-            with np.load(file) as held:
-                found = Growth(held["times"], held["factors"])
-            if found.times.shape == found.factors.shape == (LOOKS,):
-                return found
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # not there, or cut short
-            pass
+    held = read_arrays(file) if file else None
+    if held and held.keys() >= {"times", "factors"}:
+        found = Growth(held["times"], held["factors"])
+        if found.times.shape == found.factors.shape == (LOOKS,):
+            return found
     made = measure_growth(scene, time)
     if file:
-        _write(file, made)
+        write_arrays(file, times=made.times, factors=made.factors)
     return made
-
-
-def _write(file: Path, made: Growth) -> None:
-    """Under another name first; a folder that cannot be written costs the time to measure again, nothing else."""
-    try:
-        file.parent.mkdir(exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
-    except OSError:
-        return
-    try:
-        with os.fdopen(handle, "wb") as opened:
-            np.savez(opened, times=made.times, factors=made.factors)
-        os.replace(name, file)
-    except OSError:
-        Path(name).unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from app.driver import open_simulation
-from bench.growth import LOOKS, Growth, disturbance, kept_growth, twin_steps
+from bench.growth import LOOKS, Growth, growth_along, kept_growth
 from bench.judge import SECONDS_PER_EVALUATION as NUMPY_SECONDS
 from bench.reference import cache
 from bench.reference.mass_spring import start
@@ -85,21 +85,15 @@ def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE)
 
 def own_growth(scene: Scene, time: float) -> Growth:
     """As bench.growth.measure_growth, by the lab's own solver."""
-    times = time * np.arange(1, LOOKS + 1) / LOOKS
-    offset = disturbance(scene)
-    before = float(np.linalg.norm(offset))
-    if before == 0:
-        return Growth(times, np.ones(LOOKS))
-    count = twin_steps(scene, time)
-    position, velocity = start(scene)
-    inverse_mass = build(scene).inverse_mass
-    paths = []
-    for begin in (position, position + offset):
+    velocity, inverse_mass = start(scene)[1], build(scene).inverse_mass
+
+    def path(position: np.ndarray, count: int) -> list[np.ndarray]:
         with _opened(scene, time / count) as simulation:
-            simulation.load(State(begin, velocity, inverse_mass, 0.0, 0))
-            path = []
+            simulation.load(State(position, velocity, inverse_mass, 0.0, 0))
+            passed = []
             for _ in range(LOOKS):
                 simulation.advance(count // LOOKS)
-                path.append(simulation.state().position)
-            paths.append(path)
-    return Growth(times, np.array([float(np.linalg.norm(b - a)) / before for a, b in zip(*paths, strict=True)]))
+                passed.append(simulation.state().position)
+            return passed
+
+    return growth_along(scene, time, path)

@@ -39,6 +39,13 @@ FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
 CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy", "findings", "stability", "hard")
+CLAIMS = {  # every sentence that the measurements make, by name
+    name: claim
+    for module in (
+        claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, stability_claims, hard_claims,
+    )
+    for name, claim in module.CLAIMS.items()
+}  # fmt: skip
 WORDS = (300, 500)
 TITLE = "Soft-body lab book"
 
@@ -80,16 +87,6 @@ def build(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Everything the template prints, but for the figures' files."""
-    modules = (
-        claims,
-        comparison_claims,
-        kernel_claims,
-        accuracy_claims,
-        findings_claims,
-        stability_claims,
-        hard_claims,
-    )
-    every_claim = {name: claim for module in modules for name, claim in module.CLAIMS.items()}
     scene = scene_table(results)
     return {
         "title": TITLE,
@@ -98,7 +95,7 @@ def book_data(results: Results) -> dict[str, Any]:
         "notices": notices(results),
         "chapters": list(CHAPTERS),
         "facts": facts(),
-        "claims": {name: claim(results).sentence for name, claim in every_claim.items()},
+        "claims": {name: claim(results).sentence for name, claim in CLAIMS.items()},
         "tables": {
             "machines": [machine_table(source) for source in results.sources],
             "scene": [scene] if scene else [],

@@ -68,32 +68,17 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     print_findings(console, examine())
     with Store(store_path) as store:
         console.rule("sweep: time per step")
-        summary = run_sweep(store, quick=quick, command=command)
-        print_sweep(console, summary)
-        if summary.interrupted:
-            raise KeyboardInterrupt
+        _told(console, run_sweep(store, quick=quick, command=command), print_sweep)
         console.rule("accuracy: speed against error")
-        judged = run_accuracy(store, quick=quick, command=command)
-        console.print(str(judged), markup=False, soft_wrap=True)
-        if judged.interrupted:
-            raise KeyboardInterrupt
+        judged = _told(console, run_accuracy(store, quick=quick, command=command))
         if not quick:
             console.rule("findings: the small experiments")
-            found = run_findings(store, command=command)
-            console.print(str(found), markup=False, soft_wrap=True)
-            if found.interrupted:
-                raise KeyboardInterrupt
+            _told(console, run_findings(store, command=command))
         console.rule("stability: where it breaks")
-        broken = run_stability(store, quick=quick, command=command)
-        console.print(str(broken), markup=False, soft_wrap=True)
-        if broken.interrupted:
-            raise KeyboardInterrupt
+        _told(console, run_stability(store, quick=quick, command=command))
         if not quick:
             console.rule("hard cases: what each integrator makes of them")
-            trials = run_hard(store, pictures=False, command=command)
-            print_hard(console, trials)
-            if trials.interrupted:
-                raise KeyboardInterrupt
+            _told(console, run_hard(store, pictures=False, command=command), print_hard)
     console.rule("figures and lab book")
     figures = folder / "figures"
     made: list[tuple[str, Any]] = [("store", store_path)]
@@ -106,6 +91,17 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
         table.add_row(name, str(path))
     console.print(table)
     console.print(f"{time.perf_counter() - begin:.0f} s in all")
+
+
+def _told(console: Console, summary: Any, show: Callable[[Console, Any], None] | None = None) -> Any:
+    """The summary of a measurement, once it is printed. Raises KeyboardInterrupt where that was interrupted."""
+    if show is None:
+        console.print(str(summary), markup=False, soft_wrap=True)
+    else:
+        show(console, summary)
+    if summary.interrupted:
+        raise KeyboardInterrupt
+    return summary
 
 
 def _attempt(console: Console, name: str, job: Callable[[], Any]) -> list[tuple[str, Any]]:

@@ -17,14 +17,11 @@ from labbook import (
     accuracy_claims,
     claims,
     comparison_claims,
-    findings_claims,
-    hard_claims,
-    kernel_claims,
-    stability_claims,
     words,
 )
 from labbook.build import (
     CHAPTERS,
+    CLAIMS,
     ENTRIES,
     FOLDER,
     WORDS,
@@ -72,16 +69,7 @@ def noisy() -> Results:
 
 
 def test_every_claim_is_a_sentence_whatever_the_data(variants: dict[str, Results]) -> None:
-    modules = (
-        claims,
-        comparison_claims,
-        kernel_claims,
-        accuracy_claims,
-        findings_claims,
-        stability_claims,
-        hard_claims,
-    )
-    for name, claim in {name: claim for module in modules for name, claim in module.CLAIMS.items()}.items():
+    for name, claim in CLAIMS.items():
         for variant, results in variants.items():
             made = claim(results)
             assert made.sentence[0].isupper() and made.sentence.endswith("."), (name, variant)

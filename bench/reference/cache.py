@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
-import zlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from bench.reference.kept import read_arrays, write_arrays
 from bench.reference.mass_spring import converged
 from model.scene import Scene
 
@@ -49,30 +46,12 @@ def kept(
     A file that cannot be read or written costs the time to make it again, nothing else. Raises what `converged` raises.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
-    if file:
-        try:
-            with np.load(file) as held:
-                found = Converged(held["position"], held["velocity"], float(held["estimate"]))
-            if found.position.shape == found.velocity.shape == (scene.grid.particle_count, 2):
-                return found
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # not there, or cut short
-            pass
+    held = read_arrays(file) if file else None
+    if held and held.keys() >= {"position", "velocity", "estimate"}:
+        found = Converged(held["position"], held["velocity"], float(held["estimate"]))
+        if found.position.shape == found.velocity.shape == (scene.grid.particle_count, 2):
+            return found
     made = Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance))
     if file:
-        _write(file, made)
+        write_arrays(file, position=made.position, velocity=made.velocity, estimate=made.estimate)
     return made
-
-
-def _write(file: Path, made: Converged) -> None:
-    """Under another name first, so that a killed process leaves no half of a reference."""
-    try:
-        file.parent.mkdir(exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
-    except OSError:
-        return
-    try:
-        with os.fdopen(handle, "wb") as opened:
-            np.savez(opened, position=made.position, velocity=made.velocity, estimate=made.estimate)
-        os.replace(name, file)
-    except OSError:
-        Path(name).unlink(missing_ok=True)
