@@ -209,25 +209,34 @@ def sweep(
         raise typer.Exit(130)
 
 
-@app.command(epilog="Example: softlab accuracy --quick")
+@app.command(epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)")
 def accuracy(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats; neither exact math nor other sizes.")] = False,
+    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    findings: Annotated[bool, typer.Option(help="Also the small experiments behind single findings.")] = True,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    findings: Annotated[
+        bool | None,
+        typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
+    ] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Hold every integrator, step size and precision against a converged reference: speed against error."""
     from bench.accuracy import run_accuracy
     from bench.findings import run_findings
+    from bench.findings_costs import run_costs
     from bench.store import Store
 
-    command = " ".join(["softlab", *sys.argv[1:]])
+    how: dict[str, Any] = {"quick": quick, "backends": backend, "command": " ".join(["softlab", *sys.argv[1:]])}
+    if findings is None:
+        findings = not (integrator or precision)
     with Store(store) as opened:
-        summary: Any = run_accuracy(opened, quick=quick, backends=backend, command=command)
+        summary: Any = run_accuracy(opened, integrators=integrator, precisions=precision, **how)
         out.print(str(summary), markup=False, soft_wrap=True)
-        if findings and not summary.interrupted:
-            summary = run_findings(opened, quick=quick, backends=backend, command=command)
-            out.print(str(summary), markup=False, soft_wrap=True)
+        for run in (run_findings, run_costs) if findings else ():
+            if not summary.interrupted:
+                summary = run(opened, **how)
+                out.print(str(summary), markup=False, soft_wrap=True)
     if summary.interrupted:
         raise typer.Exit(130)
 
@@ -242,12 +251,16 @@ def advise(
     total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
     write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Then measure every method and step size, to see if the advice is right.")
+    ] = False,
     settings: Settings = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
     from app.scene_file import check_scene_target, write_scene
     from bench.advise import advise as find
+    from bench.advise_check import brute_force
     from bench.store import Store
 
     if write is not None:
@@ -257,17 +270,46 @@ def advise(
             opened, _scene(scene, settings), error, backends=backend, time=time, precisions=_precisions(precision),
             total_seconds=total_seconds, command=" ".join(["softlab", *sys.argv[1:]]),
         )  # fmt: skip
-    out.print(str(advice), markup=False, soft_wrap=True)
-    if advice.best is None:
-        raise typer.Exit(2)
+        out.print(str(advice), markup=False, soft_wrap=True)
+        if advice.best is None:
+            raise typer.Exit(2)
+        if check:
+            chosen = _precisions(precision) or ("float32", "float64")
+            out.print(
+                str(brute_force(opened, advice, backends=backend, precisions=chosen, progress=True)),
+                markup=False,
+                soft_wrap=True,
+            )
     if write is not None:
         path = write_scene(write, advice.configured(), advice.heading(), force=force)
         out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
 
 
-@app.command(epilog="Example: softlab stability --quick")
+@app.command(epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
+def ablate(
+    scene: SceneName,
+    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    settings: Settings = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
+    from bench.ablate import ablate as measure
+    from bench.ablation_results import print_ablation
+    from bench.store import Store
+
+    command = " ".join(["softlab", *sys.argv[1:]])
+    with Store(store) as opened:
+        summary = measure(opened, _scene(scene, settings), backends=backend, time=time, command=command)
+    print_ablation(out, summary)
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
+@app.command(epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
 def stability(
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges.")] = False,
+    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
@@ -276,7 +318,10 @@ def stability(
     from bench.store import Store
 
     with Store(store) as opened:
-        summary = run_stability(opened, quick=quick, backends=backend, command=" ".join(["softlab", *sys.argv[1:]]))
+        summary = run_stability(
+            opened, quick=quick, integrators=integrator, backends=backend,
+            command=" ".join(["softlab", *sys.argv[1:]]),
+        )  # fmt: skip
         out.print(str(summary), markup=False, soft_wrap=True)
     if summary.interrupted:
         raise typer.Exit(130)
@@ -355,12 +400,27 @@ def scenes() -> None:
     print_scenes(out)
 
 
-@app.command(epilog="Example: softlab plan lab-grid --set method.integrator=rk4")
-def plan(scene: SceneName, precision: Precision = "float32", settings: Settings = None) -> None:
-    """Print the stages of a step, their bytes and operations, and the stability limit."""
-    from app.tables import print_plan
+@app.command(epilog="Example: softlab plan lab-grid --measure")
+def plan(
+    scene: SceneName,
+    backend: Annotated[str | None, typer.Option(help="Only this backend: cpu or gpu.")] = None,
+    precision: Precision = "float32",
+    measure: Annotated[bool, typer.Option("--measure", help="Time every stage, about a second a backend.")] = False,
+    settings: Settings = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Print the stages of a step, their bytes and operations, each backend's kernel, and the stability limit."""
+    from app.driver import BACKENDS
+    from app.plan_report import plan_report
 
-    print_plan(out, _scene(scene, settings), precision)
+    wanted = BACKENDS if backend is None else (backend,)
+    report = plan_report(_scene(scene, settings), precision, wanted, measure)
+    if as_json:
+        print(json.dumps(report.as_dict()))
+    else:
+        from app.plan_table import print_plan
+
+        print_plan(out, report)
 
 
 @app.command()

@@ -5,6 +5,7 @@ Window coordinates count from the lower left corner, y up, in frame-buffer pixel
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,15 +15,24 @@ LEAST_SCALE, MOST_SCALE = 1e-6, 1e6  # pixels per metre: what float32 vertex coo
 Margins = tuple[float, float, float, float]  # pixels kept free at the left, bottom, right, top
 
 
-def finite_bounds(position: np.ndarray) -> tuple[float, float, float, float] | None:
-    """(left, bottom, right, top) [m] of the finite rows of `position` (particles, 2), or None where there is none."""
+def finite_bounds(position: np.ndarray) -> tuple[float, ...] | None:
+    """(left, bottom, right, top) [m] of the finite rows of `position` (particles, 2), or None where there is none; in space
+    the lowest x, y, z, then the highest."""
     low, high = position.min(axis=0), position.max(axis=0)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):  # the slow way only where it is needed
         finite = position[np.isfinite(position).all(axis=1)]
         if not len(finite):
             return None
         low, high = finite.min(axis=0), finite.max(axis=0)
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    return (*low.tolist(), *high.tolist())
+
+
+def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """The box around boxes, each as `finite_bounds` gives it; at least one."""
+    half = len(every[0]) // 2
+    low = np.min([bounds[:half] for bounds in every], axis=0)
+    high = np.max([bounds[half:] for bounds in every], axis=0)
+    return (*low.tolist(), *high.tolist())
 
 
 @dataclass
@@ -46,6 +56,14 @@ class Camera:
         """Pixels -> metres."""
         return self.x + (x - self.width / 2) / self.scale, self.y + (y - self.height / 2) / self.scale
 
+    def direction(self, columns: int, rows: int) -> tuple[float, float]:
+        """The way in the plane that an arrow key points."""
+        return float(columns), float(rows)
+
+    def told(self) -> dict[str, float]:
+        """What another program is told of it."""
+        return {"pixels_per_metre": self.scale}
+
     def pan(self, dx: float, dy: float) -> None:
         """Move the picture by (dx, dy) pixels."""
         self.x -= dx / self.scale
@@ -59,7 +77,7 @@ class Camera:
         self.x += before[0] - after[0]
         self.y += before[1] - after[1]
 
-    def framing(self, bounds: tuple[float, float, float, float], margins: Margins, least: float) -> Camera:
+    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera:
         """A camera of the same window that shows all of `bounds` (left, bottom, right, top [m]) inside the margins.
 
         `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.

@@ -14,6 +14,12 @@ PIN = (0.05, 0.05, 0.05)
 SELECTED = (0.93, 0.55, 0.00)  # orange: on neither side of the map
 POKE = (0.00, 0.47, 0.36)  # green with a strong luminance step to both red and grey
 WARNING = (0.70, 0.12, 0.00)
+CLOTH_FRONT = (0.36, 0.50, 0.66)  # slate blue before, sand behind: apart in lightness too
+CLOTH_BACK = (0.85, 0.73, 0.56)
+COLLIDER = (0.70, 0.71, 0.73)
+GROUND = (0.92, 0.93, 0.94)
+GROUND_LINE = (0.66, 0.69, 0.73)
+SHADOW = (0.80, 0.82, 0.85)
 
 STOPS = np.array(
     [

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from app.mouse import PlaneMouse, SpaceMouse
+
 if TYPE_CHECKING:
     from app.viewer import Viewer
 
@@ -26,17 +28,26 @@ KEYS = (
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
+SPACE_KEYS = (
+    *KEYS[:8],
+    ("L", "surface, springs"),
+    *KEYS[8:11],
+    ("left", "drag beside it: turn (middle)"),
+    *KEYS[11:],
+)
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
     "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
 )
-REACH = 22.0  # pixels from the pointer within which a mass is taken
-ZOOM = 1.15  # per notch of the wheel
+SPACE_HINT = (
+    "H: keys    L: surface, springs    drag beside the cloth: turn    drag a mass to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
 
 
-def keys_text(width: int) -> str:
-    """What the keys do, in lines that fit a window of `width` pixels."""
-    lines = [f"{key:8}{meaning:30}" for key, meaning in KEYS]
+def keys_text(width: int, space: bool = False) -> str:
+    """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions."""
+    lines = [f"{key:8}{meaning:30}" for key, meaning in (SPACE_KEYS if space else KEYS)]
     if width >= TWO_COLUMNS_FROM:
         half = len(lines) // 2
         lines = [left + right for left, right in zip(lines[:half], lines[half:], strict=True)]
@@ -44,16 +55,12 @@ def keys_text(width: int) -> str:
 
 
 class Controls:
-    """Turns the events of a Viewer's window into actions of its Demo and its Camera.
-
-    `pointer`: where the left button is held on a mass (frame-buffer pixels), or None.
-    """
+    """Turns the events of a Viewer's window into actions of its Demo and its Camera; `mouse` does so for the mouse."""
 
     def __init__(self, viewer: Viewer):
         self.viewer, self.demo, self.window = viewer, viewer.demo, viewer.window
-        self.pointer: tuple[float, float] | None = None
-        self._panning = False
-        self.key, self.mouse = viewer.pyglet.window.key, viewer.pyglet.window.mouse
+        self.mouse = SpaceMouse(viewer) if viewer.space else PlaneMouse(viewer)
+        self.key = viewer.pyglet.window.key
         key, demo = self.key, self.demo
         self._key_actions: dict[int, Callable[[], object]] = {
             key.G: demo.toggle_gravity,
@@ -64,6 +71,7 @@ class Controls:
             key.S: viewer.ask_for_screenshot,
             key.H: viewer.toggle_keys,
             key.F: viewer.frame_everything,
+            key.L: viewer.toggle_lines,
             key.ENTER: demo.press_key,
             key.NUM_ENTER: demo.press_key,
             key.ESCAPE: viewer.close,
@@ -104,7 +112,7 @@ class Controls:
         return True  # pyglet's own handler would close the window on Escape in its own way
 
     def _key_up(self, symbol: int, modifiers: int) -> None:
-        if symbol in self._enter_keys and self.pointer is None:
+        if symbol in self._enter_keys and self.mouse.pointer is None:
             self.demo.release()
 
     def _text(self, text: str) -> None:
@@ -114,7 +122,8 @@ class Controls:
 
     def _motion(self, motion: int) -> None:
         if motion in self._motions:
-            self.demo.move_selection(*self._motions[motion])
+            way = self._motions[motion]
+            self.demo.move_selection(*way, self.viewer.camera.direction(*way))
 
     def _pixels(self, x: float, y: float) -> tuple[float, float]:
         """Mouse coordinates in frame-buffer pixels (they differ on some high-resolution displays)."""
@@ -122,28 +131,13 @@ class Controls:
         return x * ratio, y * ratio
 
     def _mouse_down(self, x: int, y: int, button: int, modifiers: int) -> None:
-        mouse = self.mouse
-        if button == mouse.LEFT:
-            place = self._pixels(x, y)
-            if self.demo.press(*self.viewer.camera.to_world(*place), REACH / self.viewer.camera.scale):
-                self.pointer = place
-        elif button in (mouse.RIGHT, mouse.MIDDLE):
-            self._panning = True
+        self.mouse.press(*self._pixels(x, y), button)
 
     def _mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
-        if self.pointer is not None:
-            self.pointer = self._pixels(x, y)
-        elif self._panning:
-            self.viewer.follow = False
-            self.viewer.camera.pan(*self._pixels(dx, dy))
+        self.mouse.drag(*self._pixels(x, y), *self._pixels(dx, dy))
 
     def _mouse_up(self, x: int, y: int, button: int, modifiers: int) -> None:
-        if button == self.mouse.LEFT and self.pointer is not None:
-            self.pointer = None
-            self.demo.release()
-        else:
-            self._panning = False
+        self.mouse.release(button)
 
     def _scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
-        self.viewer.follow = False
-        self.viewer.camera.zoom(1.15**scroll_y, *self._pixels(x, y))
+        self.mouse.scroll(*self._pixels(x, y), scroll_y)

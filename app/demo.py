@@ -7,178 +7,20 @@ the first. It never raises for what a user does: the reason goes to `message`, a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from time import perf_counter
+from collections.abc import Sequence
 
-import numpy as np
-
-from app.camera import finite_bounds
-from app.driver import open_simulation
-from app.hand import DOWN, Hand, Poke, nearest
-from app.measures import Statistics, measure, measure_picture
-from model.errors import Diverged, SoftlabError
-from model.scene import Scene
-from model.simulation import Simulation, State
+from app.hand import Poke, nearest
+from app.worlds import Worlds, stiffness_paths
+from model.simulation import Simulation
 
 THREAD_WORDS = ("1x", "2x", "4x")
 FACTOR = 1.25  # one press of [ ] { }
 STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
-ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
-WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
-STATISTICS_INTERVAL = 0.1  # s, at least
-STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
-
-OpenWorld = Callable[..., Simulation]
 
 
-def live_parts(scene: Scene) -> tuple[str, ...]:
-    """What the demo can change in this scene while it runs. Gravity and pokes always; stiffness where springs are."""
-    return ("gravity", "poke", "dt", *(("stiffness",) if scene.springs else ()))
-
-
-class Demo:
-    """The running demo of one or more scenes. Raises what `open_simulation` raises, when opening only.
-
-    Public: `worlds`, `positions` (one (particles, 2) float32 array a world: what is drawn), `statistics`, `message`,
-    `paused`, `frozen` (diverged, with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand`
-    (selected mass, held poke), `physics_seconds` of the last frame.
-    """
-
-    def __init__(
-        self,
-        scenes: Sequence[Scene],
-        *,
-        backend: str = "cpu",
-        threads: str = "1x",
-        precision: str = "float32",
-        math: str = "fast",
-        open_world: OpenWorld = open_simulation,
-    ):
-        self.scenes = list(scenes)
-        self.backend, self.threads = backend, str(threads)
-        self._options = {"precision": precision, "math": math}
-        self._open_world = open_world
-        self.worlds: list[Simulation] = []
-        try:
-            for scene in self.scenes:
-                self.worlds.append(self._open(scene, backend, self.threads, None))
-        except BaseException:
-            self.close()
-            raise
-        self.positions = [world.read("position").astype(np.float32) for world in self.worlds]
-        self._watchable = [position.copy() for position in self.positions]
-        self.statistics = Statistics()
-        self.message = self.failure = ""
-        self.message_count = 0  # so that the same message twice is seen as new
-        self.paused = False
-        self.frozen = False
-        self.steps_per_frame = 10
-        self.hand = Hand()
-        self.physics_seconds = 0.0
-        self._statistics_due = 0.0
-        self.refresh(force=True)
-
-    def _open(self, scene: Scene, backend: str, threads: str, state: State | None) -> Simulation:
-        return self._open_world(
-            scene,
-            backend,
-            threads=threads,
-            live=live_parts(scene),
-            initial=state,
-            allow_unstable=True,  # the student is to see the limit break
-            **self._options,
-        )
-
-    def close(self) -> None:
-        """Close every world."""
-        for world in self.worlds:
-            world.close()
-        self.worlds = []
-
-    def __enter__(self) -> Demo:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def world(self) -> Simulation:
-        """The first world: the one that is picked in, and whose numbers are shown."""
-        return self.worlds[0]
-
-    # ------------------------------------------------------------------ the frame
-
-    def frame(self) -> None:
-        """The physics of one frame: `steps_per_frame` steps of every world, then its positions."""
-        self.physics_seconds = 0.0
-        if self.frozen:
-            return  # the picture stays as it was when the state went bad
-        if not self.paused:
-            start = perf_counter()
-            self._guard(self._push)
-            self._guard(self._advance)
-            self.physics_seconds = perf_counter() - start
-        if not self.frozen:
-            self._read()
-            self.refresh()
-
-    def _advance(self) -> None:
-        for world in self.worlds:
-            world.advance(self.steps_per_frame)
-        for world in self.worlds:
-            world.synchronize()
-
-    def _read(self) -> None:
-        with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
-            for world, position in zip(self.worlds, self.positions, strict=True):
-                world.read("position", into=position)
-        if self.over_limit or len(self.positions[0]) <= ALWAYS_KEPT:
-            for world, position, watchable in zip(self.worlds, self.positions, self._watchable, strict=True):
-                bounds = finite_bounds(position)
-                if bounds and max(map(abs, bounds)) <= WATCHABLE * world.body.size and np.isfinite(position).all():
-                    watchable[...] = position
-
-    def refresh(self, force: bool = False) -> None:
-        """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
-        now = perf_counter()
-        if self.frozen or (now < self._statistics_due and not force):
-            return
-        self._guard(self._measure)
-        cost = perf_counter() - now
-        self._statistics_due = now + max(STATISTICS_INTERVAL, cost / STATISTICS_SHARE)
-
-    def _measure(self) -> None:
-        self.statistics = measure(self.world, self.positions, self.statistics)
-
-    def _guard(self, action: Callable[[], object]) -> bool:
-        """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
-        try:
-            action()
-        except Diverged as error:
-            self._freeze(f"{error}. R restarts; the picture is the last that fitted the window")
-            return False
-        except SoftlabError as error:
-            self.say(str(error))
-            return False
-        return True
-
-    def say(self, message: str) -> None:
-        """Show a message."""
-        self.message = message
-        self.message_count += 1
-
-    def _freeze(self, failure: str) -> None:
-        self.frozen, self.failure = True, failure
-        self.message = ""
-        self.hand.held = None
-        for position, watchable in zip(self.positions, self._watchable, strict=True):
-            position[...] = watchable
-        self.statistics = measure_picture(self.world.scene, self.positions, self.statistics)
-
-    def _blocked(self) -> bool:
-        if self.frozen:
-            self.say("diverged: first restart with R")
-        return self.frozen
+class Demo(Worlds):
+    """The running demo of one or more scenes: the keys and the mouse as methods. Raises what `open_simulation` raises, when
+    opening only; its public attributes are those of `Worlds`."""
 
     # ------------------------------------------------------------------ keys
 
@@ -217,17 +59,22 @@ class Demo:
         """{ (-1) and } (+1): the spring stiffness by a factor of 1.25."""
         if self._blocked():
             return
-        springs = self.world.scene.springs
-        if springs is None:
+        now = stiffness_paths(self.world.scene)
+        if not now:
             self.say("this scene has no springs")
             return
-        stiffness = springs.stiffness * FACTOR**presses
-        if self._guard(lambda: self._set("springs.stiffness", stiffness)):
-            self.say(f"stiffness {stiffness:.4g} N/m; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
+        wanted = {path: stiffness * FACTOR**presses for path, stiffness in now.items()}
 
-    @property
-    def over_limit(self) -> bool:
-        return self.world.scene.method.dt > self.world.limit * (1 + 1e-12)
+        def change() -> None:
+            for path, stiffness in wanted.items():
+                self._set(path, stiffness)
+
+        if self._guard(change):
+            texts = [
+                f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"
+                for path, stiffness in wanted.items()
+            ]
+            self.say(f"{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
 
     def limit_text(self) -> str:
         """The step size against its limit, in words."""
@@ -254,8 +101,8 @@ class Demo:
                 world.poke(None)
                 world.set("method.dt", scene.method.dt)
                 world.set("gravity.enabled", bool(scene.gravity and scene.gravity.enabled))
-                if scene.springs:
-                    world.set("springs.stiffness", scene.springs.stiffness)
+                for path, stiffness in stiffness_paths(scene).items():
+                    world.set(path, stiffness)
 
         self.hand.held = None
         self.hand.forget()
@@ -309,44 +156,43 @@ class Demo:
         """`row, column` of a mass."""
         return "{}, {}".format(*divmod(particle, self.world.body.columns))
 
-    def force(self) -> tuple[float, float]:
-        """The held force [N]; (0, 0) without one."""
-        return self.hand.force(self.world, self.positions[0], self._frame_time())
-
-    def _frame_time(self) -> float:
-        return self.steps_per_frame * self.world.scene.method.dt
-
-    def _push(self) -> None:
-        self.hand.push(self.world, self.positions[0], self._frame_time())
+    def force(self) -> tuple[float, ...]:
+        """The held force [N], of as many components as the world has; 0 without one."""
+        return self.hand.force(self.world, self.positions[0], self._hold_time())
 
     def _tell_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
         self.say(f"mass {self.name(particle)} selected" + ("; it is pinned and does not move" if pinned else ""))
 
-    def move_selection(self, columns: int, rows: int) -> None:
+    def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
         """Arrows: select the neighbour `columns` to the right and `rows` up; the first press selects the middle.
 
-        The direction is also where Enter pokes to from then on.
+        The `direction` (in the plane that same way) is also where Enter pokes to from then on.
         """
-        self._tell_selection(self.hand.move(columns, rows, self.world))
+        towards = (float(columns), float(rows)) if direction is None else tuple(direction)
+        self._tell_selection(self.hand.move(columns, rows, self.world, towards))
 
     def press(self, x: float, y: float, reach: float) -> bool:
-        """Mouse down at (x, y) [m]: take the nearest mass within `reach` [m], to be pulled toward the pointer."""
+        """Mouse down at (x, y) [m] in the plane: take the nearest mass within `reach` [m], to be pulled to the pointer."""
         if self._blocked():
             return False
         particle = nearest(self.positions[0], x, y, reach)
-        if particle is None:
+        return particle is not None and self.take(particle, (x, y))
+
+    def take(self, particle: int, target: Sequence[float]) -> bool:
+        """Select a mass and pull it toward `target` [m] until `release`."""
+        if self._blocked():
             return False
         self.hand.selected = particle
-        self.hand.held = Poke(particle, (x, y))
+        self.hand.held = Poke(particle, tuple(target))
         self._tell_selection(particle)
         return self._guard(self._push)
 
-    def drag(self, x: float, y: float) -> None:
-        """The pointer is at (x, y) [m] now."""
+    def drag(self, *target: float) -> None:
+        """The pointer is at `target` [m] now."""
         held = self.hand.held
         if held is not None and held.target is not None:
-            self.hand.held = Poke(held.particle, (x, y))
+            self.hand.held = Poke(held.particle, target)
 
     def press_key(self) -> None:
         """Enter down: poke the selected mass downward, or the way of the last arrow key."""
@@ -354,7 +200,7 @@ class Demo:
             return
         if self.hand.selected is None:
             self.move_selection(0, 0)
-            self.hand.direction = DOWN
+            self.hand.direction = self.hand.down
         if self.hand.selected is not None and self.hand.held is None:
             self.hand.held = Poke(self.hand.selected, None, self.hand.direction)
             self._guard(self._push)

@@ -11,24 +11,28 @@ from typing import Any
 import numpy as np
 
 from app.camera import Camera
+from app.camera3d import Camera3D
 from app.demo import Demo
+from app.worlds import stiffness_paths
 
 
-def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float) -> str:
-    """Lines about speed, state and settings. `frame_seconds`, `draw_seconds`: of a frame, smoothed."""
+def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
+    """Lines about speed, state and settings. `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how a state comes
+    to the drawing, where there is more than one."""
     world, scene = demo.world, demo.world.scene
     speed = 1 / max(frame_seconds, 1e-6)
     running = not (demo.paused or demo.frozen)
     threads = (
         f"{world.threads} threads ({demo.threads})" if world.backend == "cpu" else f"{world.threads} threads a block"
     )
-    springs = f"stiffness {scene.springs.stiffness:.4g} N/m   " if scene.springs else ""
+    stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(scene).values())
+    springs = f"stiffness {stiffness} N/m   " if stiffness else ""
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
     gravity = "on" if demo.gravity else "off"
     physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
     return "\n".join(
         (
-            f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms, "
+            f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}, "
             f"{demo.steps_per_frame} steps   {speed * demo.steps_per_frame * running:.0f} steps/s",
             f"{world.backend}   {threads}   {world.options.precision}   "
             f"{world.body.rows} x {world.body.columns} masses   {springs}gravity {gravity}",
@@ -38,7 +42,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float) -> str:
     )
 
 
-def demo_state(demo: Demo, camera: Camera) -> dict[str, Any]:
+def demo_state(demo: Demo, camera: Camera | Camera3D) -> dict[str, Any]:
     """The demo as plain JSON values. `masses`: for the corners, the middle and the selected mass, the place in the
     `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions."""
     world, position, held = demo.world, demo.positions[0], demo.hand.held
@@ -51,10 +55,11 @@ def demo_state(demo: Demo, camera: Camera) -> dict[str, Any]:
         if np.isfinite(position[particle]).all():
             x, y = camera.to_window(position[particle])
             metres = position[particle].tolist()
-            masses[str(particle)] = {"window": [float(x), float(camera.height - y)], "position": metres}
+            if np.isfinite((x, y)).all():  # in space a mass can lie behind the viewer
+                masses[str(particle)] = {"window": [float(x), float(camera.height - y)], "position": metres}
     finite = position[np.isfinite(position).all(axis=1)].astype(np.float64)
-    some = finite if len(finite) else np.zeros((1, 2))
-    springs = world.scene.springs
+    some = finite if len(finite) else np.zeros((1, world.scene.dimensions))
+    stiffness = list(stiffness_paths(world.scene).values())
     return {
         "backend": demo.backend,
         "device": world.device,
@@ -63,7 +68,7 @@ def demo_state(demo: Demo, camera: Camera) -> dict[str, Any]:
         "gravity": demo.gravity,
         "dt": world.scene.method.dt,
         "limit": world.limit if math.isfinite(world.limit) else None,
-        "stiffness": springs.stiffness if springs else None,
+        "stiffness": stiffness[0] if stiffness else None,
         "steps_per_frame": demo.steps_per_frame,
         "step": world.step,
         "time": world.time,

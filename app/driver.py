@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from model.errors import SceneError, UnstableTimeStep
-from model.integrators import stability_limit
+from model.diagnosis import refusal
+from model.errors import SceneError
 from model.scene import Scene, load_scene
 from model.simulation import Options, Simulation, State
 
@@ -41,19 +41,12 @@ def open_simulation(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     options = Options(precision, math, kernel, frozenset(live))
-    limit = stability_limit(scene)
-    if scene.method.dt > limit * (1 + 1e-12) and not allow_unstable:
-        raise UnstableTimeStep(scene.method.dt, limit, scene.method.integrator)
-    if backend == "cpu":
-        from cpu_backend.mass_spring import MassSpring
-
-        simulation: Simulation = MassSpring(scene, options, threads)
-    elif backend == "gpu":
-        from gpu_backend.mass_spring import MassSpring as CudaMassSpring
-
-        simulation = CudaMassSpring(scene, options)
-    else:
+    refused = refusal(scene)
+    if refused is not None and not allow_unstable:
+        raise refused
+    if backend not in BACKENDS:
         raise SceneError("--backend", backend, f"must be one of {', '.join(BACKENDS)}")
+    simulation = _open(scene, backend, options, threads)
     if initial is not None:
         try:
             simulation.load(initial)
@@ -61,3 +54,22 @@ def open_simulation(
             simulation.close()
             raise
     return simulation
+
+
+def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
+    """The solver of the scene on the backend; the other backend is not even imported."""
+    if backend == "cpu":
+        if scene.cloth:
+            from cpu_backend.cloth import ClothMassSpring
+
+            return ClothMassSpring(scene, options, threads)
+        from cpu_backend.mass_spring import MassSpring
+
+        return MassSpring(scene, options, threads)
+    if scene.cloth:
+        from gpu_backend.cloth import ClothMassSpring as CudaClothMassSpring
+
+        return CudaClothMassSpring(scene, options)
+    from gpu_backend.mass_spring import MassSpring as CudaMassSpring
+
+    return CudaMassSpring(scene, options)

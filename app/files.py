@@ -30,7 +30,7 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 
 
 def write_state(path: Path | str, state: State) -> Path:
-    """Write `position`, `velocity` (particles, 2), `inverse_mass` (particles,), `time` [s] and `step`."""
+    """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`."""
     arrays = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
     return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
 
@@ -71,7 +71,7 @@ def read_state(path: Path | str, scene: Scene) -> State:
 
 
 def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:
-    """Write `position`, `velocity` (frames, particles, 2), `time` [s] and `step` (frames,), and the scene as JSON text."""
+    """Write `position`, `velocity` (frames, particles, dimensions), `time` [s], `step` (frames,), the scene as JSON text."""
     return _write(
         check_state_target(path),
         {

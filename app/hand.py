@@ -9,8 +9,7 @@ import numpy as np
 
 from model.simulation import Simulation
 
-DOWN = (0.0, -1.0)
-NO_POKE: tuple[None, tuple[float, float]] = (None, (0.0, 0.0))
+NO_POKE: tuple[None, tuple[float, ...]] = (None, ())
 
 
 @dataclass(frozen=True)
@@ -18,28 +17,33 @@ class Poke:
     """A held force: `target` [m] where the pointer drags to, or None for a push in `direction` from the keyboard."""
 
     particle: int
-    target: tuple[float, float] | None
-    direction: tuple[float, float] = DOWN
+    target: tuple[float, ...] | None
+    direction: tuple[float, ...] = (0.0, -1.0)
 
 
 class Hand:
-    """`selected` mass, `held` poke, `direction` of the next poke from the keyboard. `world` and `position` (particles,
-    2) are given to each call, because the world is another one after a change of backend."""
+    """`selected` mass, `held` poke, `direction` of the next poke from the keyboard (`down` at first). `world` and `position`
+    (particles, dimensions) are given to each call, because the world is another one after a change of backend."""
 
-    def __init__(self) -> None:
+    def __init__(self, dimensions: int = 2) -> None:
         self.selected: int | None = None
         self.held: Poke | None = None
-        self.direction = DOWN
-        self._given: tuple[int | None, tuple[float, float]] = NO_POKE  # what the world holds now
+        self.down: tuple[float, ...] = (0.0, -1.0, 0.0)[:dimensions]
+        self.direction = self.down
+        self._given: tuple[int | None, tuple[float, ...]] = NO_POKE  # what the world holds now
+        self._before: tuple[int, np.ndarray] | None = None  # the mass that was pulled last, and where it was then
 
     def forget(self) -> None:
         """The world holds no poke (any more): it is a new one, or was reset."""
         self._given = NO_POKE
 
-    def move(self, columns: int, rows: int, world: Simulation) -> int:
-        """Select the neighbour `columns` to the right and `rows` up; with nothing selected yet, the middle mass."""
+    def move(self, columns: int, rows: int, world: Simulation, direction: tuple[float, ...]) -> int:
+        """Select the neighbour `columns` to the right and `rows` up; with nothing selected yet, the middle mass.
+
+        `direction`: of the next poke, the unit vector that the arrow key means.
+        """
         body = world.body
-        self.direction = (float(columns), float(rows))
+        self.direction = direction
         if self.selected is None:
             self.selected = (body.rows // 2) * body.columns + body.columns // 2
         else:
@@ -51,22 +55,27 @@ class Hand:
             self.held = Poke(self.selected, None, self.direction)
         return self.selected
 
-    def force(self, world: Simulation, position: np.ndarray, frame_time: float) -> tuple[float, float]:
-        """The held force [N] on the mass where it is now; (0, 0) without one. `frame_time` [s]: simulated time for
-        which the force stays as it is."""
+    def force(self, world: Simulation, position: np.ndarray, hold_time: float) -> tuple[float, ...]:
+        """The held force [N] on the mass where it is now; 0 without one. `hold_time` [s]: simulated time for which the force
+        stays as it is."""
+        nothing = (0.0,) * len(self.down)
         if self.held is None:
-            return 0.0, 0.0
-        gain = pointer_stiffness(world, frame_time)
+            return nothing
+        gain = pointer_stiffness(world, hold_time)
         if self.held.target is None:
             reach = 2 * world.scene.grid.spacing
-            return self.held.direction[0] * gain * reach, self.held.direction[1] * gain * reach
-        x, y = position[self.held.particle].astype(float)
-        force = gain * (self.held.target[0] - x), gain * (self.held.target[1] - y)
-        return force if all(map(math.isfinite, force)) else (0.0, 0.0)
+            return tuple(part * gain * reach for part in self.held.direction)
+        place = position[self.held.particle].astype(float)
+        wanted = gain * (np.array(self.held.target) - place)
+        if len(place) == 3 and self._before is not None and self._before[0] == self.held.particle:
+            wanted -= pointer_damping(world, gain, hold_time) * (place - self._before[1]) / hold_time
+        force = tuple(wanted.tolist())
+        return force if all(map(math.isfinite, force)) else nothing
 
-    def push(self, world: Simulation, position: np.ndarray, frame_time: float) -> None:
+    def push(self, world: Simulation, position: np.ndarray, hold_time: float) -> None:
         """Give the world the force of the held poke, or let go. Raises what `Simulation.poke` raises."""
-        wanted = (self.held.particle, self.force(world, position, frame_time)) if self.held else NO_POKE
+        wanted = (self.held.particle, self.force(world, position, hold_time)) if self.held else NO_POKE
+        self._before = (self.held.particle, position[self.held.particle].astype(float)) if self.held else None
         if wanted != self._given:  # every call makes the simulation look at its whole state
             world.poke(*wanted)
             self._given = wanted
@@ -81,14 +90,23 @@ def nearest(position: np.ndarray, x: float, y: float, reach: float) -> int | Non
     return particle if distance[particle] <= reach else None
 
 
-def pointer_stiffness(world: Simulation, frame_time: float) -> float:
+def pointer_damping(world: Simulation, stiffness: float, hold_time: float) -> float:
+    """Newton seconds per metre that a pulled mass of a cloth is slowed by: critical for the mass alone, but never so much
+    that the force, `hold_time` [s] old, takes more than half of its velocity."""
+    mass = world.scene.grid.mass
+    return min(2 * math.sqrt(stiffness * mass), 0.5 * mass / hold_time)
+
+
+def pointer_stiffness(world: Simulation, hold_time: float) -> float:
     """Newtons per metre between mass and pointer.
 
     One spring's stiffness: the force is renewed once a frame only, and a mass in a grid gives way by less than
     force / stiffness, so it draws nearer to the pointer frame by frame without overshooting. A mass on no spring would
-    overshoot, so there the frame's own time sets the stiffness.
+    overshoot, so there the time for which the force is held sets the stiffness; of a cloth the smaller, since across the
+    sheet no spring holds a mass.
     """
     scene = world.scene
     if scene.springs and scene.grid.spring_count:
         return scene.springs.stiffness
-    return 0.2 * scene.grid.mass / frame_time**2
+    alone = 0.2 * scene.grid.mass / hold_time**2
+    return min(alone, max((springs.stiffness for springs in scene.cloth_springs.values()), default=alone))

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.camera import finite_bounds
+from app.camera import finite_bounds, joined_bounds
 from app.colours import strain_range
-from model.energy import energies, spring_strain
+from app.surface import drawn_strain
+from model.energy import energies
 from model.scene import Scene
 from model.simulation import Simulation
 
@@ -19,20 +20,20 @@ KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers be
 @dataclass(frozen=True)
 class Statistics:
     """What is shown about the first world: energy [J], the strain of largest size and the range of colours (both
-    relative to the rest length), `bounds` (left, bottom, right, top) [m] of all worlds."""
+    relative to the rest length), `bounds` of all worlds [m] as `finite_bounds` gives them."""
 
     energy: float = 0.0
     kinetic: float = 0.0
     worst_strain: float = 0.0
     strain_range: float = 0.1
-    bounds: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
 
 
 def measure(world: Simulation, positions: Sequence[np.ndarray], before: Statistics) -> Statistics:
-    """The statistics of `world` now; bounds from all `positions` (each (particles, 2)). Raises Diverged."""
+    """The statistics of `world` now; bounds from all `positions` (each (particles, dimensions)). Raises Diverged."""
     state = world.state()
     energy = energies(world.scene, state.position, state.velocity)
-    strain = spring_strain(world.scene, state.position) if world.scene.springs else np.zeros(0)
+    strain = drawn_strain(world.scene, state.position)
     wanted = strain_range(strain)
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
@@ -41,7 +42,7 @@ def measure(world: Simulation, positions: Sequence[np.ndarray], before: Statisti
 
 def measure_picture(scene: Scene, positions: Sequence[np.ndarray], before: Statistics) -> Statistics:
     """`before` (its energy), with strain and bounds of another picture: the one that is shown after divergence."""
-    strain = spring_strain(scene, positions[0]) if scene.springs else np.zeros(0)
+    strain = drawn_strain(scene, positions[0])
     bounds = _bounds(positions, before)
     return replace(before, worst_strain=_worst(strain), strain_range=strain_range(strain), bounds=bounds)
 
@@ -50,9 +51,6 @@ def _worst(strain: np.ndarray) -> float:
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 
-def _bounds(positions: Sequence[np.ndarray], before: Statistics) -> tuple[float, float, float, float]:
+def _bounds(positions: Sequence[np.ndarray], before: Statistics) -> tuple[float, ...]:
     every = [bounds for bounds in map(finite_bounds, positions) if bounds]
-    if not every:
-        return before.bounds
-    left, bottom, right, top = zip(*every, strict=True)
-    return min(left), min(bottom), max(right), max(top)
+    return joined_bounds(every) if every else before.bounds

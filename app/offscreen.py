@@ -6,15 +6,17 @@ import ctypes
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from app import colours
-from app.camera import Camera, finite_bounds
+from app.camera import finite_bounds, joined_bounds
 from app.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from app.pictures import check_target, write_png
+from app.surface import drawn_strain
+from app.views import camera_of, seen_bounds, view_of
 from model.build import rest_positions
-from model.energy import spring_strain
 from model.errors import InputError, SoftlabError
 from model.scene import Scene
 
@@ -27,13 +29,13 @@ class OffscreenRenderer:
 
     `draw(position)` draws and waits until it is drawn, `image()` gives the pixels. `legend=False` leaves out all text.
     The view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call).
+    A cloth is drawn as a lit surface, or as springs coloured by strain, with the legend, where `lines` is true.
 
     Raises BackendUnavailable where off-screen OpenGL or a font is missing, InputError for an impossible size.
     """
 
-    def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True):
+    def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
         from app.panels import Panel, legend_of
-        from app.scene_view import SceneView
 
         for name, value in (("width", width), ("height", height)):
             if not LEAST_SIZE <= value <= MOST_SIZE:
@@ -45,18 +47,22 @@ class OffscreenRenderer:
         self._window = open_window(True, width, height)
         try:
             self.renderer = renderer_name()
-            self._view = SceneView(scene)
+            self._view: Any = view_of(scene)
+            if lines and scene.cloth and not self._view.lines:
+                self._view.toggle_lines()
             self._legend, self._panel = None, None
             if legend:
                 with drawing_text():
-                    self._legend, self._panel = legend_of(scene), Panel("top-left", 11, monospaced=False)
+                    self._panel = Panel("top-left", 11, monospaced=False)
+                    if not scene.cloth or self._view.lines:  # a surface has no colours of strain
+                        self._legend = legend_of(scene)
         except BaseException:
             self._window.close()
             raise
         self._fitted = False
-        self._bounds: tuple[float, float, float, float] | None = None
-        self.camera = Camera(width, height)
-        self._frame(rest_positions(scene.grid))
+        self._bounds: tuple[float, ...] | None = None
+        self.camera = camera_of(scene, width, height)
+        self._frame(rest_positions(scene.grid), 0.0)
 
     def __enter__(self) -> OffscreenRenderer:
         return self
@@ -72,35 +78,43 @@ class OffscreenRenderer:
             self._window.close()
             self._window = None
 
-    def _frame(self, position: np.ndarray) -> None:
+    def _frame(self, position: np.ndarray, time: float) -> None:
         bounds = finite_bounds(position)
         if bounds is None:
             return
+        if self.scene.cloth:
+            self._view.keep_above_ground(bounds[1])
+        bounds = seen_bounds(self.scene, bounds, time)
         if self._bounds is not None and self._fitted:  # only ever outwards, so that a clip does not jump
-            low, high = np.minimum(self._bounds, bounds), np.maximum(self._bounds, bounds)
-            bounds = (float(low[0]), float(low[1]), float(high[2]), float(high[3]))
+            bounds = joined_bounds([self._bounds, bounds])
         self._bounds = bounds
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
+        if self._panel and self.scene.cloth and not self._legend:
+            margins = (40.0, 50.0, 40.0, 50.0)
         self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
 
-    def fit(self, position: np.ndarray) -> None:
-        """Make the view and the range of colours hold this state (particles, 2) [m] as well as those fitted before."""
-        self._frame(position)
-        if self.scene.springs:
-            fitted = colours.strain_range(spring_strain(self.scene, position))
+    def fit(self, position: np.ndarray, time: float = 0.0) -> None:
+        """Make the view and the range of colours hold this state (particles, dimensions) [m] at `time` [s] as well as those
+        fitted before."""
+        self._frame(position, time)
+        if self._legend is not None or self.scene.springs:
+            fitted = colours.strain_range(drawn_strain(self.scene, position))
             self.strain_range = max(fitted, self.strain_range) if self._fitted else fitted
         self._fitted = True
 
-    def draw(self, position: np.ndarray) -> None:
-        """Draw a state (particles, 2) [m] and return when it has been drawn. Raises InputError for another shape."""
+    def draw(self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None) -> None:
+        """Draw a state (particles, dimensions) [m] and return when it has been drawn. Raises InputError for another shape.
+
+        In space: `time` [s] says where moving colliders are, `normal` (particles, 3) are the cloth's, if known.
+        """
         from pyglet import gl
 
         self._window.switch_to()
         gl.glViewport(0, 0, self.width, self.height)
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
-        self._view.upload(position)
-        self._view.draw(self.camera, self.strain_range)
+        self._view.upload(position, *([normal] if self.scene.cloth else []))
+        self._view.draw(self.camera, self.strain_range, time=time)
         if self._legend is not None:
             self._legend.place(self.width, self.strain_range)
             self._legend.draw()
@@ -136,17 +150,20 @@ def render_frame(
     *,
     caption: str | None = None,
     legend: bool = True,
+    lines: bool = False,
+    time: float = 0.0,
 ) -> Path:
-    """Draw a state (particles, 2) [m] of `scene` into a PNG and return its path. `caption` None: the scene's title.
+    """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
+    title. Of a cloth, `lines`: as springs and not as a surface; `time` [s]: where its moving colliders are.
 
     Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
-    with OffscreenRenderer(scene, width, height, legend=legend) as renderer:
-        renderer.fit(position)
+    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines) as renderer:
+        renderer.fit(position, time)
         if caption is not None:
             renderer.caption = caption
-        renderer.draw(position)
+        renderer.draw(position, time)
         return write_png(path, renderer.image())
 
 

@@ -67,7 +67,9 @@ def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
     pyglet = load_pyglet(headless)
     remedy = OFFSCREEN_REMEDY if headless else WINDOW_REMEDY
     try:
-        config = pyglet.gl.Config(double_buffer=True, major_version=3, minor_version=3)
+        # EGL sorts what it has by what was asked for, and unasked may give 5 bits a colour; a display has its own depth.
+        depth = {f"{colour}_size": 8 for colour in ("red", "green", "blue")} if headless else {}
+        config = pyglet.gl.Config(double_buffer=True, major_version=3, minor_version=3, **depth)
         window = pyglet.window.Window(width, height, config=config, **options)
         window.switch_to()
     except Exception as error:
@@ -82,6 +84,22 @@ def renderer_name() -> str:
 
     context = pyglet.gl.current_context
     return str(context.get_info().get_renderer()) if context else "none"
+
+
+def shader_program(vertex: str, fragment: str, geometry: str | None = None) -> Any:
+    """A linked program of these sources. Needs a current context. Raises BackendUnavailable where the driver refuses it."""
+    from pyglet.graphics.shader import Shader, ShaderException, ShaderProgram
+
+    try:
+        shaders = [Shader(vertex, "vertex"), Shader(fragment, "fragment")]
+        if geometry is not None:
+            shaders.insert(1, Shader(geometry, "geometry"))
+        return ShaderProgram(*shaders)
+    except ShaderException as error:
+        raise BackendUnavailable(
+            f"the OpenGL driver refuses the shaders ({' '.join(str(error).split())[:200]})",
+            "install a driver with OpenGL 3.3 or newer (Debian: apt-get install libgl1-mesa-dri)",
+        ) from None
 
 
 @contextmanager

@@ -78,9 +78,9 @@ class Legend:
 
 def legend_of(scene: Scene) -> Legend | None:
     """The legend that a scene needs; None without springs."""
-    if not scene.springs:
+    if not scene.springs and not scene.cloth_springs:
         return None
-    title = STRAIN_TITLE if scene.springs.rest_length else ZERO_REST_TITLE
+    title = ZERO_REST_TITLE if scene.springs and not scene.springs.rest_length else STRAIN_TITLE
     return Legend(len(pinned_indices(scene.grid)) > 0, title)
 
 

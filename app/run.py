@@ -97,7 +97,7 @@ def check_targets(scene: Scene, request: Request, steps: int) -> None:
         check_state_target(request.record)
         frames = steps // request.record_every + 1
         item = 8 if request.precision == "float64" else 4
-        needed = 2 * frames * scene.grid.particle_count * 4 * item
+        needed = 2 * frames * scene.grid.particle_count * 2 * scene.dimensions * item
         require(needed, available_bytes(), "--record", f"every={request.record_every}", "main memory")
 
 
@@ -195,7 +195,7 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity)
-    strain = spring_strain(scene, state.position) if scene.springs else np.zeros(0)
+    strain = spring_strain(scene, state.position) if scene.springs or scene.cloth else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = scene.grid.particle_count
     rate = count * steps / seconds if seconds > 0 and not diverged else None
@@ -209,7 +209,7 @@ def _report(
         "kernel": simulation.kernel,
         "method": f"{scene.method.solver} {scene.method.integrator}",
         "particles": count,
-        "dimensions": 2,
+        "dimensions": scene.dimensions,
         "steps": steps if diverged is None else state.step,
         "dt": scene.method.dt,
         "substeps": 1,
@@ -237,7 +237,9 @@ def _write_results(
     if request.record:
         result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
     if request.render and not clip:
-        result.written.append(render(result.state.position, request.render, scene=simulation.scene))
+        result.written.append(
+            render(result.state.position, request.render, scene=simulation.scene, time=result.state.time)
+        )
     elif request.render:
         steps = result.state.step - start.step
         if steps < 1:

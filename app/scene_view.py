@@ -14,10 +14,11 @@ import numpy as np
 
 from app import colours
 from app.camera import Camera
+from app.opengl import shader_program
 from app.shaders import POINT_FRAGMENT, SPRING_FRAGMENT, THIN_SPRINGS, VERTEX, WIDE_SPRINGS
 from model.build import pinned_indices
 from model.energy import spring_ends
-from model.errors import BackendUnavailable, InputError
+from model.errors import InputError
 from model.scene import Scene
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
@@ -34,23 +35,14 @@ class SceneView:
 
     def __init__(self, scene: Scene):
         from pyglet import gl
-        from pyglet.graphics.shader import Shader, ShaderException, ShaderProgram
 
         self.scene = scene
         self.particles = scene.grid.particle_count
         self.springs = scene.grid.spring_count if scene.springs else 0
         self.wide = self.springs <= WIDE_UP_TO
         geometry = WIDE_SPRINGS if self.wide else THIN_SPRINGS
-        try:
-            vertex = Shader(VERTEX, "vertex")
-            springs = ShaderProgram(vertex, Shader(geometry, "geometry"), Shader(SPRING_FRAGMENT, "fragment"))
-            points = ShaderProgram(vertex, Shader(POINT_FRAGMENT, "fragment"))
-        except ShaderException as error:
-            raise BackendUnavailable(
-                f"the OpenGL driver refuses the shaders ({' '.join(str(error).split())[:200]})",
-                "install a driver with OpenGL 3.3 or newer (Debian: apt-get install libgl1-mesa-dri)",
-            ) from None
-        self._spring_program, self._point_program = springs, points
+        self._spring_program = shader_program(VERTEX, SPRING_FRAGMENT, geometry)
+        self._point_program = shader_program(VERTEX, POINT_FRAGMENT)
         pins = pinned_indices(scene.grid).astype(np.uint32)
         self.pins = len(pins)
         ends = spring_ends(scene.grid.rows, scene.grid.columns) if self.springs else np.zeros((0, 2), np.int32)
@@ -107,8 +99,9 @@ class SceneView:
         gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_STREAM_DRAW)
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
-    def draw(self, camera: Camera, strain_range: float, selected: int | None = None) -> None:
-        """Draw what was uploaded last. `strain_range`: the strain at both ends of the colour map."""
+    def draw(self, camera: Camera, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
+        """Draw what was uploaded last. `strain_range`: the strain at both ends of the colour map. Nothing here depends on
+        the `time`."""
         from pyglet import gl
 
         gl.glEnable(gl.GL_BLEND)

@@ -10,10 +10,8 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from app.doctor import Finding
-from model.frequency import frequency_lines
-from model.integrators import INTEGRATORS, stability_limit
-from model.plan import Node, Stage, mass_spring_plan
-from model.scene import Scene, catalogue, load_scene
+from model.integrators import stability_limit
+from model.scene import catalogue, load_scene
 
 UNITS = {
     "dt": "s",
@@ -70,43 +68,6 @@ def print_scenes(console: Console) -> None:
             f"{stability_limit(scene):.4g}",
         )  # fmt: skip
     console.print(table)
-
-
-def print_plan(console: Console, scene: Scene, precision: str) -> None:
-    """The stages of a step, each with what it moves and computes, and the stability limit."""
-    from model.errors import SceneError
-    from model.simulation import PRECISIONS
-
-    if precision not in PRECISIONS:
-        raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
-    item = 4 if precision == "float32" else 8
-    plan, grid = mass_spring_plan(scene), scene.grid
-    limit, integrator = stability_limit(scene), scene.method.integrator
-    console.print(
-        f"{scene.name}  {number(grid.particle_count)} masses, {number(grid.spring_count)} springs, 2-D, {precision}"
-    )
-    state = "running at" if scene.method.dt <= limit else "OVER IT at"
-    bound = f"limit dt {limit:.6g} s" if limit > 0 else "no stable dt"
-    console.print(f"{bound} ({integrator}: {INTEGRATORS[integrator].note}), {state} {scene.method.dt:g} s")
-    for line in frequency_lines(scene):
-        console.print(line, soft_wrap=True)
-    table = Table("stage", "bytes a mass", "operations a mass", title="one step, stage by stage", title_justify="left")
-
-    def add(node: Node | Stage, depth: int) -> None:
-        name = "  " * depth + node.name
-        if isinstance(node, Stage):
-            table.add_row(name, str(node.bytes(item)), str(node.operations))
-            return
-        table.add_row(name + (f" (x {node.times})" if node.times > 1 else ""), "", "")
-        for child in node.children:
-            add(child, depth + 1)
-
-    add(plan.root, 0)
-    console.print(table)
-    console.print(
-        f"fused, one thread a mass (gpu) or a band of rows (cpu): {plan.bytes(item)} bytes and {plan.operations} "
-        "operations a mass and step"
-    )
 
 
 def print_findings(console: Console, findings: list[Finding]) -> None:

@@ -21,6 +21,8 @@ from model.simulation import Simulation
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
 
+Frame = tuple[np.ndarray, float, np.ndarray | None]  # position [m], time [s], and a cloth's normals, if they are known
+
 
 def ffmpeg_path() -> str:
     """The ffmpeg to use. Raises BackendUnavailable."""
@@ -136,15 +138,19 @@ def render_clip(
             f"a clip of {steps} steps, {steps_per_frame} a frame: needs at least 0, and at least 1 a frame"
         )
 
-    def states() -> Iterator[np.ndarray]:
-        yield simulation.read("position")
+    def state() -> Frame:
+        normal = simulation.read("normal") if simulation.scene.cloth else None
+        return simulation.read("position"), simulation.time, normal
+
+    def states() -> Iterator[Frame]:
+        yield state()
         done = 0
         while done < steps:
             now = min(steps_per_frame, steps - done)
             simulation.advance(now)
             simulation.check()
             done += now
-            yield simulation.read("position")
+            yield state()
 
     total = 1 + -(-steps // steps_per_frame)
     text = simulation.scene.title if caption is None else caption
@@ -153,7 +159,7 @@ def render_clip(
 
 def _write_clip(
     scene: Scene,
-    states: Iterable[np.ndarray],
+    states: Iterable[Frame],
     total: int,
     path: Path | str,
     size: tuple[int, int],
@@ -166,9 +172,9 @@ def _write_clip(
     with OffscreenRenderer(scene, width, height) as renderer, writer, ExitStack() as stack:
         renderer.caption = caption
         start, bar, task = perf_counter(), None, None
-        for position in states:
-            renderer.fit(position)
-            renderer.draw(position)
+        for position, time, normal in states:
+            renderer.fit(position, time)
+            renderer.draw(position, time, normal)
             writer.write(renderer.image())
             if bar is None and progress and perf_counter() - start > PROGRESS_AFTER:
                 bar, task = _progress_bar(writer.path.name, total)
@@ -203,23 +209,27 @@ def render(
     height: int = 960,
     fps: int = 60,
     caption: str | None = None,
+    time: float = 0.0,
 ) -> Path:
     """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
 
-    `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles, 2)
-    for a frame and (frames, particles, 2) for a clip, which need their `scene`. Raises InputError, BackendUnavailable.
+    `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles,
+    dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
+    `time` [s] at which its moving colliders are to be shown. Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP
     if isinstance(source, Simulation):
         if clip:
             return render_clip(source, path, steps, steps_per_frame, width, height, fps=fps, caption=caption)
-        return render_frame(source.scene, source.read("position"), path, width, height, caption=caption)
+        position, now = source.read("position"), source.time
+        return render_frame(source.scene, position, path, width, height, caption=caption, time=now)
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
-        return render_frame(scene, source, path, width, height, caption=caption)
+        return render_frame(scene, source, path, width, height, caption=caption, time=time)
     if source.ndim != 3:
-        raise InputError(f"positions of shape {source.shape}; a clip needs (frames, particles, 2)")
+        raise InputError(f"positions of shape {source.shape}; a clip needs (frames, particles, {scene.dimensions})")
     text = scene.title if caption is None else caption
-    return _write_clip(scene, source, len(source), path, (width, height), fps, text, True)
+    states = ((position, time, None) for position in source)
+    return _write_clip(scene, states, len(source), path, (width, height), fps, text, True)

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from app import colours
-from app.camera import Camera
-from app.controls import HINT, Controls, keys_text
+from app.controls import HINT, SPACE_HINT, Controls, keys_text
 from app.demo import Demo
 from app.demo_report import demo_state, numbers_text, write_state
 from app.opengl import drawing_text, load_pyglet, open_window
 from app.pictures import write_png
+from app.views import camera_of, seen_bounds, view_of
 from model.errors import SoftlabError
 from model.scene import Scene
 
@@ -37,16 +37,16 @@ class Viewer:
 
     def __init__(self, demo: Demo, state_file: Path | None, frames: int | None):
         from app.panels import Arrow, Panel, legend_of
-        from app.scene_view import SceneView
 
         self.pyglet = load_pyglet(False)
         self.demo = demo
+        self.space = demo.world.scene.dimensions == 3
         self.state_file, self.frames = state_file, frames
         caption = f"softlab: {demo.world.scene.title}"
         self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
         try:
             self.window.set_minimum_size(480, 360)
-            self.views = [SceneView(scene) for scene in demo.scenes]
+            self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
             with drawing_text():
                 self.legend = legend_of(demo.world.scene)
                 self.numbers, self.keys = Panel("top-left", 10), Panel("centre", 11)
@@ -57,7 +57,7 @@ class Viewer:
             self.window.close()
             raise
         width, height = self.window.get_framebuffer_size()
-        self.camera = Camera(width, height)
+        self.camera: Any = camera_of(demo.world.scene, width, height)
         self.follow = True
         self.show_keys = False
         self.keys_seen = False
@@ -84,6 +84,12 @@ class Viewer:
         self.follow = True
         self._approach_everything(1.0)
 
+    def toggle_lines(self) -> None:
+        """L: a cloth as a surface or as springs; a grid is springs anyway."""
+        if self.space:
+            shown = [view.toggle_lines() for view in self.views]
+            self.demo.say("springs, coloured by strain" if shown[0] else "surface")
+
     def ask_for_screenshot(self) -> None:
         """S: save the next frame, which is then complete."""
         self._wanted_screenshot = True
@@ -96,19 +102,29 @@ class Viewer:
     # ------------------------------------------------------------------ the frame
 
     def _approach_everything(self, share: float) -> None:
-        bounds = self.demo.statistics.bounds
-        body = self.demo.world.body
-        left, top = body.position.min(axis=0)[0], body.position.max(axis=0)[1]
-        reach = FOLLOW_SIZE * body.size
-        kept = (
-            max(bounds[0], left - reach),
-            max(bounds[1], top - reach),
-            min(bounds[2], left + reach),
-            min(bounds[3], top + reach),
-        )
-        if kept[0] <= kept[2] and kept[1] <= kept[3]:
-            spacing = self.demo.world.scene.grid.spacing
-            self.camera.approach(self.camera.framing(kept, MARGINS, spacing), share)
+        bounds, world = self.demo.statistics.bounds, self.demo.world
+        start = world.body.position
+        low, high = start.min(axis=0), start.max(axis=0)
+        middle = (low + high) / 2 if self.space else np.array([low[0], high[1]])
+        reach = FOLLOW_SIZE * world.body.size
+        half = len(middle)
+        least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
+        if not (least <= most).all():
+            return
+        if self.space:
+            for view in self.views:
+                view.keep_above_ground(float(least[1]))
+        kept = seen_bounds(world.scene, (*least.tolist(), *most.tolist()), world.time)
+        self.camera.approach(self.camera.framing(kept, MARGINS, world.scene.grid.spacing), share)
+
+    def _upload(self) -> None:
+        """The state of every world, as it is drawn."""
+        demo = self.demo
+        for view, world, position in zip(self.views, demo.worlds, demo.positions, strict=True):
+            if self.space and not demo.frozen:
+                view.upload_from(world, position)
+            else:  # in the plane there are no normals to ask for; what is frozen is no world's state any more
+                view.upload(position)
 
     def _draw(self) -> None:
         """One frame: physics, then the picture, both timed."""
@@ -119,18 +135,17 @@ class Viewer:
         self._last_frame = now
         demo = self.demo
         self.camera.width, self.camera.height = self.window.get_framebuffer_size()
-        if self.controls.pointer is not None:
-            demo.drag(*self.camera.to_world(*self.controls.pointer))
+        self.controls.mouse.pull()
         demo.frame()
         if self.follow:
             self._approach_everything(FOLLOW_SHARE)
         start = perf_counter()
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
-        for view, position in zip(self.views, demo.positions, strict=True):
-            view.upload(position)
+        self._upload()
+        for view, world in zip(self.views, demo.worlds, strict=True):
             selected = demo.hand.selected if view is self.views[0] else None
-            view.draw(self.camera, demo.statistics.strain_range, selected)
+            view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
         self._draw_poke()
         self._draw_panels(start)
         gl.glFinish()  # so that drawing is timed, and not only the asking for it
@@ -148,22 +163,25 @@ class Viewer:
         held = self.demo.hand.held
         if held is None:
             return
-        x, y = self.camera.to_window(self.demo.positions[0][held.particle])
+        place = self.demo.positions[0][held.particle].astype(float)
+        start = self.camera.to_window(place)
         force = self.demo.force()
         if held.target is not None:
-            end = tuple(self.camera.to_window(np.array(held.target)))
+            end = self.camera.to_window(np.array(held.target))
         else:
-            size = mathematics.hypot(*held.direction) or 1.0
-            end = (x + 70 * held.direction[0] / size, y + 70 * held.direction[1] / size)
-        self.arrow.draw((float(x), float(y)), end, f"{mathematics.hypot(*force):.3g} N")
+            way = self.camera.to_window(place + self.demo.world.scene.grid.spacing * np.array(held.direction)) - start
+            end = start + 70 * way / (np.hypot(*way) or 1.0)
+        if np.isfinite([start, end]).all():
+            self.arrow.draw(tuple(start.tolist()), tuple(end.tolist()), f"{mathematics.hypot(*force):.3g} N")
 
     def _draw_panels(self, now: float) -> None:
         width, height, demo = self.camera.width, self.camera.height, self.demo
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
-            self.numbers.place(numbers_text(demo, self.frame_seconds, self.draw_seconds), width, height)
+            way = f" ({self.views[0].vertices.way})" if self.space else ""
+            self.numbers.place(numbers_text(demo, self.frame_seconds, self.draw_seconds, way), width, height)
         self.numbers.draw()
-        if self.legend is not None:
+        if self.legend is not None and (not self.space or self.views[0].lines):
             self.legend.place(width, demo.statistics.strain_range)
             self.legend.draw()
         if demo.message_count != self._message[0]:
@@ -177,10 +195,10 @@ class Viewer:
             self.notice.place(demo.message, width, height, below)
             self.notice.draw()
         if self.show_keys:
-            self.keys.place(keys_text(width), width, height)
+            self.keys.place(keys_text(width, self.space), width, height)
             self.keys.draw()
         elif not self.keys_seen:
-            self.hint.place(HINT, width, height)
+            self.hint.place(SPACE_HINT if self.space else HINT, width, height)
             self.hint.draw()
 
     def _save_screenshot(self) -> None:
@@ -204,11 +222,12 @@ class Viewer:
         shown = {
             "frame": self.frame_count,
             "window": [self.camera.width, self.camera.height],
-            "pixels_per_metre": self.camera.scale,
             "keys_shown": self.show_keys,
             "screenshot": str(self.screenshot) if self.screenshot else None,
         }
-        return demo_state(self.demo, self.camera) | shown
+        if self.space:
+            shown["lines"] = self.views[0].lines
+        return demo_state(self.demo, self.camera) | self.camera.told() | shown
 
     def run(self) -> None:
         """Show the window until it is closed."""

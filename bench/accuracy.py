@@ -35,6 +35,7 @@ from bench.accuracy_points import (
     pareto_front,
     point,
 )
+from bench.choice import chosen
 from bench.growth import Growth, kept_growth
 from bench.judge import distance
 from bench.judgement import ERROR, GROWTH, HALF, RESOLVED, UNRESOLVED, judge
@@ -112,25 +113,33 @@ class Case:
         return open_simulation(self.scene, self.backend, precision=self.precision, math=self.math, allow_unstable=True)
 
 
-def cases(scenes: Sequence[str], backends: Sequence[str], wide: bool = False) -> list[Case]:
-    """Each scene x backend x precision x integrator x step size, in the order they are measured.
+def cases(
+    scenes: Sequence[str],
+    backends: Sequence[str],
+    wide: bool = False,
+    integrators: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
+) -> list[Case]:
+    """Each scene x backend x precision x integrator x step size, in the order they are measured (None: all).
 
     `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE.
     """
     found = []
+    names = integrators or tuple(INTEGRATORS)
+    few = tuple(name for name in WIDE if name in names)
     for label in scenes:
         base = load_scene(SCENES[label])
-        kinds: list[tuple[str, Scene, Sequence[str], str]] = [(label, base, tuple(INTEGRATORS), "fast")]
+        kinds: list[tuple[str, Scene, Sequence[str], str]] = [(label, base, names, "fast")]
         if wide and label == "S1":
-            kinds.append((label, base, WIDE, "exact"))
+            kinds.append((label, base, few, "exact"))
             for name, (_, n) in SIZES.items():
-                kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), WIDE, "fast"))
+                kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), few, "fast"))
         found += [
             make_case(name, sized.replace({"method.integrator": integrator, "method.dt": dt}), backend, precision, math)
-            for name, sized, integrators, math in kinds
+            for name, sized, used, math in kinds
             for backend in backends
-            for precision in PRECISIONS
-            for integrator in integrators
+            for precision in precisions or PRECISIONS
+            for integrator in used
             for dt in STEP_SIZES
         ]
     return found
@@ -154,6 +163,8 @@ def run_accuracy(
     store: Store,
     *,
     quick: bool = False,
+    integrators: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
     backends: Sequence[str] | None = None,
     scenes: Sequence[str] = tuple(SCENES),
     progress: bool = True,
@@ -161,18 +172,19 @@ def run_accuracy(
 ) -> AccuracySummary:
     """Judge what the store lacks of the grid of cases, and return all of its points.
 
-    `quick`: fewer and shorter samples, and neither `exact` math nor other sizes. `backends`: cpu, gpu (None: all that
-    are here). References are kept in the folder `references` beside the store. Every number is on disk when it is had;
-    Ctrl-C ends cleanly.
+    `quick`: fewer and shorter samples, and neither `exact` math nor other sizes. `integrators`, `precisions`: None: all;
+    parts that are run apart meet in the store. `backends`: cpu, gpu (None: all that are here). References are kept in the
+    folder `references` beside the store. Every number is on disk when it is had; Ctrl-C ends cleanly.
 
-    Raises SceneError (an unknown backend), BackendUnavailable (one asked for that is not here), InputError (the store).
+    Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
     begin = time.perf_counter()
     effort = QUICK if quick else FULL
-    chosen = backends_here(backends)
-    revision = source_revision()
+    names = chosen(integrators, list(INTEGRATORS), "--integrator")
+    accurate = chosen(precisions, list(PRECISIONS), "--precision")
+    here, revision = backends_here(backends), source_revision()
     summary = AccuracySummary(enter_machine(store))
-    everything = cases(scenes, chosen, wide=not quick)
+    everything = cases(scenes, here, not quick, names, accurate)
     missing = [case for case in everything if not _held(store, case, summary.machine, effort)]
     summary.held = len(everything) - len(missing)
     try:

@@ -14,6 +14,7 @@ from bench.accuracy import references
 from bench.advice import NOISE, Advice, Choice
 from bench.advise_search import LEAST_STEPS, Kind, Search, Task
 from bench.own_reference import converged_of, growth_of
+from bench.progress import progress_bar
 from bench.store import Store
 from bench.sweep import backends_here
 from model.integrators import INTEGRATORS
@@ -34,6 +35,18 @@ class Check:
         """The rivals that reach the error in less time than the advised configuration's over `factor`."""
         return [rival for rival in self.rivals if rival.seconds < self.advised.seconds / factor]
 
+    def __str__(self) -> str:
+        lines = [f"checked by brute force: {self.judged} configurations judged, {self.reaching} reach the error"]
+        for choice in (self.advised, *self.rivals):
+            share = choice.seconds / self.advised.seconds
+            lines.append(f"  {share:8.3f} x the advised time: {choice.name}, error {choice.error:.3g}")
+        cheaper = self.cheaper()
+        lines.append(
+            f"{len(cheaper)} of them cheaper by more than {100 * (NOISE - 1):.0f} % (the noise of timing): the advice is "
+            + ("wrong" if cheaper else "right")
+        )
+        return "\n".join(lines)
+
 
 def grid_steps(least: int, per_octave: int, octaves: int) -> list[int]:
     """Steps from the fewest that are stable to 2^octaves times as many, `per_octave` to a doubling."""
@@ -50,6 +63,7 @@ def brute_force(
     per_octave: int = 2,
     octaves: int = 5,
     command: str = "brute force",
+    progress: bool = False,
 ) -> Check:
     """Judge the whole grid at the time of the advice, and time what reaches the error beside what was advised.
 
@@ -63,20 +77,23 @@ def brute_force(
     newton = converged_of(scene, end, references(store))
     run = store.start_run(advice.machine, command)
     search = Search(store, Task(scene, advice.error, end, growth, newton, advice.machine, run, inf))
+    kinds = [
+        Kind(name, precision, backend)
+        for backend in backends_here(backends)
+        for precision in precisions
+        for name in integrators
+        if search.limit(name) > 0
+    ]
     judged, reaching, fewest = 0, 0, []
-    for backend in backends_here(backends):
-        for precision in precisions:
-            for name in integrators:
-                limit = search.limit(name)
-                if limit == 0:
-                    continue
-                least = LEAST_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
-                kind = Kind(name, precision, backend)
-                errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
-                able = [steps for steps, error in errors.items() if error <= advice.error]
-                judged, reaching = judged + len(errors), reaching + len(able)
-                if able:
-                    fewest.append((kind, min(able), errors[min(able)]))
+    with progress_bar(progress) as bar:
+        for kind in bar.track(kinds, description="brute force"):
+            limit = search.limit(kind.integrator)
+            least = LEAST_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
+            errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
+            able = [steps for steps, error in errors.items() if error <= advice.error]
+            judged, reaching = judged + len(errors), reaching + len(able)
+            if able:
+                fewest.append((kind, min(able), errors[min(able)]))
     advised = (Kind(best.integrator, best.precision, best.backend), best.steps, best.error)
     timed = search.time([advised, *(entry for entry in fewest if entry != advised)])
     mine = next(c for c in timed if (c.integrator, c.precision, c.backend, c.steps) == (*_key(advised[0]), best.steps))

@@ -21,7 +21,7 @@ import numpy as np
 from bench.reference import cache
 from bench.reference.kept import read_arrays, write_arrays
 from bench.reference.mass_spring import pinned_mask, simulate, start
-from model.integrators import damping_rate, frequency_bound
+from model.integrators import damping_rate, frequency_bound, spring_damping_bound
 from model.scene import Scene
 
 DISTURBANCE = 1e-9  # spacings
@@ -56,22 +56,25 @@ class Growth:
 
 
 def disturbance(scene: Scene) -> np.ndarray:
-    """(particles, 2) [m]: DISTURBANCE spacings times a fixed pattern that no symmetry of a grid shares; 0 at pins."""
+    """(particles, dimensions) [m]: DISTURBANCE spacings times a fixed pattern that no symmetry of a sheet shares; 0 at
+    pins."""
     i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
-    pattern = np.stack([np.sin(1.7 * i + 0.9 * j + 1), np.cos(0.6 * i - 1.3 * j + 1)], axis=-1)
+    waves = [np.sin(1.7 * i + 0.9 * j + 1), np.cos(0.6 * i - 1.3 * j + 1), np.sin(0.8 * i - 0.7 * j + 1)]
+    pattern = np.stack(waves[: scene.dimensions], axis=-1)
     pattern[pinned_mask(scene)] = 0
-    return DISTURBANCE * scene.grid.spacing * pattern.reshape(-1, 2)
+    return DISTURBANCE * scene.grid.spacing * pattern.reshape(-1, scene.dimensions)
 
 
 def twin_steps(scene: Scene, time: float) -> int:
     """Steps of the twins up to `time` [s]: whole ones between two looks."""
-    wanted = time * (frequency_bound(scene) + damping_rate(scene)) * STEPS_PER_RADIAN
+    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    wanted = time * (frequency_bound(scene) + damping_rate(scene) + along) * STEPS_PER_RADIAN
     return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
 
 
 def growth_along(scene: Scene, time: float, path: Callable[[np.ndarray, int], list[np.ndarray]]) -> Growth:
-    """The growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, 2) at the LOOKS times, from
-    such a start at the scene's velocities, in so many steps."""
+    """The growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, dimensions) at the
+    LOOKS times, from such a start at the scene's velocities, in so many steps."""
     times = time * np.arange(1, LOOKS + 1) / LOOKS
     offset = disturbance(scene)
     before = float(np.linalg.norm(offset))

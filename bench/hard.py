@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from bench import hard_cases, hard_laws, hard_trial
+from bench import hard_cases, hard_laws, hard_stiff, hard_trial
+from bench.choice import chosen
 from bench.hard_cases import CASES, HardCase
 from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, rows_of
 from bench.hard_trial import Check, Endless, SilentNaN, Trial
@@ -117,7 +118,7 @@ class _Work:
 def _digest() -> str:
     """A hash of the laws: a case that judges otherwise is run anew."""
     digest = hashlib.sha256()
-    for module in (hard_cases, hard_laws, hard_trial):
+    for module in (hard_cases, hard_laws, hard_stiff, hard_trial):
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()[:16]
 
@@ -142,19 +143,6 @@ def _work(
     return found
 
 
-def _chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: bool = False) -> list[str]:
-    """`names` (None: all), each one of `known`, or with `rows` the row that several begin with. Raises SceneError."""
-    if not names:
-        return list(known)
-    chosen = []
-    for name in names:
-        mine = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
-        if not mine:
-            raise SceneError(what, name, f"must be one of {', '.join(known)}")
-        chosen += mine
-    return list(dict.fromkeys(chosen))
-
-
 def run_hard(
     store: Store,
     *,
@@ -175,9 +163,9 @@ def run_hard(
     Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
     """
     begin = time.perf_counter()
-    wanted = _chosen(cases, [case.name for case in CASES], "--case", rows=True)
-    names = _chosen(integrators or (QUICK if quick else None), list(INTEGRATORS), "--integrator")
-    accurate = _chosen(precisions, list(PRECISIONS), "--precision")
+    wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
+    names = chosen(integrators or (QUICK if quick else None), list(INTEGRATORS), "--integrator")
+    accurate = chosen(precisions, list(PRECISIONS), "--precision")
     here, revision = backends_here(backends), source_revision()
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
     summary = HardSummary(enter_machine(store))

@@ -1,7 +1,7 @@
 """The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
 
 Those that concern the mass-spring grid are CASES, with a scene in the catalogue under `hard/` and a law of
-bench/hard_laws.py; the others, with what they wait for, are NOT_YET. docs/method.md names the rows.
+bench/hard_laws.py or hard_stiff.py; the others, with what they wait for, are NOT_YET. docs/method.md names the rows.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from bench.hard_laws import (
     toggled,
     violent,
 )
+from bench.hard_stiff import stiff_chain_hangs, too_stiff
 
 ANY = "any"
 
@@ -71,9 +72,14 @@ REST_KNOWN = {
     ): "float32 rounds a dt^2 / 2, under half an ulp of the position, away; what is left is explicit "
     "Euler, over its own limit"
 }
+STANDS = {
+    ("lab", "float32"): "float32 rounds a dt^2 / 2, under half an ulp of the position, away: nothing moves at all"
+}
 
 FAR = (1e3, 1e4, 1e5)  # m
 CASES = (
+    HardCase("B1", "stiffness ratio 1e6", "hard/b1", too_stiff, expect="refused", own_step=False),
+    HardCase("B1 hanging", "the same, under its limit", "hard/b1", stiff_chain_hangs, known=STANDS),
     HardCase("B4", "two masses in one place", "hard/b4", coincident),
     HardCase("B4 zero", "the same, no rest length", "hard/b4", coincident, {"springs.rest_length": 0.0}),
     HardCase("B5 line", "collapsed to a line", "hard/b5", folded_line),
@@ -108,9 +114,7 @@ CASES = (
 )  # fmt: skip
 
 NOT_YET = {
-    # B1's own limit will be 2 / sqrt(2 k / m) = 4.5e-5 s, of pairs on one stiff link; the collection's 3.2e-5 s is the bound
-    # for a chain that is stiff throughout, which a scene with one stiffness is held to.
-    "B1": "needs a stiffness per spring; the grid's springs share one",
+    "B1 implicit": "needs distance constraints or an implicit step",
     "B2": "needs distance constraints and a mass per particle",
     "B3": "needs distance constraints and a mass per particle",
     "B13 inextensible": "needs distance constraints and long-range attachments",

@@ -1,7 +1,7 @@
 """What the hard cases do to a scene and what must hold: starts that no scene can say, actions, and laws.
 
 A law runs a Trial and returns its checks, the telling one first. Rows B4 to B24 of the lab's collection of hard cases;
-bench/hard_cases.py gives them their scenes.
+B1's are in bench/hard_stiff.py. bench/hard_cases.py gives them their scenes.
 
 Where published values were found to be narrower than told, what was measured is judged.
 B5, point: said to return to the hanging grid; it ends in one of the net's many equilibria, which one depends on integrator,
@@ -25,7 +25,7 @@ import numpy as np
 from bench.hard_trial import REST, Check, Trial
 from bench.reference import mass_spring as reference
 from model.build import wave
-from model.energy import energies
+from model.energy import energies, spring_stiffness
 from model.errors import Diverged
 from model.integrators import INTEGRATORS, amplification_matrix, damping_rate
 from model.scene import Scene
@@ -51,7 +51,7 @@ def hanging(scene: Scene) -> np.ndarray:
     if springs is None or gravity is None:
         return position
     below = np.arange(grid.rows - 1, 0, -1)  # masses that hang on each link, from the top
-    links = springs.rest_length + below * grid.mass * gravity.acceleration / springs.stiffness
+    links = springs.rest_length + below * grid.mass * gravity.acceleration / spring_stiffness(scene)[1].ravel()
     position[1:, :, 1] = -np.cumsum(links)[:, None]
     return position
 

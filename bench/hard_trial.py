@@ -193,7 +193,7 @@ class Trial:
         if self.single:
             u = float(np.spacing(np.float32(np.abs(state.position).max())))
             springs, damping = self.scene.springs, self.scene.damping
-            rounding = 8 * (springs.stiffness if springs else 0.0) * u
+            rounding = 8 * (springs.largest_stiffness if springs else 0.0) * u
             stop = self.scene.grid.mass * u / self.dt**2 if self.is_lab else 0.0
             drag = (damping.coefficient if damping else 0.0) * u / (2 * self.dt)
             force, speed = rounding + 2 * (stop + drag), 4 * u / self.dt

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference.mass_spring import converged
+from bench.reference.mass_spring import converged, smooth
 from model.errors import Diverged
-from model.integrators import damping_rate, frequency_bound
+from model.integrators import damping_rate, frequency_bound, spring_damping_bound
 from model.scene import Scene
 from model.simulation import State
 
 # What the reference costs in NumPy, per mass and force evaluation; four evaluations a step, at h and h/2.
 SECONDS_PER_EVALUATION = 1e-7  # s, rounded up
+SECONDS_PER_CLOTH_EVALUATION = 5e-7  # a cloth has three times the springs in three dimensions
+SECONDS_PER_WIND_EVALUATION = 8e-7  # in addition
 BUDGET = 4.0  # s
 STEPS_PER_RADIAN = 4  # as in the reference
 
@@ -31,8 +33,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
         return 0.0, None
     if scene.external and scene.external.magnitude > 0:
         return None, "a random force is another force at every step size, so no converged reference exists"
-    steps = state.time * (frequency_bound(scene) + damping_rate(scene)) * STEPS_PER_RADIAN
-    cost = 3 * steps * 4 * (scene.grid.particle_count * SECONDS_PER_EVALUATION + 1e-4)
+    steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN
+    cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)  # h and h/2, and h/4 to see the order
     if cost > BUDGET:
         return None, f"a converged reference would take about {cost:.0f} s; softlab accuracy judges the integrators"
     reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
@@ -42,6 +44,20 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     if error < 10 * estimate / scene.grid.spacing:
         return None, f"below what the reference resolves ({10 * estimate / scene.grid.spacing:.1e} of the spacing)"
     return error, None
+
+
+def fastest_rate(scene: Scene) -> float:
+    """A rate [1/s] that nothing in the scene exceeds: its largest frequency, and what its dampers add."""
+    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    return frequency_bound(scene) + damping_rate(scene) + along
+
+
+def evaluation_seconds(scene: Scene) -> float:
+    """What one evaluation of the forces takes in NumPy, roughly."""
+    if not scene.cloth:
+        return scene.grid.particle_count * SECONDS_PER_EVALUATION + 1e-4
+    each = SECONDS_PER_CLOTH_EVALUATION + (SECONDS_PER_WIND_EVALUATION if scene.wind else 0.0)
+    return scene.grid.particle_count * each + 4e-4
 
 
 def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:

@@ -89,8 +89,8 @@ def _statistics(scene: Scene, state: State, right: Converged, free: np.ndarray) 
             ("velocity", state.velocity, right.velocity),
         )
     }
-    mean = np.hypot(*off["position"].mean(axis=0)) / scene.grid.spacing if free.any() else 0.0
-    momentum = scene.grid.mass * np.hypot(*off["velocity"].sum(axis=0))
+    mean = np.linalg.norm(off["position"].mean(axis=0)) / scene.grid.spacing if free.any() else 0.0
+    momentum = scene.grid.mass * np.linalg.norm(off["velocity"].sum(axis=0))
     return {
         ENERGY: (energy, "J", None),
         ENERGY_OFF: (energy - its_energy, "J", None),

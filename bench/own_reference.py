@@ -13,11 +13,11 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.growth import LOOKS, Growth, growth_along, kept_growth
-from bench.judge import SECONDS_PER_EVALUATION as NUMPY_SECONDS
+from bench.judge import evaluation_seconds, fastest_rate
 from bench.reference import cache
-from bench.reference.mass_spring import start
+from bench.reference.mass_spring import smooth, start
+from bench.reference.richardson import refine
 from model.build import build
-from model.integrators import damping_rate, frequency_bound
 from model.scene import Scene
 from model.simulation import Simulation, State
 
@@ -28,12 +28,12 @@ MOST_HALVINGS = 5
 
 def _evaluations(scene: Scene, time: float) -> float:
     """Force evaluations of reference and twins, roughly: RK4 at h, h/2 and h/4, and twice at h."""
-    return 9 * 4 * 4 * time * (frequency_bound(scene) + damping_rate(scene))
+    return 9 * 4 * 4 * time * fastest_rate(scene)
 
 
 def numpy_seconds(scene: Scene, time: float) -> float:
     """What reference and twins of a scene take in NumPy, roughly."""
-    return _evaluations(scene, time) * (scene.grid.particle_count * NUMPY_SECONDS + 1e-4)
+    return _evaluations(scene, time) * evaluation_seconds(scene)
 
 
 def own_seconds(scene: Scene, time: float) -> float:
@@ -70,17 +70,9 @@ def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE)
             state = simulation.state()
             return state.position, state.velocity
 
-    steps = max(8, ceil(4 * time * (frequency_bound(scene) + damping_rate(scene))))
-    coarse = solve(steps)
-    for halvings_left in range(MOST_HALVINGS, 0, -1):
-        steps *= 2
-        fine = solve(steps)
-        change = [(b - a) / 15 for a, b in zip(coarse, fine, strict=True)]
-        estimate = float(np.hypot(*change[0].T).max())
-        if estimate <= tolerance * scene.grid.spacing or halvings_left == 1:
-            break
-        coarse = fine
-    return cache.Converged(fine[0] + change[0], fine[1] + change[1], estimate)
+    steps = max(8, ceil(4 * time * fastest_rate(scene)))
+    most = steps * 2**MOST_HALVINGS
+    return cache.Converged(*refine(solve, steps, tolerance * scene.grid.spacing, most, smooth(scene)))
 
 
 def own_growth(scene: Scene, time: float) -> Growth:

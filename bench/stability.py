@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.driver import open_simulation
+from bench.choice import chosen
 from bench.machine import enter_machine, gpu_simulated, source_revision
 from bench.results import configuration, measures
 from bench.stability_points import (
@@ -124,8 +125,8 @@ def chain(damping: float) -> Scene:
     )
 
 
-def cases(extent: Extent, backends: Sequence[str]) -> list[Case]:
-    """Each backend x precision x integrator: the map's points, then the edges, in the order they are run."""
+def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | None = None) -> list[Case]:
+    """Each backend x precision x integrator (None: all): the map's points, then the edges, in the order they are run."""
     curtain = load_scene("lab-curtain").replace({"grid.rows": ROWS, "grid.columns": COLUMNS})
     rows = [(k, DAMPING) for k in extent.stiffnesses] + [(STIFFNESS, c) for c in extent.dampings if c != DAMPING]
     edges = [(k, DAMPING) for k in extent.edge_stiffnesses] + [(STIFFNESS, c) for c in extent.edge_dampings]
@@ -133,7 +134,7 @@ def cases(extent: Extent, backends: Sequence[str]) -> list[Case]:
     for backend in backends:
         sources = f"{source_hash(backend)}-stability{MEANING}"
         for precision in PRECISIONS:
-            for name in INTEGRATORS:
+            for name in integrators or INTEGRATORS:
                 scenes = []
                 for stiffness, damping in rows:
                     at = {"springs.stiffness": stiffness, "damping.coefficient": damping, "method.integrator": name}
@@ -160,22 +161,24 @@ def run_stability(
     store: Store,
     *,
     quick: bool = False,
+    integrators: Sequence[str] | None = None,
     backends: Sequence[str] | None = None,
     progress: bool = True,
     command: str = "softlab stability",
 ) -> StabilitySummary:
     """Run what the store lacks of the map and the edges, and return all of them; `print(summary)` is a table.
 
-    `quick`: a coarser map and fewer edges, all of which the whole one has, too. `backends`: cpu, gpu (None: all that are
-    here). Every number is on disk when it is had, so that the same command resumes; Ctrl-C ends cleanly.
+    `quick`: a coarser map and fewer edges, all of which the whole one has, too. `integrators`: None: all; parts that are
+    run apart meet in the store. `backends`: cpu, gpu (None: all that are here). Every number is on disk when it is had,
+    so that the same command resumes; Ctrl-C ends cleanly.
 
-    Raises SceneError (an unknown backend), BackendUnavailable (one asked for that is not here), InputError (the store).
+    Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
     begin = time.perf_counter()
-    chosen = backends_here(backends)
-    revision = source_revision()
+    names = chosen(integrators, list(INTEGRATORS), "--integrator")
+    here, revision = backends_here(backends), source_revision()
     summary = StabilitySummary(enter_machine(store))
-    everything = cases(QUICK if quick else FULL, chosen)
+    everything = cases(QUICK if quick else FULL, here, names)
     missing = [c for c in everything if not store.has_measure(c.description, summary.machine, c.sources, c.done)]
     summary.held = len(everything) - len(missing)
     try:

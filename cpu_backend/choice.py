@@ -29,6 +29,7 @@ from cpu_backend.layout import block_of, padded
 from cpu_backend.threads import threading_layer
 from cpu_backend.tiled_kernel import halo, tile_buffer
 from model.errors import SceneError
+from model.memory import readable
 from model.scene import Scene
 
 KERNELS = ("fused", "team", "tiled", "stages")
@@ -73,10 +74,20 @@ def choose_kernel(scene: Scene, real: Any, wanted: str | None) -> str:
             f"needs numba's threading layer {TEAM_LAYER}, here it is {threading_layer()} (NUMBA_THREADING_LAYER, set "
             "before Python starts); tiled runs on every layer",
         )  # fmt: skip
-    if wanted is not None:
-        return wanted
+    return wanted or default_kernel(scene, real)[0]
+
+
+def default_kernel(scene: Scene, real: Any) -> tuple[str, str]:
+    """(kernel, why in a few words) of a scene that asks for none."""
+    if scene.method.integrator == "rk4":
+        return "fused", "the others run one force a step, rk4 has four"
     rows, columns = scene.grid.rows, scene.grid.columns
-    large = 2 * padded(rows, columns, real).size * np.dtype(real).itemsize > TILED_BYTES
-    if large and columns >= block_of(real):
-        return "tiled"
-    return "team" if threading_layer() == TEAM_LAYER else "tiled"
+    size = 2 * padded(rows, columns, real).size * np.dtype(real).itemsize
+    states = f"both states take {readable(size)}"
+    if size > TILED_BYTES and columns >= block_of(real):
+        return "tiled", f"{states}, more than a cache holds: {LEVELS} steps for one way through memory"
+    if threading_layer() != TEAM_LAYER:
+        return "tiled", f"{states}; one parallel region for {LEVELS} steps, since layer {threading_layer()} has no team"
+    if size > TILED_BYTES:
+        return "team", f"rows of {columns} masses are too short for tiles; no parallel region a step"
+    return "team", f"{states}, which a cache holds: no parallel region a step"

@@ -17,6 +17,7 @@ import numba
 from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
+import model.cloth_record
 import model.formulas
 import model.record
 from model.digest import source_digest
@@ -29,7 +30,12 @@ FAST = frozenset({"contract", "arcp", "afn", "nsz"})
 @cache
 def backend_digest() -> str:
     """A hash of the sources that this backend's machine code is made from."""
-    return source_digest(Path(model.formulas.__file__).parent, Path(model.record.__file__), Path(__file__).parent)
+    return source_digest(
+        Path(model.formulas.__file__).parent,
+        Path(model.record.__file__),
+        Path(model.cloth_record.__file__),
+        Path(__file__).parent,
+    )
 
 
 class _VariantCache(FunctionCache):

@@ -20,7 +20,7 @@ from numba.extending import intrinsic
 LINE = 64  # bytes of a cache line, and of the widest vectors
 PAGE = 4096  # bytes after which places in the first cache repeat
 SHIFT = 320  # bytes by which neighbouring planes are shifted in it
-PLANES = 4
+PLANES = 4  # of a grid; a cloth has six
 
 # places in the array of integers that kernels get
 L_ROWS, L_COLUMNS, L_STRIDE, L_PLANE = range(4)
@@ -50,35 +50,36 @@ class Layout:
     columns: int
     stride: int
     plane: int
+    planes: int = PLANES
 
     @property
     def size(self) -> int:
         """Scalars of a state."""
-        return PLANES * self.plane
+        return self.planes * self.plane
 
     def integers(self) -> np.ndarray:
         """What kernels get, see L_ROWS and so on."""
         return np.array([self.rows, self.columns, self.stride, self.plane], np.int64)
 
     def view(self, state: np.ndarray, columns: int | None = None) -> np.ndarray:
-        """(4, rows, columns) of a flat state, without its ghosts (or with those up to `columns`)."""
-        planes = state.reshape(PLANES, self.plane)[:, : self.rows * self.stride]
-        return planes.reshape(PLANES, self.rows, self.stride)[:, :, : columns or self.columns]
+        """(planes, rows, columns) of a flat state, without its ghosts (or with those up to `columns`)."""
+        planes = state.reshape(self.planes, self.plane)[:, : self.rows * self.stride]
+        return planes.reshape(self.planes, self.rows, self.stride)[:, :, : columns or self.columns]
 
 
-def plain(rows: int, columns: int) -> Layout:
+def plain(rows: int, columns: int, planes: int = PLANES) -> Layout:
     """No padding: planes as NumPy would have them, for kernels that take arrays of (rows, columns)."""
-    return Layout(rows, columns, columns, rows * columns)
+    return Layout(rows, columns, columns, rows * columns, planes)
 
 
-def padded(rows: int, columns: int, real: Any) -> Layout:
+def padded(rows: int, columns: int, real: Any, planes: int = PLANES) -> Layout:
     """For loops over whole blocks."""
     block, item = block_of(real), np.dtype(real).itemsize
     stride = (columns // block + 1) * block
     if stride * item % PAGE == 0:
         stride += block
     plane = rows * stride
-    return Layout(rows, columns, stride, plane + block + (SHIFT - (plane + block) * item) % PAGE // item)
+    return Layout(rows, columns, stride, plane + block + (SHIFT - (plane + block) * item) % PAGE // item, planes)
 
 
 @_built_in

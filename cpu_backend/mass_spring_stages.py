@@ -30,6 +30,8 @@ from model.record import (
     K_POKE_Y,
     K_SIXTH_DT,
     K_SPACING,
+    K_STIFF,
+    K_STIFF_REST,
     K_STIFFNESS,
     K_STIFFNESS_REST,
     K_THIRD_DT,
@@ -37,8 +39,9 @@ from model.record import (
 
 
 @cache
-def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
-    """The stage kernels of an arithmetic and integrator. Arrays are (rows, columns); `a` is the acceleration (2, ...)."""
+def make_stages(real: Any, math: str, integrator: str, alternating: bool = False) -> SimpleNamespace:
+    """The stage kernels of an arithmetic and integrator, for equal or for alternating springs. Arrays are (rows, columns);
+    `a` is the acceleration (2, ...)."""
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
     compiled, kernel = compiler.compiled, compiler.kernel
     spring_pull_2d, damped_formula = springs.make(real, compiled)
@@ -64,6 +67,28 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
                 left_x, left_y = spring_pull_2d(x[i, left] - x[i, j], y[i, left] - y[i, j], stiffness, stiffness_rest)
                 down_x, down_y = spring_pull_2d(x[down, j] - x[i, j], y[down, j] - y[i, j], stiffness, stiffness_rest)
                 up_x, up_y = spring_pull_2d(x[up, j] - x[i, j], y[up, j] - y[i, j], stiffness, stiffness_rest)
+                ax[i, j] = (right_x + left_x) + (down_x + up_x)
+                ay[i, j] = (right_y + left_y) + (down_y + up_y)
+
+    @compiled
+    def pull(x, y, i, j, row, column, lower, record):
+        """The pull on mass (i, j) from (row, column), by a spring from row or column `lower` to the next."""
+        odd = lower & 1
+        stiffness = record[K_STIFF] if odd else record[K_STIFFNESS]
+        rest = record[K_STIFF_REST] if odd else record[K_STIFFNESS_REST]
+        return spring_pull_2d(x[row, column] - x[i, j], y[row, column] - y[i, j], stiffness, rest)
+
+    @kernel
+    def alternating_spring_forces(x, y, record, ax, ay):
+        rows, columns = x.shape
+        for row in prange(rows):
+            i = np.int64(row)
+            for j in range(columns):
+                up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
+                right_x, right_y = pull(x, y, i, j, i, right, j, record)
+                left_x, left_y = pull(x, y, i, j, i, left, left, record)
+                down_x, down_y = pull(x, y, i, j, down, j, i, record)
+                up_x, up_y = pull(x, y, i, j, up, j, up, record)
                 ax[i, j] = (right_x + left_x) + (down_x + up_x)
                 ay[i, j] = (right_y + left_y) + (down_y + up_y)
 
@@ -150,14 +175,16 @@ def make_stages(real: Any, math: str, integrator: str) -> SimpleNamespace:
                     out[axis, i, j] = summed if stage == 4 else value
 
     return SimpleNamespace(
-        spring_forces=spring_forces, gravity=gravity, external=external, manufactured=manufactured_force, damping=damping,
-        integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate,
+        spring_forces=alternating_spring_forces if alternating else spring_forces, gravity=gravity, external=external,
+        manufactured=manufactured_force, damping=damping, integrate=integrate, first_kick=first_kick,
+        second_kick=second_kick, accumulate=accumulate,
     )  # fmt: skip
 
 
 def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
     """What runs each named stage of `sim`, a cpu_backend.mass_spring.MassSpring."""
-    make = make_stages(sim.real, sim.options.math, sim.scene.method.integrator)
+    alternating = "alternating" in sim.plan.parts
+    make = make_stages(sim.real, sim.options.math, sim.scene.method.integrator, alternating)
     shape = (2, sim.body.rows, sim.body.columns)
     acceleration = np.zeros(shape, sim.real)
     state = sim.current

@@ -9,7 +9,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.compile import Compiler
-from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
+from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
 from cpu_backend.mass_spring_kernels import ABOVE_ROWS, SCRATCH_ROWS
 from cpu_backend.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
 from model.formulas import integrators
@@ -26,28 +26,12 @@ SOURCE = (BASE, STAGE_1, STAGE_2, STAGE_1)
 TARGET = (STAGE_1, STAGE_2, STAGE_1, BASE)
 
 
-@cache
-def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, step, states, layout, record, integers, pin_start, pin_column, scratches).
-
-    The flat array `states` holds, one after the other (see layout.py): the state, two stages in turn, the running sum.
-    Each step is four passes over the grid; the last writes the state, which nothing reads any more. `scratches`:
-    SCRATCH_ROWS rows a band.
-    """
-    compiler = Compiler(variant_name("fused", real, math, "rk4", parts), math)
+def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
+    """update(stage, blocks, base, rate, record, total, out): one unknown of a row of masses, from the sum of stages so far
+    and the derivative `rate` to the next stage's value and the new sum; of the fourth stage, to the new state."""
     compiled, row = compiler.compiled, compiler.row
     rk4_stage = integrators.make(real, compiled).rk4_stage
-    forces = make_row_forces(compiler, real, "rk4", parts)
-    begin_walk, sum_row, add_later_parts = forces.begin_walk, forces.sum_row, forces.add_later_parts
-    hold_pins, place_ghosts, damped = forces.hold_pins, forces.place_ghosts, forces.damped
-    has_pins, has_damping, later_parts = "pins" in parts, "damping" in parts, forces.later_parts
-    block = forces.block
-    zero, half, one = real(0), real(0.5), real(1)
-
-    @row
-    def damp(blocks, velocity, record, out):
-        for j in range(blocks * block):
-            out[j] = damped(out[j], velocity[j], record[K_DAMPING])
+    block, zero = block_of(real), real(0)
 
     @row
     def first_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
@@ -80,6 +64,33 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
         else:
             last_stage(blocks, total, rate, record[K_SIXTH_DT], out)
 
+    return update
+
+
+@cache
+def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(steps, step, states, layout, record, integers, pin_start, pin_column, scratches).
+
+    The flat array `states` holds, one after the other (see layout.py): the state, two stages in turn, the running sum.
+    Each step is four passes over the grid; the last writes the state, which nothing reads any more. `scratches`:
+    SCRATCH_ROWS rows a band.
+    """
+    compiler = Compiler(variant_name("fused", real, math, "rk4", parts), math)
+    compiled, row = compiler.compiled, compiler.row
+    update = make_rk4_rows(compiler, real)
+    forces = make_row_forces(compiler, real, "rk4", parts)
+    begin_walk, sum_row, add_later_parts = forces.begin_walk, forces.sum_row, forces.add_later_parts
+    hold_pins, place_ghosts, damped = forces.hold_pins, forces.place_ghosts, forces.damped
+    alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
+    has_pins, has_damping, later_parts = "pins" in parts, "damping" in parts, forces.later_parts
+    block = forces.block
+    zero, half, one = real(0), real(0.5), real(1)
+
+    @row
+    def damp(blocks, velocity, record, out):
+        for j in range(blocks * block):
+            out[j] = damped(out[j], velocity[j], record[K_DAMPING])
+
     @compiled
     def stage_band(band, stage, step, states, layout, record, integers, pin_start, pin_column, scratches):
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
@@ -100,11 +111,15 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
         for i in range(first, last):
             here = i * stride
             below = here + stride if i < rows - 1 else here
-            sum_row(
-                blocks, row_at(source, here), row_at(source, here + plane), row_at(source, below),
-                row_at(source, below + plane), zero, zero, row_at(above, 0), row_at(above, width), record,
-                row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width),
+            given = (
+                row_at(source, here), row_at(source, here + plane), row_at(source, below), row_at(source, below + plane),
+                zero, zero, row_at(above, 0), row_at(above, width), record, row_at(sums, CLOSE_X * width),
+                row_at(sums, CLOSE_Y * width),
             )  # fmt: skip
+            if alternating:
+                sum_uneven_row(i, blocks, *given)
+            else:
+                sum_row(blocks, *given)
             if later_parts:
                 add_later_parts(i, np.int64(0), blocks, layout, record, integers, step, offset, sums, width)
             for axis in range(2):

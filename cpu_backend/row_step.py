@@ -1,7 +1,8 @@
 """One time step of one row: what the kernels `fused`, `team` and `tiled` share, so that they cannot differ.
 
-Where a scene has springs, gravity and damping alone, forces and integration are one loop that reads every number once
-and writes every number once. With other parts (random, manufactured, poke) accelerations go through rows of sums.
+Where a scene has equal springs, gravity and damping alone, forces and integration are one loop that reads every number
+once and writes every number once. With other parts (random, manufactured, poke) and with alternating springs
+accelerations go through rows of sums.
 """
 
 from __future__ import annotations
@@ -36,17 +37,28 @@ def pass_kind(k, passes, first_kind, last_kind):
     return kind
 
 
-def _make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: bool, damped: Any) -> dict[str, Any]:
-    """How an axis of a mass ends a pass, by the pass's name: finish(p, v, closing, opening, record) -> (p', v')."""
+def make_finishes(
+    compiler: Compiler,
+    real: Any,
+    integrator: str,
+    has_damping: bool,
+    damped: Any,
+    places: tuple[int, int] = (K_DAMPING, K_INVERSE_DAMPING),
+) -> dict[str, Any]:
+    """How an axis of a mass ends a pass, by the pass's name: finish(p, v, closing, opening, record) -> (p', v').
+
+    `places`: of the damping rate and of 1 / (1 + dt rate / 2) in the record.
+    """
+    k_rate, k_inverse = places
     compiled = compiler.compiled
-    formulas = integrators.make(real, compiled)
+    formulas = integrators.make(real, compiled, has_damping)
     if integrator != "velocity-verlet":
         one_force = getattr(formulas, integrator.replace("-", "_"))
 
         @compiled
         def step(position, velocity, closing, opening, record):
             if has_damping:
-                closing = damped(closing, velocity, record[K_DAMPING])
+                closing = damped(closing, velocity, record[k_rate])
             return one_force(position, velocity, closing, record[K_DT], record[K_HALF_DT_SQUARED])
 
         return {"middle": step}
@@ -55,16 +67,16 @@ def _make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: 
 
     @compiled
     def opening_kick(position, velocity, closing, opening, record):
-        return first_half(position, velocity, opening, record[K_DT], record[K_HALF_DT], record[K_DAMPING])
+        return first_half(position, velocity, opening, record[K_DT], record[K_HALF_DT], record[k_rate])
 
     @compiled
     def both_kicks(position, velocity, closing, opening, record):
-        whole = second_half(velocity, closing, record[K_HALF_DT], record[K_INVERSE_DAMPING])
-        return first_half(position, whole, opening, record[K_DT], record[K_HALF_DT], record[K_DAMPING])
+        whole = second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])
+        return first_half(position, whole, opening, record[K_DT], record[K_HALF_DT], record[k_rate])
 
     @compiled
     def closing_kick(position, velocity, closing, opening, record):
-        return position, second_half(velocity, closing, record[K_HALF_DT], record[K_INVERSE_DAMPING])
+        return position, second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])
 
     return {"opening": opening_kick, "middle": both_kicks, "closing": closing_kick}
 
@@ -80,10 +92,9 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
     pin_start, pin_column).
     """
     forces = make_row_forces(compiler, real, integrator, parts)
-    finishes = _make_finishes(compiler, real, integrator, "damping" in parts, forces.damped)
-    advance_row = (_make_row_through_sums if forces.later_parts else _make_row_in_one_loop)(
-        compiler, forces, real, finishes
-    )
+    finishes = make_finishes(compiler, real, integrator, "damping" in parts, forces.damped)
+    through_sums = forces.later_parts or forces.alternating
+    advance_row = (_make_row_through_sums if through_sums else _make_row_in_one_loop)(compiler, forces, real, finishes)
     has_pins = "pins" in parts
     hold_pins, place_ghosts, pull_from_left = forces.hold_pins, forces.place_ghosts, forces.pull_from_left
 
@@ -188,6 +199,7 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
 def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
     block, zero, two_sums, verlet = forces.block, real(0), forces.two_sums, len(finishes) > 1
     sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
+    alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
 
     def make_loop(name: str) -> Any:
         finish = finishes.get(name, finishes["middle"])
@@ -220,10 +232,13 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
         open_x, open_y = close_x, close_y
         if two_sums:
             open_x, open_y = row_at(sums, OPEN_X * width), row_at(sums, OPEN_Y * width)
-        sum_row(
-            blocks, x, y, x_below, y_below, left[0], left[1], row_at(above, 0), row_at(above, width), record, close_x,
-            close_y,
-        )  # fmt: skip
+        above_x, above_y = row_at(above, 0), row_at(above, width)
+        if alternating:
+            sum_uneven_row(
+                i, blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, record, close_x, close_y
+            )  # fmt: skip
+        else:
+            sum_row(blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, record, close_x, close_y)
         add_later_parts(i, column, blocks, layout, record, integers, step, zero, sums, width)
         finish_axis(kind, blocks, x, vx, close_x, open_x, record, new_x, new_vx)
         finish_axis(kind, blocks, y, vy, close_y, open_y, record, new_y, new_vy)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.alternating import make_alternating_rows
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_ROWS, block_of, row_at
 from model.formulas import manufactured, random, springs
@@ -53,7 +54,7 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
     philox = random.make_philox(compiled)
     external = random.make(real, compiled).add_external
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
-    has_springs, has_gravity = "springs" in parts, "gravity" in parts
+    has_springs, has_gravity, alternating = "springs" in parts, "gravity" in parts, "alternating" in parts
     has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
     two_sums = has_external and integrator == "velocity-verlet"
     zero = real(0)
@@ -68,6 +69,9 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
             return acceleration + record[K_GRAVITY]
         return acceleration
 
+    uneven = make_alternating_rows(compiler, real, spring_pull_2d, sum_pulls, with_gravity)
+    spring_constants, uneven_pull_from_below = uneven.spring_constants, uneven.pull_from_below
+
     @compiler.row
     def pull_from_below(blocks, x, y, x_below, y_below, record, out_x, out_y):
         """Pulls on the masses of a row from those below; also what the row below is pulled up by, with the other sign."""
@@ -80,6 +84,11 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
     @compiled
     def pull_from_left(source, here, plane, column, record):
         """The pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's edge."""
+        if alternating and column > 0:
+            stiffness, rest = spring_constants(column - 1, record)
+            return spring_pull_2d(
+                source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], stiffness, rest
+            )  # fmt: skip
         if has_springs and column > 0:
             return spring_pull_2d(
                 source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], record[K_STIFFNESS],
@@ -156,10 +165,13 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
             above_x, above_y = row_at(above, 0), row_at(above, width)
             if i > 0:
                 up = here - stride
-                pull_from_below(
-                    blocks, row_at(source, up), row_at(source, up + plane), row_at(source, here),
-                    row_at(source, here + plane), record, above_x, above_y,
+                both = (
+                    row_at(source, up), row_at(source, up + plane), row_at(source, here), row_at(source, here + plane),
                 )  # fmt: skip
+                if alternating:
+                    uneven_pull_from_below(i - 1, blocks, *both, record, above_x, above_y)
+                else:
+                    pull_from_below(blocks, *both, record, above_x, above_y)
             else:
                 for j in range(blocks * block):
                     above_x[j] = zero
@@ -196,6 +208,6 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
         block=block, two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke,
         has_springs=has_springs, has_gravity=has_gravity, has_pins="pins" in parts, has_damping="damping" in parts,
         spring_pull_2d=spring_pull_2d, damped=damped, sum_pulls=sum_pulls, with_gravity=with_gravity,
-        pull_from_left=pull_from_left, sum_row=sum_row, add_later_parts=add_later_parts, begin_walk=begin_walk,
-        hold_pins=hold_pins, place_ghosts=place_ghosts,
+        alternating=alternating, pull_from_left=pull_from_left, sum_row=sum_row, sum_uneven_row=uneven.sum_row,
+        add_later_parts=add_later_parts, begin_walk=begin_walk, hold_pins=hold_pins, place_ghosts=place_ghosts,
     )  # fmt: skip

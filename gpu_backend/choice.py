@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.launch import can_capture
 from gpu_backend.strips import shared_bytes
 from gpu_backend.tile_launch import blocks_of, device_limits, fits_resident
 from gpu_backend.tiling import Tile
 from model.errors import SceneError
+from model.scene import Scene
 
 # us a step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so that the grid's size
 # does not matter beside these
@@ -42,6 +44,8 @@ ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
 GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
 MOST_THREADS = 1024
+MEASURED_ON = "NVIDIA H200"
+MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shared memory that a block can have
 
 
 def one_block_tile(rows: int, columns: int) -> Tile:
@@ -59,20 +63,24 @@ def _halved(rows: int, strip: int) -> int:
     return 1 << (-(-rows // strip) - 1).bit_length()
 
 
-def _times(rows: int, columns: int, real: Any) -> dict[tuple[str, Tile | None], float]:
-    """What a step should take [us], for each kernel and tile that the grid fits."""
+def _times(
+    rows: int, columns: int, real: Any, limits: tuple[int, int] | None = None
+) -> dict[tuple[str, Tile | None], float]:
+    """What a step should take [us], for each kernel and tile that the grid fits, on this GPU or one of `limits`
+    (multiprocessors, bytes of shared memory a block)."""
+    processors, most_shared = limits or device_limits()
     launch, million = GRAPH[real]
     masses = rows * columns
     times: dict[tuple[str, Tile | None], float] = {("graph", None): launch + 1e-6 * masses * million}
     tile = one_block_tile(rows, columns)
-    if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1]:
+    if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= most_shared:
         least, thousand = ONE_BLOCK[real]
         times["one-block", tile] = least + 1e-3 * tile.masses * thousand
     for name, by_share in RESIDENT[real].items():
         tile = parsed_tile(name)
-        if fits_resident(rows, columns, real, tile):
+        if fits_resident(rows, columns, real, tile, limits):
             across, down = blocks_of(rows, columns, tile)
-            share = -(-across * down // device_limits()[0])
+            share = -(-across * down // processors)
             measured = [time for blocks, time in by_share.items() if blocks >= share]
             if measured:
                 times["resident", tile] = min(measured)
@@ -83,10 +91,22 @@ def _times(rows: int, columns: int, real: Any) -> dict[tuple[str, Tile | None], 
     return times
 
 
-def best_kernel(rows: int, columns: int, real: Any) -> tuple[str, Tile | None]:
-    """The kernel that should be fastest on a grid, of those that run it, and its tile."""
-    times = _times(rows, columns, real)
-    return min(times, key=lambda choice: times[choice])
+def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> tuple[str, Tile | None, str]:
+    """(kernel, tile, why in a few words) of a scene that asks for none. `limits`: see `_times`; with MEASURED_LIMITS the
+    choice needs no GPU."""
+    if not can_capture():
+        return "launch", None, "the simulator captures no graphs"
+    if scene.method.integrator == "rk4":
+        return "graph", None, "the kernels on tiles run one force a step, rk4 has four"
+    if scene.springs and scene.springs.alternate:
+        return "graph", None, "the kernels on tiles know one stiffness, these springs alternate"
+    times = _times(scene.grid.rows, scene.grid.columns, real, limits)
+    first, *others = sorted(times, key=lambda choice: times[choice])
+    why = f"{times[first]:.2g} us a step by the table"
+    if others:
+        kernel, tile = others[0]
+        why += f", next {kernel}{f':{tile.name}' if tile else ''} with {times[others[0]]:.2g}"
+    return *first, why
 
 
 def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+import model.cloth_record
 import model.formulas
 import model.record
 from gpu_backend.device import simulated
@@ -33,7 +34,8 @@ def variant_name(real: Any, *words: object) -> str:
 @cache
 def _digest() -> str:
     here = Path(__file__).parent
-    return source_digest(Path(model.formulas.__file__).parent, Path(model.record.__file__), here)
+    records = Path(model.record.__file__), Path(model.cloth_record.__file__)
+    return source_digest(Path(model.formulas.__file__).parent, *records, here)
 
 
 def make_kernel(function: Callable, variant: str, **options: Any) -> Any:

@@ -78,6 +78,20 @@ class Graphs:
         self._graphs.clear()
 
 
+def prepare(kernel: Any, arguments: tuple[Any, ...], shared: int, cooperative: bool = False) -> None:
+    """Compile a kernel for these arguments, and allow it `shared` bytes of dynamic shared memory, also above 48 KB;
+    `cooperative`: all blocks are launched together or not at all."""
+    if simulated():
+        return
+    from numba.cuda.cudadrv.driver import binding, driver
+
+    compiled = kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))
+    function = compiled._codelibrary.get_cufunc()
+    attribute = binding.CUfunction_attribute.CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES
+    driver.cuKernelSetAttribute(attribute, shared, function.handle, function.device.id)
+    compiled.cooperative = cooperative
+
+
 def can_capture() -> bool:
     """Streams can be captured on a real GPU, not under the simulator."""
     return not simulated()

@@ -9,34 +9,30 @@ Memory is taken with plain allocations, never managed memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from gpu_backend.choice import best_kernel, best_tile, named_tile
+from gpu_backend.choice import best_tile, default_kernel, named_tile
 from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
 from gpu_backend.launch import Graphs, can_capture, new_stream
-from gpu_backend.mass_spring_kernels import BLOCK, make_passes, make_rk4_stages, make_tools
+from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN, make_passes, make_rk4_stages, make_tools
 from gpu_backend.mass_spring_stages import bind_stages
+from gpu_backend.simulation import NOTHING_BAD, CudaSimulation
 from gpu_backend.tile_launch import TileLauncher
 from model.errors import SceneError
 from model.memory import require
 from model.plan import Executor, mass_spring_plan
 from model.scene import Scene
-from model.simulation import Options, Simulation
+from model.simulation import Options
 
 KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
 ON_TILES = ("one-block", "resident", "tiles")
-MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
-NOTHING_BAD = np.iinfo(np.int32).max
 
 
-class MassSpring(Simulation):
+class MassSpring(CudaSimulation):
     """See model/simulation.py for the contract. `threads` is the number of threads a block."""
-
-    backend = "gpu"
 
     def __init__(self, scene: Scene, options: Options):
         self.device = require_gpu()
@@ -72,9 +68,7 @@ class MassSpring(Simulation):
         """Sets `kernel` and, for those on tiles, `tile`. Raises SceneError for a kernel that cannot run this scene."""
         rows, columns = self.body.rows, self.body.columns
         if self.options.kernel is None:
-            self.kernel, self.tile = ("graph" if can_capture() else "launch"), None
-            if can_capture() and not self._is_rk4:
-                self.kernel, self.tile = best_kernel(rows, columns, self.real)
+            self.kernel, self.tile, _ = default_kernel(self.scene, self.real)
         else:
             self.kernel, self.tile = named_tile(self.options.kernel)
         if self.kernel not in KERNELS or (self.tile and self.kernel not in ON_TILES):
@@ -84,15 +78,15 @@ class MassSpring(Simulation):
         if self.kernel in ON_TILES:
             if self._is_rk4:
                 raise SceneError("--kernel", self.kernel, "runs integrators with one force a step, not rk4; use graph")
+            if self.scene.springs and self.scene.springs.alternate:
+                raise SceneError(
+                    "--kernel", self.kernel, "knows one stiffness, not alternating springs; use graph, launch or stages"
+                )
             self.tile = self.tile or best_tile(self.kernel, rows, columns, self.real)
             if self.tile is None:
                 raise SceneError(
                     "--kernel", self.kernel, f"{rows} x {columns} masses do not fit on this GPU; use tiles or graph"
                 )
-
-    @property
-    def _is_rk4(self) -> bool:
-        return self.scene.method.integrator == "rk4"
 
     def new_array(self) -> Any:
         """A complex (particles,) device array of zeros."""
@@ -189,14 +183,6 @@ class MassSpring(Simulation):
                 )  # fmt: skip
                 source = target
 
-    def _count_on(self, passes: int) -> None:
-        if self._counts:
-            self._tools.count[1, 1, self.stream](self._counter, np.int64(passes))
-
-    def _set_counter(self, step: int) -> None:
-        if self._counts:
-            self._counter.copy_to_device(np.array([step], np.int64), stream=self.stream)
-
     def _many(self, count: int) -> None:
         """`count` equal passes (steps of RK4), by the kernel's own way."""
         tiles = self._tiles
@@ -210,16 +196,6 @@ class MassSpring(Simulation):
         if count:
             tiles.launch(0, count)
             self._count_on(count)
-
-    def _repeat(self, launches: int, launch: Callable[[int, int], None], passes: int) -> None:
-        """`launches` launches of `passes` passes each, through graphs where they are used."""
-        if self._graphs is not None:
-            parity = self._current
-            launches = self._graphs.run(parity, launches)
-            self._current = parity  # a graph holds an even number of launches
-        if launches:
-            launch(self._current, launches)
-            self._count_on(launches * passes)
 
     def _advance_steps(self, step: int, steps: int) -> None:
         self._set_counter(step)
@@ -239,73 +215,17 @@ class MassSpring(Simulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _run(self, steps: int) -> None:
-        self._executor.run(self.step, steps)
-
-    def _keep(self) -> None:
-        self.kept_position.copy_to_device(self.position[self._current], stream=self.stream)
-        self.kept_velocity.copy_to_device(self.velocity[self._current], stream=self.stream)
-
-    def _restore(self) -> None:
-        self.position[self._current].copy_to_device(self.kept_position, stream=self.stream)
-        self.velocity[self._current].copy_to_device(self.kept_velocity, stream=self.stream)
-
     def _first_bad(self) -> int:
         if self._tiles is not None:
             self._tiles.require_exchange()
-        self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
-        state = self.position[self._current], self.velocity[self._current]
-        self._tools.first_bad[self._flat](*state, self.real(self._bound), self._bad)
-        bad = self.fetch(self._bad)
-        return -1 if bad == NOTHING_BAD else bad
-
-    def fetch(self, array: Any) -> int:
-        """The first number of a device array, once everything asked for has been done."""
-        host = array.copy_to_host(stream=self.stream)
-        self.synchronize()
-        return int(host[0])
-
-    def _parameters_changed(self) -> None:
-        self._integers[1] = self._poke_particle + 1
-        self.record.copy_to_device(self._record, stream=self.stream)
-        self.integers.copy_to_device(self._integers, stream=self.stream)
-        self.synchronize()
+        return super()._first_bad()
 
     def _to_host(self, array: Any) -> np.ndarray:
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
         return host.view(self.real).reshape(-1, 2)
 
-    def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._to_host(self.position[self._current]), self._to_host(self.velocity[self._current])
-
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         for array, values in ((self.position[self._current], position), (self.velocity[self._current], velocity)):
             array.copy_to_device(np.ascontiguousarray(values).view(self._pair).reshape(-1), stream=self.stream)
         self.synchronize()
-
-    def _read_position(self, into: Any) -> Any:
-        if into is not None and hasattr(into, "__cuda_array_interface__"):
-            out = cuda.as_cuda_array(into)
-            self._tools.write_position[self._flat](self.position[self._current], out)
-            self.synchronize()
-            return into
-        position = self._to_host(self.position[self._current])
-        if into is None:
-            return position
-        into[...] = position
-        return into
-
-    def synchronize(self) -> None:
-        """Wait for the stream."""
-        if simulated():
-            cuda.synchronize()
-        else:
-            self.stream.synchronize()
-
-    def close(self) -> None:
-        graphs = getattr(self, "_graphs", None)
-        if graphs is not None:
-            self.synchronize()
-            graphs.close()
-            self._graphs = None

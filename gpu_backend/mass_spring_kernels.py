@@ -30,6 +30,7 @@ from model.record import (
 )  # fmt: skip
 
 BLOCK = (32, 8)  # columns, rows
+MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
 
 
 @cache

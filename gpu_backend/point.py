@@ -31,6 +31,8 @@ from model.record import (
     K_POKE_X,
     K_POKE_Y,
     K_SPACING,
+    K_STIFF,
+    K_STIFF_REST,
     K_STIFFNESS,
     K_STIFFNESS_REST,
 )  # fmt: skip
@@ -46,7 +48,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
     device = cuda.jit(device=True, **kernel_options(math))
     spring_pull_2d, damped = device_formulas(springs.make, real, math)
-    formulas = device_formulas(integrators.make, real, math)
+    formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
     external = device_formulas(random.make, real, math).add_external
     philox = random.make_philox(device)
     manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
@@ -71,10 +73,34 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
 
     @device
+    def uneven_pull(other, here, lower, record):
+        """The pull on a mass at `here` from one at `other`, by a spring from row or column `lower` to the next."""
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        if lower & one:
+            stiffness, rest = record[K_STIFF], record[K_STIFF_REST]
+        return spring_pull_2d(other.real - here.real, other.imag - here.imag, stiffness, rest)
+
+    @device
+    def uneven_spring_sum(position, k, i, j, rows, columns, record):
+        """As `spring_sum`, where every second spring is stiffer: those from odd rows and columns to the next."""
+        here = load_pair(position, k)
+        left = load_pair(position, k - one if j > 0 else k)
+        right = load_pair(position, k + one if j < columns - 1 else k)
+        above = load_pair(position, k - columns if i > 0 else k)
+        below = load_pair(position, k + columns if i < rows - 1 else k)
+        right_x, right_y = uneven_pull(right, here, j, record)
+        left_x, left_y = uneven_pull(left, here, j - one, record)
+        below_x, below_y = uneven_pull(below, here, i, record)
+        above_x, above_y = uneven_pull(above, here, i - one, record)
+        return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
+
+    sum_of_springs = uneven_spring_sum if "alternating" in parts else spring_sum
+
+    @device
     def pulls(position, k, i, j, rows, columns, record):
         """The sum of the springs' pulls on mass k, (0, 0) in a scene without springs."""
         if has_springs:
-            return spring_sum(position, k, i, j, rows, columns, record)
+            return sum_of_springs(position, k, i, j, rows, columns, record)
         return zero, zero
 
     @device
@@ -126,7 +152,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     return SimpleNamespace(
         pulls=pulls, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
         acceleration=acceleration, current_step=current_step, formulas=formulas, has_external=has_external,
-        has_springs=has_springs, spring_sum=spring_sum, spring_pull_2d=spring_pull_2d, damped=damped,
+        has_springs=has_springs, spring_sum=sum_of_springs, spring_pull_2d=spring_pull_2d, damped=damped,
     )  # fmt: skip
 
 

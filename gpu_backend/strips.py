@@ -70,7 +70,8 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
 
     @inline
     def constants(record):
-        """The record's values as a tuple, read once: in the kernel's loop they would be read again after each barrier."""
+        """The record's values as a tuple, read once: in the kernel's loop they would be read again after each barrier.
+        All but those of alternating springs, which no kernel on tiles runs."""
         return (
             record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7],
             record[8], record[9], record[10], record[11], record[12], record[13], record[14], record[15],

@@ -8,6 +8,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.device import simulated
+from gpu_backend.launch import prepare
 from gpu_backend.strips import shared_bytes
 from gpu_backend.tiled_kernels import FLAG_STRIDE, blocks_together, make_resident, make_tile_pass
 from gpu_backend.tiling import Tile, tile_count, whole_strips
@@ -29,9 +30,11 @@ def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:
     return tile_count(columns, tile.columns, tile.halo), tile_count(rows, tile.rows, tile.halo)
 
 
-def require_tile(kernel: str, rows: int, columns: int, real: Any, tile: Tile) -> None:
-    """Raises SceneError where a kernel on tiles cannot run on a grid with this tile on this GPU."""
-    processors, most_shared = device_limits()
+def require_tile(
+    kernel: str, rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None
+) -> None:
+    """Raises SceneError where a kernel on tiles cannot run on a grid with this tile on this GPU, or on one of `limits`."""
+    processors, most_shared = limits or device_limits()
     several = rows > tile.rows or columns > tile.columns
     across = down = 1
     why = ""
@@ -57,10 +60,10 @@ def require_tile(kernel: str, rows: int, columns: int, real: Any, tile: Tile) ->
         raise SceneError("--kernel", kernel, why)
 
 
-def fits_resident(rows: int, columns: int, real: Any, tile: Tile) -> bool:
+def fits_resident(rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None) -> bool:
     """Whether `resident` can run the grid on this tile."""
     try:
-        require_tile("resident", rows, columns, real, tile)
+        require_tile("resident", rows, columns, real, tile, limits)
     except SceneError:
         return False
     return True
@@ -91,20 +94,7 @@ class TileLauncher:
             self._epoch = 0
         else:
             self._kernel = make_tile_pass(*variant, kernel == "one-block")
-        self._prepare(shared)
-
-    def _prepare(self, shared: int) -> None:
-        """Compile; allow more than 48 KB of shared memory; launch all blocks of `resident` together or not at all."""
-        if simulated():
-            return
-        from numba.cuda.cudadrv.driver import binding, driver
-
-        types = tuple(self._kernel.typeof_pyval(argument) for argument in self._arguments(0, 1))
-        compiled = self._kernel.compile(types)
-        function = compiled._codelibrary.get_cufunc()
-        attribute = binding.CUfunction_attribute.CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES
-        driver.cuKernelSetAttribute(attribute, shared, function.handle, function.device.id)
-        compiled.cooperative = self.kernel == "resident"
+        prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
 
     def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
         s = self.simulation

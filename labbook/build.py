@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from labbook import (
+    ablation_claims,
     accuracy_claims,
     claims,
     comparison_claims,
+    costs_claims,
     findings_claims,
     hard_claims,
     kernel_claims,
@@ -38,11 +40,12 @@ from plots.draw import draw_figures
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
-CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy", "findings", "stability", "hard")
+CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy", "findings", "stability", "hard", "ablation")
 CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
-        claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, stability_claims, hard_claims,
+        claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims,
+        stability_claims, hard_claims, ablation_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip

@@ -16,6 +16,8 @@ from model.errors import InputError, SoftlabError
 from plots.draw import draw_all
 from plots.energies import draw_energies
 
+ABLATED = ("lab-curtain", "lab-hammock")  # scenes that `softlab lab` asks what they need
+
 
 def _prepare(folder: Path) -> None:
     """Make the default results folder; any other folder must be there."""
@@ -53,14 +55,18 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     """
     from app.doctor import examine
     from app.tables import print_findings
+    from bench.ablate import ablate
+    from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
     from bench.findings import run_findings
+    from bench.findings_costs import run_costs
     from bench.hard import run_hard
     from bench.hard_results import print_hard
     from bench.stability import run_stability
     from bench.store import Store
     from bench.sweep import run_sweep
     from bench.tables import print_fastest, print_sweep
+    from model.scene import load_scene
 
     begin = time.perf_counter()
     folder = store_path.parent
@@ -74,11 +80,15 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
         if not quick:
             console.rule("findings: the small experiments")
             _told(console, run_findings(store, command=command))
+            _told(console, run_costs(store, command=command))
         console.rule("stability: where it breaks")
         _told(console, run_stability(store, quick=quick, command=command))
         if not quick:
             console.rule("hard cases: what each integrator makes of them")
             _told(console, run_hard(store, pictures=False, command=command), print_hard)
+            console.rule("what the scenes need")
+            for name in ABLATED:
+                _told(console, ablate(store, load_scene(name), command=command), print_ablation)
     console.rule("figures and lab book")
     figures = folder / "figures"
     made: list[tuple[str, Any]] = [("store", store_path)]

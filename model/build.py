@@ -7,6 +7,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from model.cloth_parts import Cloth
 from model.errors import SceneError
 from model.memory import available_bytes, require
 from model.scene import Grid, Scene
@@ -18,8 +19,8 @@ MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 class Body:
     """The arrays a solver starts from, to be read only: simulations of one scene share them.
 
-    float64; `position`, `velocity` (particles, 2); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted indices
-    (int64); `size` [m]: the length that divergence is measured against.
+    float64; `position`, `velocity` (particles, dimensions); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted
+    indices (int64); `size` [m]: the length that divergence is measured against.
     """
 
     rows: int
@@ -49,17 +50,29 @@ def pinned_indices(grid: Grid) -> np.ndarray:
 
 
 def rest_positions(grid: Grid) -> np.ndarray:
-    """(particles, 2) float64 [m]: (column * spacing, -row * spacing), row-major."""
-    position = np.empty((grid.rows, grid.columns, 2))
+    """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
+    z = const where it hangs, along +z instead of -y where it lies."""
+    cloth = grid if isinstance(grid, Cloth) else None
+    position = np.zeros((grid.rows, grid.columns, 3 if cloth else 2))
     position[:, :, 0] = np.arange(grid.columns) * grid.spacing
-    position[:, :, 1] = -(np.arange(grid.rows) * grid.spacing)[:, None]
-    return position.reshape(-1, 2)
+    down = (np.arange(grid.rows) * grid.spacing)[:, None]
+    if cloth and cloth.placement == "flat":
+        position[:, :, 2] = down
+    else:
+        position[:, :, 1] = -down
+    if cloth:
+        position += cloth.origin
+    return position.reshape(grid.particle_count, -1)
 
 
 def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
-    """(particles, 2) [m]: amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], i = row, j = column."""
+    """(particles, dimensions) [m]: amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], i = row, j = column;
+    of a cloth also amplitude * sin(0.8 i - 0.7 j) along z."""
     i, j = np.divmod(np.arange(grid.particle_count), grid.columns)
-    return amplitude * np.stack([np.sin(2 * time + 1.7 * i + 0.9 * j), np.cos(3 * time + 0.6 * i - 1.3 * j)], axis=1)
+    axes = [np.sin(2 * time + 1.7 * i + 0.9 * j), np.cos(3 * time + 0.6 * i - 1.3 * j)]
+    if isinstance(grid, Cloth):
+        axes.append(np.sin(0.8 * i - 0.7 * j))
+    return amplitude * np.stack(axes, axis=1)
 
 
 _built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those that an open simulation holds

@@ -1,10 +1,32 @@
-"""Energies, strain and momentum of a grid, in float64 on the host; for judging and showing, not for stepping."""
+"""Energies and strain of a grid or a cloth, in float64 on the host; for judging and showing, not for stepping."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from model.scene import Scene
+
+WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
+    "structural": ((0, 1), (1, 0)),
+    "shear": ((1, 1), (1, -1)),
+    "bending": ((0, 2), (2, 0)),
+}
+
+
+def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Views of `sheet` (rows, columns, ...) at the first and at the other ends of the springs that go one way."""
+    down, across = way
+    rows, columns = max(0, sheet.shape[0] - down), max(0, sheet.shape[1] - abs(across))
+    first, other = max(0, -across), max(0, across)
+    return sheet[:rows, first : first + columns], sheet[down : down + rows, other : other + columns]
+
+
+def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.ndarray, float]:
+    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m])."""
+    sheet = np.asarray(position, dtype=np.float64).reshape(scene.grid.rows, scene.grid.columns, 3)
+    ends = [_both_ends(sheet, way) for way in WAYS[kind]]
+    lengths = [np.linalg.norm(other - first, axis=-1).ravel() for first, other in ends]
+    return np.concatenate(lengths), scene.grid.spacing * float(np.hypot(*WAYS[kind][0]))
 
 
 def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -15,27 +37,46 @@ def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.hypot(across[..., 0], across[..., 1]), np.hypot(down[..., 0], down[..., 1])
 
 
-def spring_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
+def spring_strain(scene: Scene, position: np.ndarray, kind: str = "structural") -> np.ndarray:
     """(springs,) float64: (length - rest) / rest of the horizontal springs row by row, then of the vertical ones.
 
-    For a rest length of zero: length / spacing. In the order of `spring_ends`.
+    For a rest length of zero: length / spacing. In the order of `spring_ends`. Of a cloth: of its springs of that `kind`,
+    or, where it has none, what they would be strained.
     """
+    if scene.cloth:
+        length, rest = cloth_lengths(scene, position, kind)
+        return (length - rest) / rest
     across, down = _lengths(scene, position)
     length = np.concatenate([across.ravel(), down.ravel()])
     rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
     return length / scene.grid.spacing if rest == 0 else (length - rest) / rest
 
 
-def spring_ends(rows: int, columns: int) -> np.ndarray:
-    """(springs, 2) int32: the particles at the ends of every spring, horizontal ones row by row, then vertical ones."""
+def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray:
+    """(springs, 2) int32: the particles at the ends of every spring, horizontal ones row by row, then vertical ones.
+
+    `kind` of a cloth's: `bending` in that order too; `shear`: those to the lower right, then those to the lower left.
+    """
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    across = np.stack([index[:, :-1].ravel(), index[:, 1:].ravel()], axis=1)
-    down = np.stack([index[:-1].ravel(), index[1:].ravel()], axis=1)
-    return np.ascontiguousarray(np.concatenate([across, down]))
+    ends = [np.stack([end.ravel() for end in _both_ends(index, way)], axis=1) for way in WAYS[kind]]
+    return np.ascontiguousarray(np.concatenate(ends))
+
+
+def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness [N/m], float64: (1, columns - 1) of the horizontal springs, the same in every row, and (rows - 1, 1) of the
+    vertical ones; 0 in a scene without springs.
+
+    Where springs alternate, those from an odd column to the next, or an odd row, are the stiffer.
+    """
+    grid, springs = scene.grid, scene.springs
+    soft, stiff = (springs.stiffness, springs.largest_stiffness) if springs else (0.0, 0.0)
+    across, down = (np.where(np.arange(n - 1) % 2 == 1, stiff, soft) for n in (grid.columns, grid.rows))
+    return across[None, :], down[:, None]
 
 
 def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[str, float]:
-    """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`.
+    """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
+    its springs by kind.
 
     With the true mass. Gravity's zero is at y = 0. `conserved` is what the scheme itself keeps (up to a bounded
     wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
@@ -46,8 +87,13 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
     kinetic = 0.5 * grid.mass * float(np.sum(v * v))
     spring = 0.0
     if springs:
-        for length in _lengths(scene, position):
-            spring += 0.5 * springs.stiffness * float(np.sum((length - springs.rest_length) ** 2))
+        for stiffness, length in zip(spring_stiffness(scene), _lengths(scene, position), strict=True):
+            spring += 0.5 * float(np.sum(stiffness * (length - springs.rest_length) ** 2))
+    by_kind = {}
+    for kind, part in scene.cloth_springs.items():
+        length, rest = cloth_lengths(scene, position, kind)
+        by_kind[kind] = 0.5 * part.stiffness * float(np.sum((length - rest) ** 2))
+    spring += sum(by_kind.values())
     height = 0.0
     if gravity and gravity.enabled:
         y = np.asarray(position, dtype=np.float64)[:, 1]
@@ -61,4 +107,5 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
         "potential": potential,
         "total": kinetic + potential,
         "conserved": inertia * kinetic + potential,
+        **by_kind,
     }

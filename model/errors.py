@@ -36,11 +36,14 @@ class InputError(SoftlabError):
 
 
 class UnstableTimeStep(SceneError):
-    """The step size is over the stability limit of the scene and integrator. `limit` [s] is the largest that holds."""
+    """The step size is over the stability limit of the scene and integrator. `limit` [s] is the largest that holds;
+    `cause` and `way_out`: of model/diagnosis.py, where the plain ones do not tell enough."""
 
-    def __init__(self, dt: float, limit: float, integrator: str):
+    def __init__(self, dt: float, limit: float, integrator: str, cause: str | None = None, way_out: str | None = None):
         self.limit = limit
-        if limit > 0:
+        if cause and way_out:
+            remedy = f"{cause}; {way_out}"
+        elif limit > 0:
             remedy = f"over the stability limit of {integrator} here; use dt <= {limit:.6g} s"
         else:
             remedy = f"{integrator} is unstable at every step size here; choose another integrator"

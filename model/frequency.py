@@ -9,6 +9,8 @@ Elsewhere it is found without a matrix by power iteration, sped up by adding the
 of the span (Knyazev 2001, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Comput. 23(2), algorithm 4.1).
 Beside the estimate, which comes from below, stands a rigorous bound from above: the lesser of Gershgorin's (1931) and of
 the one of Collatz (1942), max_i (|A| u)_i / u_i for any u > 0, which meets the estimate where springs form no odd cycles.
+
+A cloth, pinned or not, is a part of one without end, whose eigenvalues have a closed form (`cloth_eigenvalue`).
 """
 
 from __future__ import annotations
@@ -19,9 +21,10 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 
 from model.build import pinned_indices
-from model.energy import spring_ends
+from model.cloth_parts import SPRING_KINDS
+from model.energy import spring_ends, spring_stiffness
 from model.errors import SceneError
-from model.integrators import INTEGRATORS, damping_rate, frequency_bound
+from model.integrators import frequency_bound, stability_limit
 from model.scene import Grid, Scene
 
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
@@ -156,33 +159,83 @@ def grid_eigenvalue(grid: Grid) -> tuple[float, np.ndarray] | None:
     return down + across, (shape / np.abs(shape).max()).ravel()
 
 
+def cloth_eigenvalue(structural: float, shear: float, bending: float) -> float:
+    """Largest eigenvalue of the weighted Laplacian of a cloth without end, stiffnesses in, the same unit out.
+
+    A plane wave of phases a, b from column to column and row to row has, with x = cos a and y = cos b, the eigenvalue
+    2 s (2 - x - y) + 4 h (1 - x y) + 4 c (2 - x^2 - y^2), a quadratic on a square: greatest at a corner, at an edge's
+    vertex, or inside where both derivatives vanish. No cloth has a greater one: each is this one held at all other masses
+    (which only takes eigenvalues away) with springs left out (which only lowers them).
+    """
+
+    def at(x: float, y: float) -> float:
+        return 2 * structural * (2 - x - y) + 4 * shear * (1 - x * y) + 4 * bending * (2 - x * x - y * y)
+
+    places = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]  # symmetric in x and y
+    if bending > 0:
+        places += [(x, float(np.clip(-(structural + 2 * shear * x) / (4 * bending), -1, 1))) for x in (1.0, -1.0)]
+    if shear + bending > 0:
+        inside = max(-1.0, -structural / (2 * shear + 4 * bending))
+        places.append((inside, inside))
+    return max(at(*place) for place in places)
+
+
+def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """(ends (springs, 2), stiffness (springs,) [N/m]) of all springs of a cloth."""
+    rows, columns = scene.grid.rows, scene.grid.columns
+    ends = {kind: spring_ends(rows, columns, kind) for kind in scene.cloth_springs}
+    stiffness = [np.full(len(ends[kind]), part.stiffness) for kind, part in scene.cloth_springs.items()]
+    return np.concatenate([np.zeros((0, 2), np.int32), *ends.values()]), np.concatenate([np.zeros(0), *stiffness])
+
+
 def scene_net(scene: Scene) -> Net:
     """The scene's springs as a graph. A scene without springs is a net without edges."""
     grid = scene.grid
-    ends = spring_ends(grid.rows, grid.columns) if scene.springs else np.zeros((0, 2), np.int32)
-    stiffness = np.full(len(ends), scene.springs.stiffness if scene.springs else 0.0)
     inverse_mass = np.full(grid.particle_count, 1 / grid.mass)
     inverse_mass[pinned_indices(grid)] = 0
+    if scene.cloth:
+        return Net(*_edges(scene), inverse_mass)
+    ends = spring_ends(grid.rows, grid.columns) if scene.springs else np.zeros((0, 2), np.int32)
+    across, down = spring_stiffness(scene)
+    along_rows = np.broadcast_to(across, (grid.rows, grid.columns - 1))
+    stiffness = np.concatenate([along_rows.ravel(), np.broadcast_to(down, (grid.rows - 1, grid.columns)).ravel()])
+    stiffness = stiffness[: len(ends)]  # none in a scene without springs
     return Net(ends, stiffness, inverse_mass)
 
 
+def _free_bound(scene: Scene) -> float:
+    """A frequency [1/s] that no vibration of the scene's grid, freed of its pins, exceeds: the largest one where springs are
+    equal; where they alternate, a mass has one of each along every direction, and Gershgorin's bound is twice their sum.
+    Of a cloth, the lesser of Gershgorin's and that of one without end."""
+    grid, springs = scene.grid, scene.springs
+    if scene.cloth:
+        kinds = scene.cloth_springs
+        stiffnesses = [kinds[kind].stiffness if kind in kinds else 0.0 for kind in SPRING_KINDS]
+        return min(frequency_bound(scene), sqrt(cloth_eigenvalue(*stiffnesses) / grid.mass))
+    assert springs is not None
+    if springs.alternate:
+        most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]
+        return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / grid.mass)
+    free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}))
+    assert free_grid is not None
+    return sqrt(springs.stiffness / grid.mass * free_grid[0])
+
+
 def scene_frequency(scene: Scene) -> Frequency:
-    """The largest frequency of the scene's net in any state: closed form, iterated, or (large, oddly pinned) bounded.
+    """The largest frequency of the scene's net in any state: closed form (a grid's equal springs), iterated, or (large, and
+    oddly pinned, of alternating springs, or a cloth) bounded.
 
     A pin takes rows and columns out of the matrix, which lowers its largest eigenvalue (Cauchy's interlacing), so that
     the free grid bounds every other.
     """
     grid = scene.grid
-    if scene.springs is None:
+    if not (scene.springs or scene.cloth_springs):
         return Frequency(0.0, 0.0, "closed form", mode=np.zeros(grid.particle_count))
-    rate = scene.springs.stiffness / grid.mass
-    closed = grid_eigenvalue(grid)
-    if closed is not None:
-        w = sqrt(rate * closed[0])
+    closed = grid_eigenvalue(grid) if scene.springs and not scene.springs.alternate else None
+    if scene.springs and closed is not None:
+        w = sqrt(scene.springs.stiffness / grid.mass * closed[0])
         return Frequency(w, w, "closed form", mode=closed[1])
-    free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}))
-    assert free_grid is not None
-    bound = sqrt(rate * free_grid[0])
+    bound = _free_bound(scene)
     if grid.particle_count > MOST_MASSES:
         return Frequency(bound, bound, "bounded")
     found = largest_frequency(scene_net(scene))
@@ -191,20 +244,20 @@ def scene_frequency(scene: Scene) -> Frequency:
 
 def frequency_lines(scene: Scene) -> list[str]:
     """What `softlab plan` says of it: the largest frequency, how it is known, and the step size that follows."""
-    if scene.springs is None:
+    if not (scene.springs or scene.cloth_springs):
         return []
     found = scene_frequency(scene)
-    name, rate = scene.method.integrator, damping_rate(scene)
-    limit = INTEGRATORS[name].limit(found.upper, rate)
+    name, sheet = scene.method.integrator, "cloth" if scene.cloth else "grid"
+    limit = stability_limit(scene, found.upper)
     how = {
         "closed form": "closed form",
         "iterated": f"{found.iterations} iterations, surely under {found.upper:.6g}",
-        "bounded": "bound: the free grid's",
+        "bounded": f"bound: the free {sheet}'s",
     }[found.how]
     if not found.converged:
         how += f"; not converged, residual {found.residual:.1g}"
     step = f"{name} holds to dt {limit:.6g} s" if limit > 0 else f"{name} holds at no dt"
     return [
         f"largest frequency {found.estimate:.6g} 1/s of this net ({how}), {frequency_bound(scene):.6g} 1/s of any "
-        f"grid; for this net {step}"
+        f"{sheet}; for this net {step}"
     ]

@@ -12,6 +12,7 @@ from math import inf, sqrt
 
 import numpy as np
 
+from model.cloth_parts import ClothSprings
 from model.scene import Scene
 
 
@@ -133,13 +134,16 @@ def frequency_bound(scene: Scene) -> float:
     """An angular frequency [1/s] that no vibration of the scene exceeds, in any state of the grid.
 
     A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
-    grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid.
+    grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid. Where springs
+    alternate, k is the stiffest one's; model/frequency.py tells how much of it the net itself needs.
     """
+    if scene.cloth:
+        return sqrt(2 * sum(n * part.stiffness for n, part in _busiest(scene)) / scene.cloth.mass)
     grid, springs = scene.grid, scene.springs
     if springs is None:
         return 0.0
     most_springs = min(grid.rows - 1, 2) + min(grid.columns - 1, 2)
-    return sqrt(2 * most_springs * springs.stiffness / grid.mass)
+    return sqrt(2 * most_springs * springs.largest_stiffness / grid.mass)
 
 
 def damping_rate(scene: Scene) -> float:
@@ -147,6 +151,39 @@ def damping_rate(scene: Scene) -> float:
     return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
 
 
-def stability_limit(scene: Scene) -> float:
-    """The largest step size [s] at which the scene's integrator is stable for any state of the grid (may be inf or 0)."""
-    return INTEGRATORS[scene.method.integrator].limit(frequency_bound(scene), damping_rate(scene))
+def _busiest(scene: Scene) -> list[tuple[int, ClothSprings]]:
+    """(the most springs of a kind on one mass of the cloth, the springs)."""
+    rows, columns = scene.grid.rows, scene.grid.columns
+    near, far = (lambda n: min(n - 1, 2)), (lambda n: (n > 2) + (n > 4))
+    most = {
+        "structural": near(rows) + near(columns),
+        "shear": near(rows) * near(columns),
+        "bending": far(rows) + far(columns),
+    }
+    return [(most[kind], part) for kind, part in scene.cloth_springs.items()]
+
+
+def spring_damping_bound(scene: Scene) -> float:
+    """A rate [1/s] that the dampers along a cloth's springs do not exceed: their matrix is a Laplacian, bounded like the
+    springs' (see `frequency_bound`)."""
+    return 2 * sum(n * part.damping for n, part in _busiest(scene)) / scene.grid.mass
+
+
+def stability_limit(scene: Scene, frequency: float | None = None) -> float:
+    """The largest step size [s] at which the scene's integrator is stable for any state of the sheet (may be inf or 0).
+
+    `frequency` [1/s]: what no vibration exceeds, where more is known of it than `frequency_bound`.
+
+    Dampers along springs are evaluated at the step's start by every integrator, velocity Verlet too, which then is
+    semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
+    it only damps, weakly for cloth that is heavier than the air it moves in a step.
+    """
+    name, gamma = scene.method.integrator, damping_rate(scene)
+    w = frequency_bound(scene) if frequency is None else frequency
+    limit = INTEGRATORS[name].limit
+    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    if along == 0:
+        return limit(w, gamma)
+    if name == "velocity-verlet":
+        return _semi_implicit_limit(w, along)
+    return min(limit(w, gamma), limit(w, gamma + along))

@@ -5,12 +5,21 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 IntegratorName = Literal["lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
 
@@ -77,10 +86,33 @@ PIN_RULE = "none, top, top-corners, edges, every:K (of the top row, K >= 1) or a
 
 
 class Springs(Part):
-    """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it."""
+    """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it.
+
+    Every second spring along a row and down a column is `stiffness_ratio` times as stiff, those whose lower end has an odd
+    column, or row; 1: all equal, and then left out where the scene is written.
+    """
 
     stiffness: Positive = 10.0  # N/m
     rest_length: NotNegative = 1.0  # m
+    stiffness_ratio: AtLeastOne = 1.0
+
+    @property
+    def alternate(self) -> bool:
+        """Whether springs differ in stiffness."""
+        return self.stiffness_ratio != 1
+
+    @property
+    def largest_stiffness(self) -> float:
+        """Of the stiffest spring [N/m]."""
+        return self.stiffness * self.stiffness_ratio
+
+    @model_serializer(mode="wrap")
+    def _without_an_idle_ratio(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Scenes of equal springs keep the text that they are known by in stores of measurements."""
+        fields = serialize(self)
+        if not self.alternate:
+            del fields["stiffness_ratio"]
+        return fields
 
 
 class Damping(Part):
@@ -104,7 +136,8 @@ class External(Part):
 
 
 class Perturbation(Part):
-    """Start: every free mass displaced by amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)] (i = row, j = column)."""
+    """Start: every free mass displaced by amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)] (i = row, j = column); in
+    a cloth also along z, by amplitude * sin(0.8 i - 0.7 j)."""
 
     amplitude: NotNegative = 0.05  # m
 
@@ -128,7 +161,7 @@ class Method(Part):
     dt: Positive = 0.01  # s
 
 
-KINDS: dict[str, type[Part]] = {
+GRID_KINDS: dict[str, type[Part]] = {
     "grid": Grid,
     "springs": Springs,
     "damping": Damping,

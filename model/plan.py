@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from model.errors import SceneError
 from model.formulas import integrators as integrator_formulas
 from model.formulas import manufactured as manufactured_formulas
 from model.formulas import random as random_formulas
@@ -27,9 +28,9 @@ class Stage:
     operations: int
     argument: float = 0.0
 
-    def bytes(self, item: int) -> int:
+    def bytes(self, item: int, dimensions: int = 2) -> int:
         """Bytes per particle that the stage moves through memory when it runs alone, `item` bytes a scalar."""
-        return 2 * item * (self.reads + self.writes)
+        return dimensions * item * (self.reads + self.writes)
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class Plan:
     root: Node
     fused_scalars: int
     parts: frozenset[str] = field(default_factory=frozenset)
+    dimensions: int = 2
 
     @property
     def operations(self) -> int:
@@ -65,7 +67,7 @@ class Plan:
 
     def bytes(self, item: int) -> int:
         """Bytes per particle and step that one fused pass moves, `item` bytes a scalar: 32 for float32, one force."""
-        return 2 * item * self.fused_scalars
+        return self.dimensions * item * self.fused_scalars
 
     def has(self, name: str) -> bool:
         return any(stage.name == name for stage in self.root.stages())
@@ -76,6 +78,8 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
     parts = set()
     if scene.springs or "stiffness" in live:
         parts.add("springs")
+    if scene.springs and scene.springs.alternate:
+        parts.add("alternating")  # no stage of its own: which stiffness a spring has
     if (scene.damping and scene.damping.coefficient > 0) or "damping" in live:
         parts.add("damping")
     gravity = scene.gravity
@@ -95,6 +99,11 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
 def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of the mass-spring solver for the scene's parts and integrator."""
     parts = present_parts(scene, live)
+    if scene.springs and {"alternating", "manufactured"} <= parts:
+        raise SceneError(
+            "springs.stiffness_ratio", scene.springs.stiffness_ratio,
+            "must be 1 with a manufactured force, whose formula knows one stiffness",
+        )  # fmt: skip
     integrator = scene.method.integrator
     implicit_damping = integrator == "velocity-verlet"  # its damper is part of the kicks
 
@@ -121,10 +130,10 @@ def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     if integrator == "velocity-verlet":
         children: tuple[Node | Stage, ...] = (
             Node("forces at the start", forces(0.0)),
-            Stage("first half kick and drift", 3, 2, per_axis),
+            Stage("first half kick and drift", 3, 2, 12 if "damping" in parts else 8),
             *pins,
             Node("forces at the end", forces(1.0)),
-            Stage("second half kick", 2, 1, per_axis),
+            Stage("second half kick", 2, 1, 6 if "damping" in parts else 4),
             *pins,
         )
         scalars = 4  # the kicks of neighbouring steps meet in one pass, so that one force a step is enough

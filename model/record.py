@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -27,6 +28,8 @@ PARAMETERS = (
     "amplitude",  # of the manufactured solution, m
     "inertia",
     "spacing",  # m
+    "stiff",  # stiffness of every second spring over mass, 1/s^2
+    "stiff_rest",  # times the rest length, m/s^2
 )
 # The place of each in the record, as compile-time constants of the kernels.
 (
@@ -46,11 +49,27 @@ PARAMETERS = (
     K_AMPLITUDE,
     K_INERTIA,
     K_SPACING,
+    K_STIFF,
+    K_STIFF_REST,
 ) = range(len(PARAMETERS))
-_INDEX = {name: k for k, name in enumerate(PARAMETERS)}
+FIELDS = {  # of the scene, by the value that follows from them
+    "dt": "method.dt",
+    "half_dt_squared": "method.dt",
+    "stiffness": "springs.stiffness",
+    "stiffness_rest": "springs.rest_length",
+    "damping": "damping.coefficient",
+    "gravity": "gravity.acceleration",
+    "external": "external.magnitude",
+    "poke_x": "poke",
+    "poke_y": "poke",
+    "amplitude": "manufactured.amplitude",
+    "spacing": "grid.spacing",
+    "stiff": "springs.stiffness_ratio",
+    "stiff_rest": "springs.stiffness_ratio",
+}
 
 
-def parameter_record(scene: Scene, real: type, poke: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+def parameter_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
     """The small record every kernel reads its constants from: (len(PARAMETERS),) in the arithmetic `real`.
 
     Computed in float64 and rounded once, so that both backends hold the same bits. Raises SceneError for a value that
@@ -76,29 +95,25 @@ def parameter_record(scene: Scene, real: type, poke: tuple[float, float] = (0.0,
         "amplitude": manufactured.amplitude if manufactured else 0.0,
         "inertia": manufactured.inertia if manufactured else 1.0,
         "spacing": grid.spacing,
+        "stiff": springs.largest_stiffness / mass if springs else 0.0,
+        "stiff_rest": springs.largest_stiffness * springs.rest_length / mass if springs else 0.0,
     }
+    assert tuple(values) == PARAMETERS
+    return rounded_record(scene, values, FIELDS, real)
+
+
+def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[str, str], real: type) -> np.ndarray:
+    """`values` (name -> float64, in the record's order) in the arithmetic `real`. `fields`: the scene's field that a value
+    follows from. Raises SceneError for a value that the arithmetic cannot hold."""
     with np.errstate(over="ignore", under="ignore"):
-        record: np.ndarray = np.array([values[name] for name in PARAMETERS], dtype=np.float64).astype(real)
+        record: np.ndarray = np.array(list(values.values()), dtype=np.float64).astype(real)
     limits = np.finfo(real)
-    for name, field in (
-        ("dt", "method.dt"),
-        ("half_dt_squared", "method.dt"),
-        ("stiffness", "springs.stiffness"),
-        ("stiffness_rest", "springs.rest_length"),
-        ("damping", "damping.coefficient"),
-        ("gravity", "gravity.acceleration"),
-        ("external", "external.magnitude"),
-        ("poke_x", "poke"),
-        ("poke_y", "poke"),
-        ("amplitude", "manufactured.amplitude"),
-        ("spacing", "grid.spacing"),
-    ):
-        kept, exact = float(record[_INDEX[name]]), values[name]
-        if not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny)):
+    for kept, (name, exact) in zip(record.tolist(), values.items(), strict=True):
+        if name in fields and (not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny))):
             given = scene.as_dict()
-            part, _, key = field.partition(".")
+            part, _, key = fields[name].partition(".")
             raise SceneError(
-                field,
+                fields[name],
                 given.get(part, {}).get(key, exact),
                 f"{name} = {exact:.3g} is outside what {np.dtype(real).name} can hold "
                 f"({float(limits.tiny):.2g} to {float(limits.max):.2g}); change it (or the mass), or use float64",

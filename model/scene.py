@@ -16,9 +16,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Wind
 from model.errors import InputError, SceneError
 from model.parts import (
-    KINDS,
+    GRID_KINDS,
     Damping,
     External,
     Gravity,
@@ -29,6 +30,10 @@ from model.parts import (
     Perturbation,
     Springs,
 )
+
+KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS
+SHEETS = ("grid", "cloth")  # a scene has one of them
+GRID_ONLY = ("springs", "manufactured")
 
 
 class Scene:
@@ -65,20 +70,60 @@ class Scene:
                 raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
             self.kinds[part_name] = kind
         for kind in KINDS:
-            if kind != "grid" and sum(k == kind for k in self.kinds.values()) > 1:
+            if kind not in (*SHEETS, *COLLIDER_KINDS) and sum(k == kind for k in self.kinds.values()) > 1:
                 raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
-        grids = [n for n, k in self.kinds.items() if k == "grid"]
-        if len(grids) != 1:
-            raise SceneError("grid", grids or None, "a scene needs one part of kind grid, with rows and columns")
+        sheets = [n for n, k in self.kinds.items() if k in SHEETS]
+        if len(sheets) != 1:
+            raise SceneError(
+                "grid", sheets or None, "a scene needs one part of kind grid or cloth, with rows and columns"
+            )
+        self._check_fit()
         if self._one("method") is None:
             self.parts["method"], self.kinds["method"] = Method(), "method"
+
+    def _check_fit(self) -> None:
+        """Raise SceneError for a part that belongs to the other kind of sheet."""
+        wrong = GRID_ONLY if self.cloth else tuple(kind for kind in CLOTH_KINDS if kind != "cloth")
+        for name, kind in self.kinds.items():
+            if kind in wrong:
+                raise SceneError(
+                    name, kind, f"belongs to a {'grid' if self.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, "
+                    f"wind and colliders, a grid has {', '.join(GRID_ONLY)}",
+                )  # fmt: skip
 
     def _one(self, kind: str) -> Any:
         return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
 
     @property
     def grid(self) -> Grid:
-        return self._one("grid")
+        """The sheet of masses: a grid, or the cloth, which is one in space."""
+        return self.cloth or self._one("grid")
+
+    @property
+    def cloth(self) -> Cloth | None:
+        return self._one("cloth")
+
+    @property
+    def dimensions(self) -> int:
+        """2, and 3 for a cloth."""
+        return 3 if self.cloth else 2
+
+    @property
+    def cloth_springs(self) -> dict[str, ClothSprings]:
+        """The cloth's springs by kind, those it has, in the order structural, shear, bending."""
+        return {kind: part for kind in SPRING_KINDS if (part := self._one(kind)) is not None}
+
+    @property
+    def wind(self) -> Wind | None:
+        return self._one("wind")
+
+    @property
+    def colliders(self) -> list[tuple[str, Collider]]:
+        """(kind, collider), planes first, then spheres, capsules and boxes, each in the order of the file."""
+        found: list[tuple[str, Any]] = []
+        for kind in COLLIDER_KINDS:
+            found += [(kind, self.parts[name]) for name, k in self.kinds.items() if k == kind]
+        return found
 
     @property
     def springs(self) -> Springs | None:

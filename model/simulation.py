@@ -8,13 +8,15 @@ is allocated in `advance`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from model.build import Body, build
+from model.cloth_parts import SPRING_KINDS
+from model.cloth_record import cloth_record
 from model.diagnosis import diagnose
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
@@ -24,28 +26,34 @@ from model.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
-LEAST_INTERVAL, MOST_INTERVAL = 1024, 8192  # steps between two looks for a diverged state
-INTERVAL_WORK = 2**28  # mass-steps that make a look (a fraction of a millisecond) cheap
+# Steps between two looks for a diverged state. A look takes about 0.05 ms of a small grid and as long as a few steps of a
+# large one; it is to cost under 1 % (measured by bench/findings_costs.py). So the interval is a number of mass-steps, which
+# a GPU does in a small part of a CPU's time; small grids, whose steps take less than a microsecond, have a largest one.
+LEAST_INTERVAL = 1024
+MOST_INTERVAL = {"cpu": 2**15, "gpu": 2**17}
+INTERVAL_WORK = {"cpu": 2**28, "gpu": 2**33}  # mass-steps
+REPLAY_INTERVAL = 64  # steps between two looks when an interval that went bad is replayed
 DIVERGED_SIZE = 1e6  # times the scene's size: a coordinate beyond it counts as diverged
 
 LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
     "gravity": ("gravity.enabled", "gravity.acceleration"),
     "poke": (),
     "dt": ("method.dt",),
-    "stiffness": ("springs.stiffness",),
+    "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in SPRING_KINDS)),
     "damping": ("damping.coefficient",),
+    "wind": ("wind.velocity", "wind.density", "wind.drag", "wind.lift"),
 }
 
 
-def check_interval(particle_count: int) -> int:
-    """Steps between two looks for a diverged state: so many that looking costs a few per cent, whatever the size."""
-    return max(LEAST_INTERVAL, min(MOST_INTERVAL, INTERVAL_WORK // max(1, particle_count)))
+def check_interval(particle_count: int, backend: str) -> int:
+    """Steps between two looks for a diverged state: so many that looking costs under 1 %, whatever the size."""
+    return max(LEAST_INTERVAL, min(MOST_INTERVAL[backend], INTERVAL_WORK[backend] // max(1, particle_count)))
 
 
 @dataclass(frozen=True)
 class State:
-    """Every array the next step reads. `position`, `velocity` (particles, 2), C-contiguous, in builder order, in the
-    simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`."""
+    """Every array the next step reads. `position`, `velocity` (particles, dimensions), C-contiguous, in builder order, in
+    the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -95,12 +103,12 @@ class Simulation(ABC):
         self.step = 0
         self.time = 0.0
         self.limit = stability_limit(scene)
-        self.check_interval = check_interval(len(self.body.position))
+        self.check_interval = check_interval(len(self.body.position), self.backend)
         largest = 1e38 if options.precision == "float32" else 1e307  # what the arithmetic can still tell from infinity
         self._bound = min(DIVERGED_SIZE * self.body.size, largest)
         self._poke_particle = -1
-        self._poke_force = (0.0, 0.0)
-        self._record = parameter_record(scene, self.real)
+        self._poke_force = (0.0,) * scene.dimensions
+        self._record = self._make_record(scene, self._poke_force)
         self._kept_step, self._kept_time = 0, 0.0
         self.kept = 0
 
@@ -128,11 +136,11 @@ class Simulation(ABC):
 
     @abstractmethod
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        """(position, velocity) as new host arrays (particles, 2) in the simulation's precision."""
+        """(position, velocity) as new host arrays (particles, dimensions) in the simulation's precision."""
 
     @abstractmethod
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Take (particles, 2) arrays in the simulation's precision as the state."""
+        """Take (particles, dimensions) arrays in the simulation's precision as the state."""
 
     def _read_position(self, into: Any) -> Any:
         """Position into `into` (None: a new host array). A backend with a device overrides this for device targets."""
@@ -142,12 +150,28 @@ class Simulation(ABC):
         into[...] = position
         return into
 
+    def _read_normal(self, into: Any) -> Any:
+        """A cloth's normals into `into` (None: a new host array, in the simulation's precision). Computed on the host in
+        float64; a backend overrides this to compute them where the state is."""
+        from model.normals import vertex_normals
+
+        normal = vertex_normals(self._read_position(None), self.body.rows, self.body.columns)
+        if into is None:
+            return normal.astype(self.real)
+        into[...] = normal
+        return into
+
     @abstractmethod
     def synchronize(self) -> None:
         """Return when every step asked for has been done."""
 
     def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
         """Free what the simulation holds; nothing else may be called after it."""
+
+    def _make_record(self, scene: Scene, poke: Sequence[float]) -> np.ndarray:
+        """The small record of constants that the kernels read."""
+        make = cloth_record if scene.cloth else parameter_record
+        return make(scene, self.real, tuple(poke))
 
     # ------------------------------------------------------------------ what a user calls
 
@@ -161,7 +185,7 @@ class Simulation(ABC):
         """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
 
         The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
-        then replayed step by step to name the first bad step and particle.
+        then replayed to name the first bad step and particle.
         """
         if steps < 0:
             raise SceneError("steps", steps, "must be at least 0")
@@ -187,15 +211,27 @@ class Simulation(ABC):
             return
         last = self.step
         self.rewind()
-        bad = -1
-        while bad < 0 and self.step < last:
-            self._run(1)
-            self._count(1)
-            bad = self._first_bad()
+        begin, _ = self._replay(last, REPLAY_INTERVAL)
+        self.rewind()
+        if begin > self.step:
+            self._run(begin - self.step)
+            self._count(begin - self.step)
+        _, bad = self._replay(last, 1)
         step = self.step
         self.rewind()
         found = diagnose(self.scene, self.limit, self._download()[1])
         raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
+
+    def _replay(self, last: int, interval: int) -> tuple[int, int]:
+        """Go on to step `last` or the first look at a bad state: (step of the look before, the bad particle or -1)."""
+        begin, bad = self.step, -1
+        while bad < 0 and self.step < last:
+            begin = self.step
+            batch = min(interval, last - begin)
+            self._run(batch)
+            self._count(batch)
+            bad = self._first_bad()
+        return begin, bad
 
     def _put_aside(self) -> None:
         self._keep()
@@ -226,8 +262,8 @@ class Simulation(ABC):
         arrays = {}
         for name in ("position", "velocity"):
             array = np.asarray(getattr(state, name))
-            if array.shape != (count, 2):
-                raise InputError(f"{name} has shape {array.shape}, this scene needs ({count}, 2)")
+            if array.shape != self.body.position.shape:
+                raise InputError(f"{name} has shape {array.shape}, this scene needs {self.body.position.shape}")
             if not np.issubdtype(array.dtype, np.number) or np.issubdtype(array.dtype, np.complexfloating):
                 raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
             with np.errstate(over="ignore"):
@@ -251,13 +287,18 @@ class Simulation(ABC):
         self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
 
     def read(self, name: str, into: Any = None) -> Any:
-        """`position`, `velocity` (particles, 2) or `strain` (springs,), computed only when asked.
+        """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the
+        unit normals for drawing it; each computed only when asked.
 
-        `into`: a host array, or (GPU, position) anything with `__cuda_array_interface__`; None: a new host array.
-        Does not check for divergence: it is what the window draws.
+        `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new host
+        array. Does not check for divergence: it is what the window draws.
         """
         if name == "position":
             return self._read_position(into)
+        if name == "normal":
+            if not self.scene.cloth:
+                raise SceneError("read", name, "must be one of position, velocity, strain: a grid lies in a plane")
+            return self._read_normal(into)
         if name == "velocity":
             result = self._download()[1]
         elif name == "strain":
@@ -265,7 +306,8 @@ class Simulation(ABC):
 
             result = spring_strain(self.scene, self._download()[0])
         else:
-            raise SceneError("read", name, "must be one of position, velocity, strain")
+            names = "position, velocity, strain" + (", normal" if self.scene.cloth else "")
+            raise SceneError("read", name, f"must be one of {names}")
         if into is None:
             return result
         into[...] = result
@@ -279,27 +321,30 @@ class Simulation(ABC):
         allowed: Iterable[str] = [p for name in self.options.live for p in LIVE_PATHS[name]]
         if path not in allowed:
             raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
+        part = path.partition(".")[0]
+        if part in (*SPRING_KINDS, "wind") and part not in self.scene.parts:
+            raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
         scene = self.scene.replace({path: value})
-        record = parameter_record(scene, self.real, self._poke_force)
+        record = self._make_record(scene, self._poke_force)
         self.check()  # so that a replay never spans a change
         self.scene, self._record = scene, record
         self.limit = stability_limit(scene)
         self._kept_step, self._kept_time = self.step, self.time
         self._parameters_changed()
 
-    def poke(self, particle: int | None, force: tuple[float, float] = (0.0, 0.0)) -> None:
+    def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:
         """Hold a force [N] on one particle until the next call; `poke(None)` lets go. Needs `live` to name poke."""
         if "poke" not in self.options.live:
             raise SceneError("poke", particle, "not live; open the simulation with live including 'poke'")
         if particle is None:
-            particle, force = -1, (0.0, 0.0)
+            particle, force = -1, [0.0] * self.scene.dimensions
         elif not 0 <= particle < len(self.body.position):
             raise SceneError("poke", particle, f"must be a particle, 0 to {len(self.body.position) - 1}")
-        if not np.isfinite(force).all():
-            raise SceneError("poke", force, "must be finite")
-        record = parameter_record(self.scene, self.real, force)
+        if len(force) != self.scene.dimensions or not np.isfinite(force).all():
+            raise SceneError("poke", force, f"must be {self.scene.dimensions} finite numbers")
+        record = self._make_record(self.scene, force)
         self.check()
-        self._poke_particle, self._poke_force, self._record = particle, force, record
+        self._poke_particle, self._poke_force, self._record = particle, tuple(force), record
         self._parameters_changed()
 
     def energies(self) -> dict[str, float]:

@@ -12,11 +12,14 @@ from pathlib import Path
 
 from model.errors import InputError
 from plots import (
+    ablation,
     bandwidth,
     findings_damping,
+    findings_determinism,
     findings_dissipation,
     findings_exact,
     findings_float32,
+    findings_looks,
     graphics,
     hard,
     joules,
@@ -55,6 +58,9 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "findings-float32": findings_float32.draw,
     "findings-dissipation": findings_dissipation.draw,
     "findings-exact": findings_exact.draw,
+    "findings-looks": findings_looks.draw,
+    "findings-determinism": findings_determinism.draw,
+    "ablation": ablation.draw,
     "hard-states": hard.draw_states,
     "hard-verdicts": hard.draw_verdicts,
 }
@@ -78,6 +84,9 @@ TITLES = {
     "findings-float32": findings_float32.TITLE,
     "findings-dissipation": findings_dissipation.TITLE,
     "findings-exact": findings_exact.TITLE,
+    "findings-looks": findings_looks.TITLE,
+    "findings-determinism": findings_determinism.TITLE,
+    "ablation": ablation.TITLE,
     "hard-states": hard.STATES_TITLE,
     "hard-verdicts": hard.VERDICTS_TITLE,
 }

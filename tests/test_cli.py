@@ -159,6 +159,7 @@ BAD = [
     ("run", "lab-gird", ["unknown scene", "lab-grid"]),
     ("run", "no/such/file.toml", ["no such file"]),
     ("run", ".", ["directory"]),
+    ("plan lab-grid", "--backend tpu", ["--backend"]),
     ("run lab-grid", "--set grid.rows=0", ["grid.rows", "at least 1"]),
     ("run lab-grid", "--set grid.rows=-3", ["grid.rows", "at least 1"]),
     ("run lab-grid", "--set grid.rows=many", ["grid.rows", "whole number"]),

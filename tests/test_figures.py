@@ -24,8 +24,8 @@ from plots.draw import FIGURES, draw_all, draw_figures
 from plots.energies import draw_energies, read_energies
 from plots.style import BLACK, GREY, settings
 
-# What the made-up stores hold; test_hard.py and test_findings.py draw the others.
-MADE_UP = [name for name in FIGURES if not name.startswith(("hard-", "findings-"))]
+# What the made-up stores hold; test_hard.py, test_findings.py and test_ablate.py draw the others.
+MADE_UP = [name for name in FIGURES if not name.startswith(("hard-", "findings-", "ablation"))]
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -183,6 +184,29 @@ def test_an_absent_part_leaves_no_instruction() -> None:
     loads = [text.count("ld.global") for text in (with_all, bare)]
     assert loads[1] == 4  # position and velocity, and the two constants of the step: nothing else is read
     assert loads[0] > 12
+
+
+@pytest.mark.parametrize("real,word,size", [(np.float32, "f32", 4), (np.float64, "f64", 8)])
+def test_alternating_springs_read_two_constants_more_and_equal_ones_do_not(real: Any, word: str, size: int) -> None:
+    """Parity picks the place in the record that a spring's two constants are read from: four springs, no branch, still six
+    loads of a pair; float32 stays float32, exact math stays uncontracted."""
+    from gpu_backend.mass_spring_kernels import make_passes
+    from model.record import K_STIFF, K_STIFF_REST, K_STIFFNESS, K_STIFFNESS_REST
+
+    places = {
+        frozenset({K_STIFF * size, K_STIFFNESS * size}),
+        frozenset({K_STIFF_REST * size, K_STIFFNESS_REST * size}),
+    }
+    last = f"+{K_STIFF * size}]", f"+{K_STIFF_REST * size}]"
+    for math in ("fast", "exact"):
+        equal = body(make_passes(real, math, "lab", PARTS)["step"], "pass", real, math)
+        uneven = body(make_passes(real, math, "lab", PARTS | {"alternating"})["step"], "pass", real, math)
+        picked = [frozenset(map(int, pair)) for pair in re.findall(r"selp\.b64\s+\S+ (\d+), (\d+),", uneven)]
+        assert len([pair for pair in picked if pair in places]) == 8 and places <= set(picked)
+        assert not re.search(r"selp\.b64\s+\S+ \d\d+, \d\d+,", equal) and not any(place in equal for place in last)
+        assert uneven.count(f"ld.global.v2.{word}") == equal.count(f"ld.global.v2.{word}") == 6
+        assert "ld.local" not in uneven and (word == "f64" or ".f64" not in uneven)
+        assert math == "fast" or ("fma." not in uneven and "approx" not in uneven)
 
 
 @pytest.mark.parametrize("real,word", [(np.float32, "f32"), (np.float64, "f64")])

@@ -90,6 +90,8 @@ def grid_refusal(scene: Scene) -> str | None:
         return f"it knows the lab's step alone, not {scene.method.integrator}"
     if scene.springs is None:
         return "it has no grid without springs"
+    if scene.springs.alternate:
+        return "it knows one stiffness, these springs alternate"
     if scene.manufactured is not None or (scene.external is not None and scene.external.magnitude > 0):
         return "it has no external force"
     return None

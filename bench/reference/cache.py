@@ -18,7 +18,7 @@ TOLERANCE = 5e-9  # spacings; RK4 at dt 0.0025 on the accuracy scenes is at 8e-8
 
 @dataclass(frozen=True)
 class Converged:
-    """`position`, `velocity` (particles, 2) float64 at the asked-for time, and the `estimate` [m] of the error."""
+    """`position`, `velocity` (particles, dimensions) float64 at the asked-for time, and the `estimate` [m] of the error."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -49,7 +49,7 @@ def kept(
     held = read_arrays(file) if file else None
     if held and held.keys() >= {"position", "velocity", "estimate"}:
         found = Converged(held["position"], held["velocity"], float(held["estimate"]))
-        if found.position.shape == found.velocity.shape == (scene.grid.particle_count, 2):
+        if found.position.shape == found.velocity.shape == (scene.grid.particle_count, scene.dimensions):
             return found
     made = Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance))
     if file:

@@ -31,8 +31,8 @@ def philox4x32(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
     return np.stack(c, axis=-1).astype(np.uint32)
 
 
-def random_directions(seed: int, step: int, particles: int) -> np.ndarray:
-    """(particles, 2) float64 in (-1, 1): the external force of magnitude 1 in step number `step`.
+def random_directions(seed: int, step: int, particles: int, axes: int = 2) -> np.ndarray:
+    """(particles, axes) float64 in (-1, 1): the external force of magnitude 1 in step number `step`.
 
     The counter is (step low, step high, particle, 0), the key the seed's two halves, word k is axis k; the upper 23
     bits k of a word give (2 k + 1) 2^-23 - 1.
@@ -40,5 +40,5 @@ def random_directions(seed: int, step: int, particles: int) -> np.ndarray:
     counter = np.zeros((particles, 4), dtype=np.uint64)
     counter[:, 0], counter[:, 1] = step & 0xFFFFFFFF, step >> 32
     counter[:, 2] = np.arange(particles)
-    words = philox4x32(counter, (seed & 0xFFFFFFFF, seed >> 32))[:, :2]
+    words = philox4x32(counter, (seed & 0xFFFFFFFF, seed >> 32))[:, :axes]
     return (2.0 * (words >> np.uint32(9)) + 1.0) * 2.0**-23 - 1.0

@@ -24,8 +24,9 @@ OPERATIONS = {  # floating-point operations per axis and step, the force apart
 }
 
 
-def make(real, compiled=plain):
-    """Step formulas in the arithmetic `real`, as attributes of one object."""
+def make(real, compiled=plain, damped=True):
+    """Step formulas in the arithmetic `real`, as attributes of one object. Not `damped`: the kicks of velocity Verlet
+    ignore `rate` and `inverse_damping`, so that a scene without damping does not even read them."""
 
     @compiled
     def difference(a, b):
@@ -70,7 +71,9 @@ def make(real, compiled=plain):
 
         With `verlet_second_half`: order 2 with damping too, symplectic without. Limit: dt w < 2.
         """
-        half_velocity = velocity + half_dt * (acceleration - rate * velocity)
+        if damped:
+            acceleration = acceleration - rate * velocity
+        half_velocity = velocity + half_dt * acceleration
         return position + half_velocity * dt, half_velocity
 
     @compiled
@@ -79,7 +82,10 @@ def make(real, compiled=plain):
 
         Taking the damper explicitly here would silently make the scheme first order.
         """
-        return (half_velocity + half_dt * acceleration) * inverse_damping
+        velocity = half_velocity + half_dt * acceleration
+        if damped:
+            velocity = velocity * inverse_damping
+        return velocity
 
     @compiled
     def rk4_stage(base, rate, total, derivative_dt, total_dt):

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_SPRING_2D = 12  # 2 differences, 3 for the square, 2 for 1/length, 2 for the scale, 2 products, 1 comparison
 
 
 def make(real, compiled=plain):
     """Formulas of a spring in the arithmetic `real`: spring_pull_2d(dx, dy, stiffness, stiffness_rest) -> (x, y)."""
-    zero = real(0)
-    one = real(1)
-
-    # In `fast` math a backend may replace these two, by approximate instructions and without the branch: for coincident
-    # masses the inverse length need only be finite, since it is multiplied by a difference of 0.
-
-    @compiled
-    def squared_length(dx, dy):
-        return dx * dx + dy * dy
-
-    @compiled
-    def inverse_length(squared):
-        """1 / sqrt(squared), 0 for 0."""
-        return one / sqrt(squared) if squared > zero else zero
+    lengths = make_lengths(real, compiled)
+    squared_length, inverse_length = lengths.squared_length, lengths.inverse_length
 
     @compiled
     def spring_pull_2d(dx, dy, stiffness, stiffness_rest):

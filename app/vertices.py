@@ -1,0 +1,80 @@
+"""Positions and normals of a cloth in vertex buffers, renewed for each frame.
+
+The seam between simulation and drawing: a view draws from `position_buffer` and `normal_buffer`, and does not know how
+they were filled. `HostVertices` fills them from the host's memory; one that lets a GPU backend write into the mapped
+buffers has the same `upload`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from model.errors import InputError
+from model.normals import vertex_normals
+from model.scene import Scene
+from model.simulation import Simulation
+
+
+class HostVertices:
+    """Two vertex buffers of (particles, 3) float32, one copy each for a frame. Needs a current OpenGL 3.3 context.
+
+    `way`: how states come here, in words for the window.
+    """
+
+    way = "through the host's memory"
+
+    def __init__(self, scene: Scene):
+        from pyglet import gl
+
+        self.scene = scene
+        shape = (scene.grid.particle_count, 3)
+        self._position, self._normal = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        self._buffers = (gl.GLuint * 2)()
+        gl.glGenBuffers(2, self._buffers)
+        self.position_buffer, self.normal_buffer = int(self._buffers[0]), int(self._buffers[1])
+        for buffer in self._buffers:  # something lies there before the first state comes
+            self._send(buffer, self._normal)
+
+    def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
+        """The state of `simulation` now. `normals` False: only lines will be drawn. `position` (particles, 3) float32: what
+        the caller has read already."""
+        if position is None:
+            with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
+                position = simulation.read("position", into=self._position)
+        self._send(self.position_buffer, position)
+        if normals:
+            self._send(self.normal_buffer, simulation.read("normal", into=self._normal))
+
+    def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
+        """Positions (particles, 3) [m] of a state that no simulation holds, with its unit normals, if they are known.
+
+        Raises InputError for another shape.
+        """
+        if position.shape != self._position.shape:
+            raise InputError(f"position has shape {position.shape}, this scene needs {self._position.shape}")
+        self._send(self.position_buffer, position)
+        if normals and normal is None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                normal = vertex_normals(position, self.scene.grid.rows, self.scene.grid.columns)
+        if normals and normal is not None:
+            self._send(self.normal_buffer, normal)
+
+    @staticmethod
+    def _send(buffer: int, array: Any) -> None:
+        from pyglet import gl
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            data = np.ascontiguousarray(array, dtype=np.float32)
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+        # A fresh store each time: the driver need not wait until the last frame's vertices have been drawn.
+        gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_STREAM_DRAW)
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        from pyglet import gl
+
+        gl.glDeleteBuffers(2, self._buffers)

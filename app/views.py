@@ -1,0 +1,39 @@
+"""Which view and which camera a scene needs: those of a plane or those of space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from app.camera import Camera
+from app.camera3d import Camera3D
+from app.collider_shapes import with_colliders
+from app.opengl import renderer_name
+from model.scene import Scene
+
+SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # drivers that halve their frames by smoothing
+
+
+def view_of(scene: Scene, quick: bool = False) -> Any:
+    """A SceneView or, for a cloth, a View3D in the current OpenGL context. Raises BackendUnavailable.
+
+    `quick`: frames matter more than edges, which are left unsmoothed where a processor does the drawing.
+    """
+    from app.scene_view import SceneView
+    from app.view3d import SAMPLES, View3D
+
+    if scene.dimensions == 2:
+        return SceneView(scene)
+    software = any(word in renderer_name().lower() for word in SOFTWARE)
+    return View3D(scene, 0 if quick and software else SAMPLES)
+
+
+def camera_of(scene: Scene, width: int, height: int) -> Any:
+    """A Camera or, for a cloth, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
+    return Camera3D(width, height) if scene.dimensions == 3 else Camera(width, height)
+
+
+def seen_bounds(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
+    """What the view is to hold: the masses within `bounds`, as `finite_bounds` gives them, and in space the colliders near
+    them at `time` [s]."""
+    return with_colliders(scene, bounds, time) if scene.dimensions == 3 else tuple(bounds)

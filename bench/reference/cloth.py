@@ -1,0 +1,224 @@
+"""The mass-spring cloth in slow, plain NumPy float64: the judge of both backends, written like that of the grid.
+
+From the equations, by array slicing, without model/formulas, model/build, model/cloth_record or a backend. Newton's law
+per mass m,
+
+    m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
+
+with d the way to the neighbour and w its velocity less one's own; a spring of length zero pulls nowhere. Pinned masses
+never move. Colliders act once a step, on the new position.
+"""
+
+from __future__ import annotations
+
+from math import floor, sqrt
+from typing import Any
+
+import numpy as np
+
+from bench.reference.philox import random_directions
+from bench.reference.steps import Poke, pinned_mask
+from model.scene import Scene
+
+# (rows, columns) from one end of a spring to the other, by kind
+WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}
+
+
+def rest(scene: Scene) -> np.ndarray:
+    """(rows, columns, 3) [m] before any perturbation: row 0 on top (hanging) or behind (flat), y up."""
+    cloth = scene.cloth
+    assert cloth is not None
+    row, column = np.mgrid[: cloth.rows, : cloth.columns]
+    zero = np.zeros_like(row)
+    plane = (column, zero, row) if cloth.placement == "flat" else (column, -row, zero)
+    return np.array(cloth.origin) + cloth.spacing * np.stack(plane, axis=-1)
+
+
+def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """(position, velocity) at time 0, (particles, 3) float64 each, in builder order."""
+    position, free = rest(scene), ~pinned_mask(scene)
+    if scene.perturbation:
+        i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
+        waves = np.sin(1.7 * i + 0.9 * j), np.cos(0.6 * i - 1.3 * j), np.sin(0.8 * i - 0.7 * j)
+        position[free] += scene.perturbation.amplitude * np.stack(waves, axis=-1)[free]
+    position = position.reshape(-1, 3)
+    return position, np.zeros_like(position)
+
+
+def ends(array: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Views of `array` (rows, columns, ...) at both ends of every spring that goes `way` (rows >= 0, columns)."""
+    down, across = way
+    rows, columns = array.shape[:2]
+    if abs(across) >= columns or down >= rows:
+        return array[:0, :0], array[:0, :0]
+    left, right = max(0, -across), max(0, across)
+    return array[: rows - down, left : columns - right], array[down:, right : columns - left]
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...k,...k", a, b)[..., None]
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _unit(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(length (..., 1), d / length), with the zero vector's direction the zero vector."""
+    length = np.sqrt(_dot(d, d))
+    return length, np.divide(d, length, out=np.zeros_like(d), where=length > 0)
+
+
+def spring_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """(rows, columns, 3) [N] at such positions and velocities: Hooke's law and a damper along every spring."""
+    force = np.zeros_like(position)
+    for kind, springs in scene.cloth_springs.items():
+        for way in WAYS[kind]:
+            (p, q), (v, w), (f, g) = (ends(array, way) for array in (position, velocity, force))
+            length, direction = _unit(q - p)
+            rest_length = scene.grid.spacing * sqrt(way[0] ** 2 + way[1] ** 2)
+            lengthening = _dot(w - v, direction)
+            pull = (springs.stiffness * (length - rest_length) + springs.damping * lengthening) * direction
+            f += pull
+            g -= pull
+    return force
+
+
+def air(scene: Scene, time: float) -> np.ndarray:
+    """(3,) [m/s]: the wind, and its gusts: random numbers at multiples of gust_time, joined by 3 p^2 - 2 p^3."""
+    wind = scene.wind
+    assert wind is not None
+    interval = floor(time / wind.gust_time)
+    part = time / wind.gust_time - interval
+    before, after = (random_directions(wind.seed, interval + k, 1)[0, 0] for k in (0, 1))
+    gust = before + (3 * part**2 - 2 * part**3) * (after - before)
+    return np.array(wind.velocity) * (1 + wind.gust * gust)
+
+
+def wind_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float) -> np.ndarray:
+    """(rows, columns, 3) [N]: a flat plate's drag and lift on the two triangles of every cell, a third for each corner.
+
+    With unit normal n, area A and the air's velocity relative to the triangle u: half the density times A times
+    drag |u.n| u + lift (u.n) (|u| n - (u.n) u / |u|).
+    """
+    wind = scene.wind
+    force = np.zeros_like(position)
+    if wind is None:
+        return force
+    now = air(scene, time)
+    first, right, below, opposite = (
+        (slice(i, i - 1 or None), slice(j, j - 1 or None)) for i, j in ((0, 0), (0, 1), (1, 0), (1, 1))
+    )
+    for corners in ((first, below, opposite), (first, opposite, right)):
+        (a, b, c), (va, vb, vc) = ([array[corner] for corner in corners] for array in (position, velocity))
+        u = now - (va + vb + vc) / 3
+        twice_area, normal = _unit(_cross(b - a, c - a))
+        speed, along = _unit(u)
+        through = _dot(u, normal)
+        pressure = wind.drag * np.abs(through) * u + wind.lift * through * (speed * normal - through * along)
+        for corner in corners:
+            force[corner] += wind.density / 2 * twice_area / 2 * pressure / 3
+    return force
+
+
+def forces(
+    scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float, step: int, poke: Poke | None = None
+) -> np.ndarray:
+    """(rows, columns, 3) [N] at such positions and velocities: all forces but the damper of the masses."""
+    force = spring_forces(scene, position, velocity)
+    if scene.gravity and scene.gravity.enabled:
+        force[..., 1] -= scene.grid.mass * scene.gravity.acceleration
+    force += wind_forces(scene, position, velocity, time)
+    if scene.external and scene.external.magnitude > 0:
+        directions = random_directions(scene.external.seed, step, scene.grid.particle_count, axes=3)
+        force += scene.external.magnitude * directions.reshape(force.shape)
+    if poke is not None and poke[0] is not None:
+        force[divmod(poke[0], scene.grid.columns)] += poke[1]
+    return force
+
+
+def distances(kind: str, collider: Any, position: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(signed distance (..., 1) [m], negative inside; unit normal (..., 3)) of `position` (..., 3) at `time` [s].
+
+    At the centre of a ball (and on a capsule's segment) the normal points up.
+    """
+    moved = np.asarray(position, dtype=np.float64) - np.array(collider.velocity) * time
+    if kind == "plane":
+        normal = np.array(collider.normal) / sqrt(sum(n * n for n in collider.normal))
+        return _dot(moved - collider.point, normal), np.broadcast_to(normal, moved.shape)
+    if kind == "box":
+        return _box_distances(moved - collider.center, np.array(collider.half_size))
+    if kind == "sphere":
+        away = moved - collider.center
+    else:
+        axis = np.subtract(collider.end, collider.start)
+        squared = float(axis @ axis)
+        part = np.clip(_dot(moved - collider.start, axis) / squared, 0, 1) if squared > 0 else 0.0
+        away = moved - collider.start - part * axis
+    length, normal = _unit(away)
+    return length - collider.radius, np.where(length > 0, normal, (0.0, 1.0, 0.0))
+
+
+def _box_distances(d: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outside, the way to the nearest point; inside, out by the nearest face (x before y before z where equal)."""
+    outside = d - np.clip(d, -half, half)
+    length, normal = _unit(outside)
+    depth = np.abs(d) - half
+    nearest = np.eye(3)[np.argmax(depth, axis=-1)]
+    inside = (depth <= 0).all(axis=-1, keepdims=True)
+    face = nearest * np.where(d >= 0, 1.0, -1.0)
+    return np.where(inside, depth.max(axis=-1, keepdims=True), length), np.where(inside, face, normal)
+
+
+def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """(which masses (..., 1) a ball around the origin catches on their way from a to b, where they enter it (..., 3)).
+
+    The first t in [0, 1) with |a + t (b - a)| = reach, where a is outside and b is not: where b is inside but on the
+    half that a lies on, the nearest surface is the right one anyway, and nothing is caught; nor where a mass that begins in
+    contact (a thousandth of the radius's square) ends on that half: a rounding of where it begins must not decide.
+    """
+    way = b - a
+    square, half, rest_ = _dot(way, way), _dot(a, way), _dot(a, a) - reach**2
+    root = half**2 - square * rest_
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.maximum((-half - np.sqrt(root)) / square, 0)
+    near_side = (_dot(a, b) > 0) & ((_dot(b, b) < reach**2) | (rest_ < 1e-3 * reach**2))
+    caught = (rest_ >= -1e-3 * reach**2) & (half < 0) & (root > 0) & (t < 1) & ~near_side
+    return caught, a + np.where(caught, t, 0.0) * way
+
+
+def _touched(velocity: np.ndarray, normal: np.ndarray, collider: Any) -> np.ndarray:
+    """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it."""
+    relative = velocity - collider.velocity
+    into = np.maximum(-_dot(relative, normal), 0)
+    along = np.where(into > 0, relative + into * normal, relative)
+    speed, direction = _unit(along)
+    slowed = np.where(speed <= collider.static_friction * into, 0, speed - collider.dynamic_friction * into)
+    return collider.velocity + np.where(into > 0, slowed * direction, along)
+
+
+def collide(
+    scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, step: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position, velocity) (rows, columns, 3) after the colliders of step number `step`, which it began at `before`.
+
+    Collider by collider, where it is at the step's end: a mass that a ball swept over is put where it entered it, one
+    nearer than the thickness is put at that distance. Pinned masses are not moved.
+    """
+    dt = scene.method.dt
+    free = ~pinned_mask(scene)[..., None]
+    for kind, collider in scene.colliders:
+        distance, normal = distances(kind, collider, position, (step + 1) * dt)
+        settled = position + np.maximum(collider.thickness - distance, 0) * normal
+        touching = distance < collider.thickness
+        if kind == "sphere":
+            reach = collider.radius + collider.thickness
+            old, new = (np.array(collider.center) + np.array(collider.velocity) * (step + k) * dt for k in (0, 1))
+            caught, entered = _entries(before - old, position - new, reach)
+            settled = np.where(caught, new + entered, settled)
+            normal = np.where(caught, _unit(entered)[1], normal)
+            touching = touching | caught
+        position = np.where(touching & free, settled, position)
+        velocity = np.where(touching & free, _touched(velocity, normal, collider), velocity)
+    return position, velocity

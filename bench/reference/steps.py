@@ -1,0 +1,77 @@
+"""What the references of the grid and of the cloth share: their pins, and one step of every integrator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from model.errors import SceneError
+from model.scene import Scene
+
+Poke = tuple[int, tuple[float, ...]]
+Accelerate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
+Settle = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+EXPLICIT_DAMPING_VERLET = "velocity-verlet-explicit-damping"  # not a scene's integrator: kept to show what it loses
+
+
+def pinned_mask(scene: Scene) -> np.ndarray:
+    """(rows, columns) bool: the masses that `grid.pinned` holds."""
+    grid = scene.grid
+    mask = np.zeros((grid.rows, grid.columns), dtype=bool)
+    if isinstance(grid.pinned, list):
+        for row, column in grid.pinned:
+            mask[row, column] = True
+    elif grid.pinned == "top":
+        mask[0] = True
+    elif grid.pinned == "top-corners":
+        mask[0, 0] = mask[0, -1] = True
+    elif grid.pinned == "edges":
+        mask[[0, -1]] = True
+        mask[:, [0, -1]] = True
+    elif grid.pinned.startswith("every:"):
+        mask[0, :: int(grid.pinned.removeprefix("every:"))] = True
+    return mask
+
+
+def one_step(
+    integrator: str,
+    p: np.ndarray,
+    v: np.ndarray,
+    t: float,
+    dt: float,
+    a: Accelerate,
+    undamped: Accelerate,
+    gamma: float,
+    settle: Settle = lambda before, p, v: (p, v),
+) -> tuple[np.ndarray, np.ndarray]:
+    """One step of `integrator`; a(p, v, t) is the whole acceleration, `undamped` the one without the damper.
+
+    `settle(position before the step, position, velocity)` is what colliders make of the new position and of the velocity
+    it was reached with, which velocity Verlet's second half kick still follows.
+    """
+    if integrator == "lab":
+        new = p + v * dt + a(p, v, t) * dt**2 / 2
+        return settle(p, new, (new - p) / dt)
+    if integrator == "semi-implicit-euler":
+        w = v + dt * a(p, v, t)
+        return settle(p, p + dt * w, w)
+    if integrator == "explicit-euler":
+        return settle(p, p + dt * v, v + dt * a(p, v, t))
+    if integrator == "taylor":
+        now = a(p, v, t)
+        return settle(p, p + v * dt + now * dt**2 / 2, v + now * dt)
+    if integrator in ("velocity-verlet", EXPLICIT_DAMPING_VERLET):
+        half = v + dt / 2 * a(p, v, t)
+        p, half = settle(p, p + dt * half, half)
+        if integrator == "velocity-verlet":
+            return p, (half + dt / 2 * undamped(p, half, t + dt)) / (1 + dt * gamma / 2)
+        return p, half + dt / 2 * a(p, half, t + dt)  # the damper at half a step: first order
+    if integrator == "rk4":
+        p1, v1 = v, a(p, v, t)
+        p2, v2 = v + dt / 2 * v1, a(p + dt / 2 * p1, v + dt / 2 * v1, t + dt / 2)
+        p3, v3 = v + dt / 2 * v2, a(p + dt / 2 * p2, v + dt / 2 * v2, t + dt / 2)
+        p4, v4 = v + dt * v3, a(p + dt * p3, v + dt * v3, t + dt)
+        return settle(p, p + dt / 6 * (p1 + 2 * p2 + 2 * p3 + p4), v + dt / 6 * (v1 + 2 * v2 + 2 * v3 + v4))
+    raise SceneError("method.integrator", integrator, "the reference does not know it")

@@ -1,0 +1,181 @@
+"""What masses of a cloth do that meet the colliders: for the CPU's kernels, one mass or one row at a time."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.compile import Compiler
+from cpu_backend.layout import block_of, row_at
+from model.cloth_parts import COLLIDER_KINDS
+from model.cloth_record import (
+    B_DYNAMIC,
+    B_RADIUS,
+    B_STATIC,
+    B_THICKNESS,
+    B_U,
+    B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
+    B_W,
+    B_X,
+    B_Y,
+    B_Z,
+    COLLIDER_FIELDS,
+)  # fmt: skip
+from model.formulas import cloth, colliders
+
+PLANE, SPHERE, CAPSULE, BOX = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
+
+
+def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """By kind: touch(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
+
+    `body`: a row of model/cloth_record.py; `begin`, `end`: time [s] of the step; a: where the mass was before the step;
+    p, v: where it is after it, and at what velocity.
+    """
+    compiled = compiler.compiled
+    formulas, sums = colliders.make(real, compiled), cloth.make(real, compiled)
+    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
+    sphere_entry, respond = formulas.sphere_entry, formulas.respond
+    moved, between, pushed = sums.moved, sums.between, sums.pushed
+    has_friction = "friction" in parts
+    zero, one = real(0), real(1)
+
+    @compiled
+    def point(body, time):
+        return (
+            moved(body[B_X], body[B_VX], time), moved(body[B_Y], body[B_VY], time), moved(body[B_Z], body[B_VZ], time),
+        )  # fmt: skip
+
+    @compiled
+    def answer(body, vx, vy, vz, nx, ny, nz):
+        static, dynamic = zero, zero
+        if has_friction:
+            static, dynamic = body[B_STATIC], body[B_DYNAMIC]
+        return respond(vx, vy, vz, body[B_VX], body[B_VY], body[B_VZ], nx, ny, nz, static, dynamic)
+
+    @compiled
+    def push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz):
+        """Out to the collider's thickness."""
+        thickness = body[B_THICKNESS]
+        if distance < thickness:
+            depth = thickness - distance
+            px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
+            vx, vy, vz = answer(body, vx, vy, vz, nx, ny, nz)
+        return px, py, pz, vx, vy, vz
+
+    @compiled
+    def touch_plane(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+        cx, cy, cz = point(body, end)
+        distance, nx, ny, nz = plane(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
+        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    @compiled
+    def touch_sphere(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+        """Swept: where a mass came near within the step, it is put where it entered, relative to the moving centre."""
+        cx, cy, cz = point(body, end)
+        ox, oy, oz = point(body, begin)
+        ax, ay, az = ax - ox, ay - oy, az - oz
+        dx, dy, dz = px - cx, py - cy, pz - cz
+        radius = body[B_RADIUS]
+        part = sphere_entry(ax, ay, az, dx, dy, dz, radius + body[B_THICKNESS])
+        if part < one:
+            dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
+            _, nx, ny, nz = sphere(dx, dy, dz, radius)
+            vx, vy, vz = answer(body, vx, vy, vz, nx, ny, nz)
+            return cx + dx, cy + dy, cz + dz, vx, vy, vz
+        distance, nx, ny, nz = sphere(dx, dy, dz, radius)
+        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    @compiled
+    def touch_capsule(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+        cx, cy, cz = point(body, end)
+        distance, nx, ny, nz = capsule(
+            px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS]
+        )  # fmt: skip
+        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    @compiled
+    def touch_box(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+        cx, cy, cz = point(body, end)
+        distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
+        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    return SimpleNamespace(plane=touch_plane, sphere=touch_sphere, capsule=touch_capsule, box=touch_box)
+
+
+def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """collide_mass(bodies, kinds, step, dt, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass and
+    all colliders, in their order. `bodies`: their rows, flat; `kinds`: PLANE and so on."""
+    touches, instant = make_touches(compiler, real, parts), cloth.make(real, compiler.compiled).instant
+    plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
+    has_plane, has_sphere, has_capsule, has_box = (kind in parts for kind in COLLIDER_KINDS)
+
+    @compiler.compiled
+    def collide_mass(bodies, kinds, step, dt, ax, ay, az, px, py, pz, vx, vy, vz):
+        begin, end = instant(step, dt), instant(step + 1, dt)
+        for b in range(kinds.size):
+            body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
+            if has_plane and kinds[b] == PLANE:
+                px, py, pz, vx, vy, vz = plane(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_sphere and kinds[b] == SPHERE:
+                px, py, pz, vx, vy, vz = sphere(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_capsule and kinds[b] == CAPSULE:
+                px, py, pz, vx, vy, vz = capsule(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_box and kinds[b] == BOX:
+                px, py, pz, vx, vy, vz = box(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+        return px, py, pz, vx, vy, vz
+
+    return collide_mass
+
+
+def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """collide_row(bodies, kinds, step, dt, blocks, source, here, plane, target, there, target_plane): a row of masses and
+    all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
+    touches, instant = make_touches(compiler, real, parts), cloth.make(real, compiler.compiled).instant
+    block = block_of(real)
+
+    def make_loop(kind: str) -> Any:
+        touch = getattr(touches, kind)
+
+        def touch_row(blocks, body, begin, end, ax, ay, az, x, y, z, vx, vy, vz):
+            for j in range(blocks * block):
+                px, py, pz, qx, qy, qz = touch(
+                    body, begin, end, ax[j], ay[j], az[j], x[j], y[j], z[j], vx[j], vy[j], vz[j]
+                )
+                x[j] = px
+                y[j] = py
+                z[j] = pz
+                vx[j] = qx
+                vy[j] = qy
+                vz[j] = qz
+
+        touch_row.__name__ = f"{kind}_touch_row"
+        return compiler.row(touch_row)
+
+    plane_row, sphere_row, capsule_row, box_row = (make_loop(kind) for kind in COLLIDER_KINDS)
+    has_plane, has_sphere, has_capsule, has_box = (kind in parts for kind in COLLIDER_KINDS)
+
+    @compiler.compiled
+    def collide_row(bodies, kinds, step, dt, blocks, source, here, plane, target, there, target_plane):
+        begin, end = instant(step, dt), instant(step + 1, dt)
+        x, y, z = row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane)
+        new_x, new_y = row_at(target, there), row_at(target, there + target_plane)
+        new_z, new_vx = row_at(target, there + 2 * target_plane), row_at(target, there + 3 * target_plane)
+        new_vy, new_vz = row_at(target, there + 4 * target_plane), row_at(target, there + 5 * target_plane)
+        for b in range(kinds.size):
+            body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
+            if has_plane and kinds[b] == PLANE:
+                plane_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_sphere and kinds[b] == SPHERE:
+                sphere_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_capsule and kinds[b] == CAPSULE:
+                capsule_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_box and kinds[b] == BOX:
+                box_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+
+    return collide_row

@@ -1,0 +1,165 @@
+"""The kernel `fused` of the cloth: one pass over the sheet a step, one thread a band of rows, as in mass_spring_kernels.py.
+
+For each row the forces (cloth_rows.py), the integrator's formula, the colliders, the pins. cloth_rk4.py holds the
+Runge-Kutta method, which has stages.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.cloth_colliders import make_collide_row
+from cpu_backend.cloth_rows import make_cloth_forces
+from cpu_backend.cloth_scratch import AXES, cloth_variant, triples_of
+from cpu_backend.compile import Compiler
+from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.row_step import CLOSING, OPENING, make_finishes, pass_kind
+from model.cloth_parts import COLLIDER_KINDS
+from model.cloth_plan import kicks_meet
+from model.cloth_record import C_DAMPING, C_DT, C_INVERSE_DAMPING
+from model.formulas import springs
+
+PLANES = 2 * AXES  # x, y, z, vx, vy, vz
+
+
+def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What ends a row's pass, once it is written: `collide_row` (cloth_colliders.py; only where `has_colliders`), and
+    `settle(i, blocks, layout, source, target, there, pin_start, pin_column)`: pinned masses are where `source` has them,
+    at rest, and the spare columns follow the row's last mass, at rest, so that they stay finite."""
+    block, zero, has_pins = block_of(real), real(0), "pins" in parts
+
+    @compiler.row
+    def fill_spare(plane_row, value, spare):
+        for j in range(block):
+            plane_row[j] = value if j >= block - spare else plane_row[j]
+
+    @compiler.compiled
+    def settle(i, blocks, layout, source, target, pin_start, pin_column):
+        columns, plane, here = layout[L_COLUMNS], layout[L_PLANE], i * layout[L_STRIDE]
+        if has_pins:
+            for k in range(pin_start[i], pin_start[i + 1]):
+                place = here + pin_column[k]
+                for axis in range(AXES):
+                    target[place + axis * plane] = source[place + axis * plane]
+                    target[place + (AXES + axis) * plane] = zero
+        if columns % block != 0:
+            last_block = here + (blocks - 1) * block
+            for axis in range(AXES):
+                last = target[here + axis * plane + columns - 1]
+                fill_spare(row_at(target, last_block + axis * plane), last, block - columns % block)
+                fill_spare(row_at(target, last_block + (AXES + axis) * plane), zero, block - columns % block)
+
+    has_colliders = not parts.isdisjoint(COLLIDER_KINDS)
+    return SimpleNamespace(
+        settle=settle, has_colliders=has_colliders, collide_row=make_collide_row(compiler, real, parts)
+    )
+
+
+def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
+    """finish(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity): one axis of a row
+    from its sums of accelerations to its new state."""
+    _, damped = springs.make(real, compiler.compiled)
+    finishes = make_finishes(
+        compiler, real, integrator, "damping" in parts, damped, (C_DAMPING, C_INVERSE_DAMPING)
+    )  # fmt: skip
+    block, verlet = block_of(real), len(finishes) > 1
+
+    def make_loop(name: str) -> Any:
+        finish = finishes.get(name, finishes["middle"])
+
+        def finish_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity):
+            for j in range(blocks * block):
+                p, v = finish(position[j], velocity[j], closing[j], opening[j], record)
+                new_position[j] = p
+                new_velocity[j] = v
+
+        finish_row.__name__ = f"{name}_finish_row"
+        return compiler.row(finish_row)
+
+    opening_row, middle_row, closing_row = make_loop("opening"), make_loop("middle"), make_loop("closing")
+
+    @compiler.compiled
+    def finish_axis(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity):
+        if verlet and kind == OPENING:
+            opening_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity)
+        elif verlet and kind == CLOSING:
+            closing_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity)
+        else:
+            middle_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity)
+
+    return finish_axis
+
+
+@cache
+def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+    """The kernel of a variant, for one-force integrators and velocity Verlet:
+
+    advance(passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
+    pin_column, scratches) does `passes` passes over the sheet, ping-pong between the two states that the flat array
+    `states` holds one after the other (see layout.py), the first reading from number `current`. Where velocity Verlet's
+    kicks cannot meet (model/cloth_plan.kicks_meet) passes open and close steps in turn. `bodies`, `kinds`: the colliders;
+    `scratches`: a flat row a band.
+    """
+    compiler = Compiler(cloth_variant(f"fused_{integrator}", real, math, parts), math)
+    forces = make_cloth_forces(compiler, real, integrator, parts)
+    settled = make_settle(compiler, real, parts)
+    settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
+    finish_axis = make_finish_rows(compiler, real, integrator, parts)
+    begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
+    kind_of = compiler.compiled(pass_kind)
+    two_sums, a_close, a_open = forces.two_sums, forces.a_close, forces.a_open
+    verlet, has_wind = integrator == "velocity-verlet", "wind" in parts
+    in_turn = verlet and not kicks_meet(parts)
+    triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
+
+    @compiler.compiled
+    def advance_band(
+        band, kind, step, states, current, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+    ):  # fmt: skip
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+        scratch = scratches[band]
+        blocks = (columns + block - 1) // block
+        air = (zero, zero, zero)
+        if has_wind:
+            air = air_now(record, integers, step, zero)
+        closing = step - 1 if verlet and (two_sums or kind == CLOSING) else step
+        begin_walk(first, blocks, layout, source, record, air, scratch, width)
+        for i in range(first, last):
+            here = i * stride
+            sum_forces(i, closing, step, blocks, layout, source, record, integers, air, scratch, width)
+            for axis in range(AXES):
+                position, velocity = here + axis * plane, here + (AXES + axis) * plane
+                close = row_at(scratch, place(a_close, axis, width))
+                also = row_at(scratch, place(a_open, axis, width)) if two_sums else close
+                finish_axis(
+                    kind, blocks, row_at(source, position), row_at(source, velocity), close, also, record,
+                    row_at(target, position), row_at(target, velocity),
+                )  # fmt: skip
+            if has_colliders and not (verlet and kind == CLOSING):
+                collide_row(bodies, kinds, step, record[C_DT], blocks, source, here, plane, target, here, plane)
+            settle(i, blocks, layout, source, target, pin_start, pin_column)
+
+    def advance(
+        passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
+        pin_column, scratches,
+    ):  # fmt: skip
+        bands = scratches.shape[0]
+        for k in range(passes):
+            kind, begun = kind_of(k, passes, first_kind, last_kind), k
+            if in_turn:
+                kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
+            for band in prange(bands):
+                advance_band(
+                    np.int64(band), kind, step + begun, states, (current + k) % 2, layout, record, integers, bodies,
+                    kinds, pin_start, pin_column, scratches,
+                )  # fmt: skip
+
+    return compiler.kernel(advance)

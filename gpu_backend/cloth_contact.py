@@ -1,0 +1,137 @@
+"""What a mass of a cloth does that meets the colliders, as a device function: one after the other, in the scene's order."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.cloth_point import BOXES, CAPSULES, COLLIDERS, PLANES, SPHERES
+from gpu_backend.formulas import device_formulas
+from gpu_backend.strips import inlined
+from model.cloth_record import (
+    B_DYNAMIC,
+    B_RADIUS,
+    B_STATIC,
+    B_THICKNESS,
+    B_U,
+    B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
+    B_W,
+    B_X,
+    B_Y,
+    B_Z,
+    C_DT,
+    COLLIDER_FIELDS,
+)  # fmt: skip
+from model.formulas import cloth, colliders
+
+
+@cache
+def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
+
+    `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
+    model/cloth_record.py one after the other, how many of each kind says `integers`.
+    """
+    formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
+    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
+    sphere_entry, respond = formulas.sphere_entry, formulas.respond
+    instant, moved, between, pushed = sums.instant, sums.moved, sums.between, sums.pushed
+    inline = inlined(math)
+    has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
+    has_boxes, has_friction, has_colliders = "box" in parts, "friction" in parts, bool(parts & COLLIDERS)
+    zero, one, next_one = real(0), real(1), np.int64(1)
+
+    @inline
+    def place_of(bodies, at, time):
+        """The collider's point at `time`."""
+        return (
+            moved(bodies[at + B_X], bodies[at + B_VX], time),
+            moved(bodies[at + B_Y], bodies[at + B_VY], time),
+            moved(bodies[at + B_Z], bodies[at + B_VZ], time),
+        )
+
+    @inline
+    def answer(vx, vy, vz, nx, ny, nz, bodies, at):
+        static, dynamic = zero, zero
+        if has_friction:
+            static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
+        return respond(
+            vx, vy, vz, bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], nx, ny, nz, static, dynamic
+        )  # fmt: skip
+
+    @inline
+    def push(px, py, pz, vx, vy, vz, surface, bodies, at):
+        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz)."""
+        distance, nx, ny, nz = surface
+        thickness = bodies[at + B_THICKNESS]
+        if distance < thickness:
+            depth = thickness - distance
+            px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
+            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, bodies, at)
+        return px, py, pz, vx, vy, vz
+
+    @inline
+    def meet_sphere(before, px, py, pz, vx, vy, vz, bodies, at, begin, end):
+        x, y, z = place_of(bodies, at, end)
+        dx, dy, dz = px - x, py - y, pz - z
+        old_x, old_y, old_z = place_of(bodies, at, begin)
+        ax, ay, az = before[0] - old_x, before[1] - old_y, before[2] - old_z
+        radius = bodies[at + B_RADIUS]
+        part = sphere_entry(ax, ay, az, dx, dy, dz, radius + bodies[at + B_THICKNESS])
+        if part < one:
+            dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
+            px, py, pz = x + dx, y + dy, z + dz
+            _, nx, ny, nz = sphere(dx, dy, dz, radius)
+            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, bodies, at)
+            return px, py, pz, vx, vy, vz
+        return push(px, py, pz, vx, vy, vz, sphere(dx, dy, dz, radius), bodies, at)
+
+    @inline
+    def meet_plane(px, py, pz, vx, vy, vz, bodies, at, end):
+        x, y, z = place_of(bodies, at, end)
+        surface = plane(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+        return push(px, py, pz, vx, vy, vz, surface, bodies, at)
+
+    @inline
+    def meet_capsule(px, py, pz, vx, vy, vz, bodies, at, end):
+        x, y, z = place_of(bodies, at, end)
+        surface = capsule(
+            px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
+        )
+        return push(px, py, pz, vx, vy, vz, surface, bodies, at)
+
+    @inline
+    def meet_box(px, py, pz, vx, vy, vz, bodies, at, end):
+        x, y, z = place_of(bodies, at, end)
+        surface = box(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+        return push(px, py, pz, vx, vy, vz, surface, bodies, at)
+
+    @inline
+    def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
+        if has_colliders:
+            end, at = instant(step + next_one, record[C_DT]), np.int32(0)
+            if has_planes:
+                for _ in range(np.int32(integers[PLANES])):
+                    px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_spheres:
+                begin = instant(step, record[C_DT])
+                for _ in range(np.int32(integers[SPHERES])):
+                    px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, bodies, at, begin, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_capsules:
+                for _ in range(np.int32(integers[CAPSULES])):
+                    px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_boxes:
+                for _ in range(np.int32(integers[BOXES])):
+                    px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+        return px, py, pz, vx, vy, vz
+
+    return collide

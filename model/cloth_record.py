@@ -1,0 +1,158 @@
+"""The constants that a cloth's kernels read: one small record, and one row for each collider.
+
+The first five lie where they do in a grid's record; of a kind of springs, all three constants lie side by side.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from model.integrators import damping_rate
+from model.record import PARAMETERS as GRID_PARAMETERS
+from model.record import rounded_record
+from model.scene import Scene
+
+CLOTH_PARAMETERS = (
+    *GRID_PARAMETERS[:5],  # dt [s] and what follows from it
+    "damping",  # of the mass, 1/s
+    "inverse_damping",  # 1 / (1 + dt rate / 2)
+    "gravity",  # m/s^2, along +y (so negative)
+    "external",  # external force magnitude over mass, m/s^2
+    "poke_x",  # poke over mass, m/s^2
+    "poke_y",
+    "poke_z",
+    "structural",  # spring stiffness over mass, 1/s^2
+    "structural_rest",  # times the rest length, m/s^2
+    "structural_damping",  # of the spring, coefficient over mass, 1/s
+    "shear",
+    "shear_rest",
+    "shear_damping",
+    "bending",
+    "bending_rest",
+    "bending_damping",
+    "wind_x",  # m/s, without gusts
+    "wind_y",
+    "wind_z",
+    "drag",  # density / 2 * coefficient / mass / 6, 1/m^2
+    "lift",
+    "gust",  # of the wind, in [0, 1]
+    "gust_time",  # s
+)
+(
+    C_DT,
+    C_HALF_DT,
+    C_HALF_DT_SQUARED,
+    C_SIXTH_DT,
+    C_THIRD_DT,
+    C_DAMPING,
+    C_INVERSE_DAMPING,
+    C_GRAVITY,
+    C_EXTERNAL,
+    C_POKE_X,
+    C_POKE_Y,
+    C_POKE_Z,
+    C_STRUCTURAL,
+    C_STRUCTURAL_REST,
+    C_STRUCTURAL_DAMPING,
+    C_SHEAR,
+    C_SHEAR_REST,
+    C_SHEAR_DAMPING,
+    C_BENDING,
+    C_BENDING_REST,
+    C_BENDING_DAMPING,
+    C_WIND_X,
+    C_WIND_Y,
+    C_WIND_Z,
+    C_DRAG,
+    C_LIFT,
+    C_GUST,
+    C_GUST_TIME,
+) = range(len(CLOTH_PARAMETERS))
+FIELDS = {
+    "dt": "method.dt",
+    "half_dt_squared": "method.dt",
+    "damping": "damping.coefficient",
+    "gravity": "gravity.acceleration",
+    "external": "external.magnitude",
+    **{f"poke_{axis}": "poke" for axis in "xyz"},
+    **{kind: f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
+    **{f"{kind}_rest": f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
+    **{f"{kind}_damping": f"{kind}.damping" for kind in ("structural", "shear", "bending")},
+    **{f"wind_{axis}": "wind.velocity" for axis in "xyz"},
+    "drag": "wind.drag",
+    "lift": "wind.lift",
+    "gust_time": "wind.gust_time",
+}
+REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
+
+# A collider's row, lengths in m and speeds in m/s, at time 0:
+COLLIDER_FIELDS = 13
+(
+    B_X,  # a point of the plane, the centre, or the capsule's start
+    B_Y,
+    B_Z,
+    B_U,  # the plane's unit normal, from the capsule's start to its end, or half the box's edges
+    B_V,
+    B_W,
+    B_RADIUS,
+    B_VX,  # velocity
+    B_VY,
+    B_VZ,
+    B_THICKNESS,
+    B_STATIC,  # coefficients of friction
+    B_DYNAMIC,
+) = range(COLLIDER_FIELDS)
+
+
+def cloth_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    cloth, dt, wind = scene.grid, scene.method.dt, scene.wind
+    mass, rate = cloth.mass, damping_rate(scene)
+    values = {
+        "dt": dt,
+        "half_dt": dt / 2,
+        "half_dt_squared": dt * dt / 2,
+        "sixth_dt": dt / 6,
+        "third_dt": dt / 3,
+        "damping": rate,
+        "inverse_damping": 1 / (1 + dt * rate / 2),
+        "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
+        "external": scene.external.magnitude / mass if scene.external else 0.0,
+    }
+    values |= {f"poke_{axis}": force / mass for axis, force in zip("xyz", poke, strict=True)}
+    for kind, reach in REACH.items():
+        springs = scene.cloth_springs.get(kind)
+        stiffness = springs.stiffness / mass if springs else 0.0
+        values[kind] = stiffness
+        values[f"{kind}_rest"] = stiffness * reach * cloth.spacing
+        values[f"{kind}_damping"] = springs.damping / mass if springs else 0.0
+    velocity = wind.velocity if wind else (0.0, 0.0, 0.0)
+    values |= {f"wind_{axis}": speed for axis, speed in zip("xyz", velocity, strict=True)}
+    corner = wind.density / 2 / mass / 6 if wind else 0.0
+    values["drag"] = corner * wind.drag if wind else 0.0
+    values["lift"] = corner * wind.lift if wind else 0.0
+    values["gust"] = wind.gust if wind else 0.0
+    values["gust_time"] = wind.gust_time if wind else 1.0
+    assert tuple(values) == CLOTH_PARAMETERS
+    return rounded_record(scene, values, FIELDS, real)
+
+
+def collider_rows(scene: Scene, real: type) -> np.ndarray:
+    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`."""
+    rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
+    for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
+        part = collider.model_dump()
+        row[B_X : B_Z + 1] = part.get("center") or part.get("point") or part["start"]
+        if kind == "plane":
+            row[B_U : B_W + 1] = np.array(part["normal"]) / np.linalg.norm(part["normal"])
+        elif kind == "capsule":
+            row[B_U : B_W + 1] = np.subtract(part["end"], part["start"])
+        elif kind == "box":
+            row[B_U : B_W + 1] = part["half_size"]
+        row[B_RADIUS] = part.get("radius", 0.0)
+        row[B_VX : B_VZ + 1] = part["velocity"]
+        row[B_THICKNESS] = part["thickness"]
+        row[B_STATIC], row[B_DYNAMIC] = part["static_friction"], part["dynamic_friction"]
+    return rows.astype(real)

@@ -1,0 +1,60 @@
+"""Small sums of a cloth's step that no other topic has: what springs, wind and colliders are put together with."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+
+def make(real, compiled=plain):
+    """`instant`, `moved`, `between`, `pushed`, `mean`, `gusty`, `cross`, `unit` in the arithmetic `real`."""
+    one, third = real(1), real(1) / real(3)
+    lengths = make_lengths(real, compiled)
+    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
+
+    @compiled
+    def instant(step, dt):
+        """Time [s] at which the step of that number begins."""
+        return real(step) * dt
+
+    @compiled
+    def moved(point, velocity, time):
+        """Where a collider's point is at `time` [s], one axis."""
+        return point + velocity * time
+
+    @compiled
+    def between(a, b, part):
+        """The point after `part` of the way from a to b, one axis."""
+        return a + part * (b - a)
+
+    @compiled
+    def pushed(position, depth, normal):
+        """A mass moved out by `depth` [m] along the normal, one axis."""
+        return position + depth * normal
+
+    @compiled
+    def mean(a, b, c):
+        """Of a triangle's three corners, one axis."""
+        return ((a + b) + c) * third
+
+    @compiled
+    def gusty(speed, gust, g):
+        """The wind's velocity [m/s] with gusts, one axis; g in (-1, 1)."""
+        return speed * (one + gust * g)
+
+    @compiled
+    def cross(ax, ay, az, bx, by, bz):
+        """a x b: normal to the triangle with these edges, twice its area long."""
+        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+    @compiled
+    def unit(x, y, z):
+        """(x, y, z) made 1 long; 0 for 0."""
+        inverse = inverse_length(squared_length(x, y, z))
+        return x * inverse, y * inverse, z * inverse
+
+    return SimpleNamespace(
+        instant=instant, moved=moved, between=between, pushed=pushed, mean=mean, gusty=gusty, cross=cross, unit=unit
+    )
