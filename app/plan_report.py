@@ -7,7 +7,7 @@ way through memory, and it computes some springs twice where that is cheaper tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
@@ -171,7 +171,8 @@ def flatten(root: Node) -> tuple[list[Row], list[int]]:
 # ---------------------------------------------------------------------- what a kernel makes of the stages
 
 
-def _leaves(node: Node | Stage) -> Iterator[Stage]:
+def leaves(node: Node | Stage) -> Iterator[Stage]:
+    """The stages below a node, or the one that it is."""
     yield from (node,) if isinstance(node, Stage) else node.stages()
 
 
@@ -183,13 +184,13 @@ def _merged(plan: Plan) -> list[list[Stage]]:
     """
     children = plan.root.children
     if plan.has("second half kick"):
-        first, last = (list(_leaves(child)) for child in children if isinstance(child, Node))
+        first, last = (list(leaves(child)) for child in children if isinstance(child, Node))
         again = [stage for stage in first if stage.name == "external force"]
         kicks = {stage.name: stage for stage in plan.root.stages()}
         pins = [kicks["pins"]] if "pins" in kicks else []
         return [[*last, *again, kicks["second half kick"], kicks["first half kick and drift"], *pins]]
     if all(isinstance(child, Node) for child in children):  # the stages of a Runge-Kutta method
-        return [list(_leaves(child)) for child in children]
+        return [list(leaves(child)) for child in children]
     return [list(plan.root.stages())]
 
 
@@ -271,12 +272,14 @@ def plan_report(
     plan = cloth_plan(scene) if scene.cloth else mass_spring_plan(scene)
     rows, order = flatten(plan.root)
     found, unknown = [], {}
+    ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": _cpu_plan, "gpu": _gpu_plan}
+    if scene.cloth:
+        from app.plan_cloth import cloth_on_cpu, cloth_on_gpu
+
+        ways = {"cpu": cloth_on_cpu, "gpu": cloth_on_gpu}
     for name in backends:
-        if scene.cloth:
-            unknown[name] = "a cloth runs these stages in this order; which kernel runs them is not told"
-            continue
         try:
-            found.append((_cpu_plan if name == "cpu" else _gpu_plan)(scene, precision, plan))
+            found.append(ways[name](scene, precision, plan))
         except ImportError as error:
             unknown[name] = f"no CUDA support is installed ({error})"
     if measure:

@@ -25,15 +25,22 @@ from bench.judgement import (
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
-END = 1.5  # s: the horizon of both scenes
+CLOTHS = {"S4": "cloth-wind"}
+END = 1.5  # s: the horizon of grids
+CLOTH_END = 1.0  # s: of cloths
 
 COST = "seconds_per_simulated_second"
 COPY = "copy_seconds"  # of the whole state, from the device to the host
 
 
+def end_of(label: str) -> float:
+    """The time [s] at which runs of a scene are judged."""
+    return CLOTH_END if label in CLOTHS else END
+
+
 @dataclass(frozen=True)
 class AccuracyPoint:
-    """One configuration. `scene`: S1, S2 or one of SIZES; `error`, `largest`: root mean square and maximum over the free
+    """One configuration. `scene`: S1, S2, S4 or one of SIZES; `error`, `largest`: root mean square and maximum over the free
     masses, in spacings, against Newton's law, infinite when it diverged or was refused; `half`: against half the
     acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to then; `energy` [J]; `strain`: the worst; how far
     they, the centre of mass [spacings] and the momentum [kg m/s] are off the reference's; `seconds`: wall time per
@@ -74,7 +81,9 @@ class AccuracyPoint:
     @property
     def copied(self) -> float | None:
         """`seconds` with the copy of the end state to the host in it."""
-        return None if self.seconds is None or self.copy_seconds is None else self.seconds + self.copy_seconds / END
+        if self.seconds is None or self.copy_seconds is None:
+            return None
+        return self.seconds + self.copy_seconds / end_of(self.scene)
 
     @property
     def name(self) -> str:
@@ -129,7 +138,7 @@ class AccuracySummary:
 
     def __str__(self) -> str:
         lines = []
-        for label in (*SCENES, *SIZES):
+        for label in (*SCENES, *SIZES, *CLOTHS):
             mine = [p for p in self.points if p.scene == label]
             if mine:
                 lines += summary_lines(label, mine)
@@ -142,10 +151,10 @@ class AccuracySummary:
 
 def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:
     """What is told of the points of one scene: how many broke, the Pareto front, the fastest way to each error."""
-    name = SCENES[SIZES[label][0]] if label in SIZES else SCENES[label]
+    name = SCENES[SIZES[label][0]] if label in SIZES else (SCENES | CLOTHS)[label]
     sized = f", {SIZES[label][1]} x {SIZES[label][1]}" if label in SIZES else ""
     refused, broken = sum(p.refused for p in points), sum(p.diverged for p in points)
-    heading = f"{label} ({name}{sized}) at {END:g} s: {len(points)} runs, of which {broken} diverged"
+    heading = f"{label} ({name}{sized}) at {end_of(label):g} s: {len(points)} runs, of which {broken} diverged"
     growth = next((p.growth for p in points if p.growth is not None), None)
     if growth is not None:
         heading += f"; a disturbance of 1e-9 grows {growth:.1e} times"

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from bench import hard_cases, hard_laws, hard_stiff, hard_trial
+from bench import hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial
 from bench.choice import chosen
 from bench.hard_cases import CASES, HardCase
 from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, rows_of
@@ -41,12 +41,14 @@ DRAWN = ("lab", "velocity-verlet")  # integrators whose end states are drawn, be
 
 @dataclass(frozen=True)
 class Outcome:
-    """`verdict`: of bench.hard_results.CODES; `diagnosis`; `checks`; `end`: positions (particles, 2) [m] or None."""
+    """`verdict`: of bench.hard_results.CODES; `diagnosis`; `checks`; `end`: positions (particles, dimensions) [m] or None, at
+    `time` [s]."""
 
     verdict: str
     diagnosis: str
     checks: list[Check] = field(default_factory=list)
     end: np.ndarray | None = None
+    time: float = 0.0
 
 
 def case_scene(case: HardCase, integrator: str) -> tuple[Scene, str]:
@@ -70,7 +72,7 @@ def judge_case(
         known = case.known_failure(integrator, precision)
         if verdict == "fail" and known:
             verdict, diagnosis = "known", known
-        return Outcome(verdict, diagnosis, list(checks), trial.end)
+        return Outcome(verdict, diagnosis, list(checks), trial.end, trial.end_time)
 
     try:
         checks = case.law(trial)
@@ -118,7 +120,7 @@ class _Work:
 def _digest() -> str:
     """A hash of the laws: a case that judges otherwise is run anew."""
     digest = hashlib.sha256()
-    for module in (hard_cases, hard_laws, hard_stiff, hard_trial):
+    for module in (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial):
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()[:16]
 
@@ -244,7 +246,8 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             scene, _ = case_scene(work.case, work.integrator)
             words = [work.case.name.replace(" ", "-"), work.integrator, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.integrator}: {outcome.verdict}"
-            render_frame(scene, outcome.end, folder / f"{'-'.join(words)}.png", 640, 480, caption=caption)
+            picture = folder / f"{'-'.join(words)}.png"
+            render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1
 
 

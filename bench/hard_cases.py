@@ -1,7 +1,8 @@
 """The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
 
-Those that concern the mass-spring grid are CASES, with a scene in the catalogue under `hard/` and a law of
-bench/hard_laws.py or hard_stiff.py; the others, with what they wait for, are NOT_YET. docs/method.md names the rows.
+Those that concern the mass-spring grid and cloth are CASES, with a scene in the catalogue under `hard/` and a law of
+bench/hard_laws.py, hard_stiff.py or hard_cloth.py; the others, with what they wait for, are NOT_YET. docs/method.md names
+the rows.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from bench.hard_cloth import ball_inside, fast_ball
 from bench.hard_laws import (
     Law,
     beside_the_limit,
@@ -105,6 +107,8 @@ CASES = (
     HardCase("B14 swinging", "the same, swinging", "hard/b14", far_away(1e5, True), own_step=False,
              known=FAR_KNOWN),
     HardCase("B15", "denormal numbers", "hard/b15", denormals),
+    HardCase("B16", "a fast ball through a cloth", "hard/b16", fast_ball, own_step=False),
+    HardCase("B17", "a ball inside a cloth", "hard/b17", ball_inside, own_step=False),
     HardCase("B24 one", "1 x 1 masses", "hard/b24", like_the_reference),
     HardCase("B24 row", "1 x 7 masses", "hard/b24", like_the_reference, {"grid.columns": 7}),
     HardCase("B24 column", "7 x 1 masses", "hard/b24", like_the_reference, {"grid.rows": 7, "grid.pinned": "top"}),
@@ -118,8 +122,6 @@ NOT_YET = {
     "B2": "needs distance constraints and a mass per particle",
     "B3": "needs distance constraints and a mass per particle",
     "B13 inextensible": "needs distance constraints and long-range attachments",
-    "B16": "needs a sphere to collide with",
-    "B17": "needs a sphere to collide with",
     "B18": "needs contacts between sheets",
     "B19": "needs contacts of a sheet with itself",
     "B20": "needs shape matching",

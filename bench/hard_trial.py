@@ -66,7 +66,8 @@ class Check:
 
 class Trial:
     """A scene to be run by a case's law. `live`: compiled in for every opening, so that tests share kernels; `timed`:
-    laws about time are judged. `end`: the last state's positions (particles, 2) [m], or None."""
+    laws about time are judged. `end`: the positions (particles, dimensions) [m] to be shown, those of the last state unless
+    a law says otherwise, or None; `end_time` [s]: when that was."""
 
     def __init__(
         self,
@@ -84,6 +85,7 @@ class Trial:
         self.math, self.kernel, self.threads = math, kernel, threads
         self.live, self.timed = frozenset(live), timed
         self.end: np.ndarray | None = None
+        self.end_time = 0.0
         self._deadline = time.perf_counter() + PATIENCE
 
     @property
@@ -105,13 +107,15 @@ class Trial:
         return max(1, round(seconds / self.dt))
 
     def rest(self) -> np.ndarray:
-        """The drawn grid (rows, columns, 2) float64 [m]."""
+        """The drawn sheet (rows, columns, dimensions) float64 [m]."""
         return reference.rest(self.scene).astype(np.float64)
 
     def start(self, position: np.ndarray, velocity: np.ndarray | None = None) -> State:
-        """A state at time 0; `position` [m] and `velocity` [m/s] (None: at rest) of any shape with 2 numbers a mass."""
-        position = np.array(position, dtype=np.float64).reshape(-1, 2)
-        velocity = np.zeros_like(position) if velocity is None else np.array(velocity, np.float64).reshape(-1, 2)
+        """A state at time 0; `position` [m] and `velocity` [m/s] (None: at rest) of any shape, a number an axis a mass."""
+        position = np.array(position, dtype=np.float64).reshape(-1, self.scene.dimensions)
+        velocity = (
+            np.zeros_like(position) if velocity is None else np.array(velocity, np.float64).reshape(position.shape)
+        )
         return State(position, velocity, build(self.scene).inverse_mass, 0.0, 0)
 
     def open(
@@ -133,12 +137,21 @@ class Trial:
         try:
             state = simulation.state()
         except Diverged:
-            self.end = simulation.read("position").astype(np.float64)
+            self._show_last(simulation)
             raise
         if not (np.isfinite(state.position).all() and np.isfinite(state.velocity).all()):
             raise SilentNaN("the state holds numbers that are not finite, and nothing was reported: a bug of the lab")
-        self.end = state.position.astype(np.float64)
+        self.show(state)
         return state
+
+    def show(self, state: State | None) -> None:
+        """Draw this state, if any, and none before it."""
+        if state is not None:
+            self.end, self.end_time = state.position.astype(np.float64), state.time
+
+    def _show_last(self, simulation: Simulation) -> None:
+        """The last finite state of a run that diverged."""
+        self.end, self.end_time = simulation.read("position").astype(np.float64), simulation.time
 
     def advance(self, simulation: Simulation, steps: int) -> None:
         """Step, looking at the clock. Raises Diverged, or Endless."""
@@ -151,7 +164,7 @@ class Trial:
                 if time.perf_counter() > self._deadline:
                     raise Endless(f"not done after {PATIENCE:.0f} s, {steps} steps before the end")
         except Diverged:
-            self.end = simulation.read("position").astype(np.float64)
+            self._show_last(simulation)
             raise
 
     def run(self, initial: State, seconds: float, *, allow_unstable: bool = False) -> State:
@@ -174,7 +187,7 @@ class Trial:
     # ------------------------------------------------------------------ what laws ask for
 
     def residual(self, position: np.ndarray) -> float:
-        """The largest net force [N] on a free mass at `position` (particles, 2), by the reference's formulas."""
+        """The largest net force [N] on a free mass of a grid at `position` (particles, 2), by the reference's formulas."""
         grid = self.scene.grid
         force = reference.spring_forces(self.scene, position.astype(np.float64).reshape(grid.rows, grid.columns, 2))
         if self.scene.gravity and self.scene.gravity.enabled:

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite
 
-from bench.stability_points import Edge, MapPoint, disagreements, stability_of
+from bench.stability_points import Edge, MapPoint, disagreements
 from labbook import words
 from labbook.claims import Claim
 from labbook.words import number, percent, seconds, times
 from plots.data import Results
-from plots.stability import stable_source
+from plots.stability import stability_runs
 
 CLOSE = 0.01  # how far a measured edge may be off the analytic one
 TRAP, REPAIR = "taylor", "semi-implicit-euler"
 
 
 def found(results: Results) -> tuple[list[MapPoint], list[Edge]]:
-    """The map and the edges of the source that the chapter is about."""
-    source = stable_source(results)
-    return stability_of(source.measures) if source else ([], [])
+    """The map and the edges that the chapter is about."""
+    points, edges, _ = stability_runs(results)
+    return points, edges
 
 
 def _where(entries: list[Edge] | list[MapPoint]) -> str:

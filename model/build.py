@@ -43,6 +43,8 @@ def pinned_indices(grid: Grid) -> np.ndarray:
         return np.arange(columns, dtype=np.int64)
     if pinned == "top-corners":
         return np.unique(np.array([0, columns - 1], dtype=np.int64))
+    if pinned == "left":
+        return np.arange(rows, dtype=np.int64) * columns
     if pinned == "edges":
         index = np.arange(rows * columns, dtype=np.int64).reshape(rows, columns)
         return np.unique(np.concatenate([index[0], index[-1], index[:, 0], index[:, -1]]))

@@ -10,7 +10,8 @@ of the span (Knyazev 2001, "Toward the optimal preconditioned eigensolver", SIAM
 Beside the estimate, which comes from below, stands a rigorous bound from above: the lesser of Gershgorin's (1931) and of
 the one of Collatz (1942), max_i (|A| u)_i / u_i for any u > 0, which meets the estimate where springs form no odd cycles.
 
-A cloth, pinned or not, is a part of one without end, whose eigenvalues have a closed form (`cloth_eigenvalue`).
+A cloth, pinned or not, is a part of one without end, whose eigenvalues have a closed form
+(model/cloth_bounds.py).
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 
 from model.build import pinned_indices
-from model.cloth_parts import SPRING_KINDS
 from model.energy import spring_ends, spring_stiffness
 from model.errors import SceneError
 from model.integrators import frequency_bound, stability_limit
@@ -159,27 +159,6 @@ def grid_eigenvalue(grid: Grid) -> tuple[float, np.ndarray] | None:
     return down + across, (shape / np.abs(shape).max()).ravel()
 
 
-def cloth_eigenvalue(structural: float, shear: float, bending: float) -> float:
-    """Largest eigenvalue of the weighted Laplacian of a cloth without end, stiffnesses in, the same unit out.
-
-    A plane wave of phases a, b from column to column and row to row has, with x = cos a and y = cos b, the eigenvalue
-    2 s (2 - x - y) + 4 h (1 - x y) + 4 c (2 - x^2 - y^2), a quadratic on a square: greatest at a corner, at an edge's
-    vertex, or inside where both derivatives vanish. No cloth has a greater one: each is this one held at all other masses
-    (which only takes eigenvalues away) with springs left out (which only lowers them).
-    """
-
-    def at(x: float, y: float) -> float:
-        return 2 * structural * (2 - x - y) + 4 * shear * (1 - x * y) + 4 * bending * (2 - x * x - y * y)
-
-    places = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]  # symmetric in x and y
-    if bending > 0:
-        places += [(x, float(np.clip(-(structural + 2 * shear * x) / (4 * bending), -1, 1))) for x in (1.0, -1.0)]
-    if shear + bending > 0:
-        inside = max(-1.0, -structural / (2 * shear + 4 * bending))
-        places.append((inside, inside))
-    return max(at(*place) for place in places)
-
-
 def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """(ends (springs, 2), stiffness (springs,) [N/m]) of all springs of a cloth."""
     rows, columns = scene.grid.rows, scene.grid.columns
@@ -206,12 +185,10 @@ def scene_net(scene: Scene) -> Net:
 def _free_bound(scene: Scene) -> float:
     """A frequency [1/s] that no vibration of the scene's grid, freed of its pins, exceeds: the largest one where springs are
     equal; where they alternate, a mass has one of each along every direction, and Gershgorin's bound is twice their sum.
-    Of a cloth, the lesser of Gershgorin's and that of one without end."""
+    Of a cloth, the bound for any."""
     grid, springs = scene.grid, scene.springs
     if scene.cloth:
-        kinds = scene.cloth_springs
-        stiffnesses = [kinds[kind].stiffness if kind in kinds else 0.0 for kind in SPRING_KINDS]
-        return min(frequency_bound(scene), sqrt(cloth_eigenvalue(*stiffnesses) / grid.mass))
+        return frequency_bound(scene)
     assert springs is not None
     if springs.alternate:
         most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]

@@ -12,7 +12,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from model.cloth_parts import ClothSprings
+from model.cloth_bounds import laplacian_bound
 from model.scene import Scene
 
 
@@ -135,10 +135,11 @@ def frequency_bound(scene: Scene) -> float:
 
     A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
     grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid. Where springs
-    alternate, k is the stiffest one's; model/frequency.py tells how much of it the net itself needs.
+    alternate, k is the stiffest one's; model/frequency.py tells how much of it the net itself needs. A cloth's is
+    model/cloth_bounds.py.
     """
     if scene.cloth:
-        return sqrt(2 * sum(n * part.stiffness for n, part in _busiest(scene)) / scene.cloth.mass)
+        return sqrt(laplacian_bound(scene, "stiffness") / scene.cloth.mass)
     grid, springs = scene.grid, scene.springs
     if springs is None:
         return 0.0
@@ -151,22 +152,10 @@ def damping_rate(scene: Scene) -> float:
     return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
 
 
-def _busiest(scene: Scene) -> list[tuple[int, ClothSprings]]:
-    """(the most springs of a kind on one mass of the cloth, the springs)."""
-    rows, columns = scene.grid.rows, scene.grid.columns
-    near, far = (lambda n: min(n - 1, 2)), (lambda n: (n > 2) + (n > 4))
-    most = {
-        "structural": near(rows) + near(columns),
-        "shear": near(rows) * near(columns),
-        "bending": far(rows) + far(columns),
-    }
-    return [(most[kind], part) for kind, part in scene.cloth_springs.items()]
-
-
 def spring_damping_bound(scene: Scene) -> float:
     """A rate [1/s] that the dampers along a cloth's springs do not exceed: their matrix is a Laplacian, bounded like the
     springs' (see `frequency_bound`)."""
-    return 2 * sum(n * part.damping for n, part in _busiest(scene)) / scene.grid.mass
+    return laplacian_bound(scene, "damping") / scene.grid.mass
 
 
 def stability_limit(scene: Scene, frequency: float | None = None) -> float:

@@ -81,8 +81,8 @@ class Grid(Part):
         return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
 
 
-PIN_WORDS = ("none", "top", "top-corners", "edges")
-PIN_RULE = "none, top, top-corners, edges, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
+PIN_WORDS = ("none", "top", "top-corners", "left", "edges")
+PIN_RULE = "none, top, top-corners, left, edges, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
 
 
 class Springs(Part):

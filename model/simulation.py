@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,13 @@ from model.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
-# Steps between two looks for a diverged state. A look takes about 0.05 ms of a small grid and as long as a few steps of a
-# large one; it is to cost under 1 % (measured by bench/findings_costs.py). So the interval is a number of mass-steps, which
-# a GPU does in a small part of a CPU's time; small grids, whose steps take less than a microsecond, have a largest one.
+# Steps between two looks for a diverged state. A look takes 0.01 ms of a small grid on a CPU, 0.4 ms (its launches and
+# copies) on a GPU; it is to cost under 1 % (measured by bench/findings_costs.py). So the interval is a number of
+# mass-steps, which a GPU does in a small part of a CPU's time; small grids, whose steps take less than a microsecond,
+# have a largest one.
 LEAST_INTERVAL = 1024
-MOST_INTERVAL = {"cpu": 2**15, "gpu": 2**17}
-INTERVAL_WORK = {"cpu": 2**28, "gpu": 2**33}  # mass-steps
-REPLAY_INTERVAL = 64  # steps between two looks when an interval that went bad is replayed
+MOST_INTERVAL = {"cpu": 2**15, "gpu": 2**19}
+INTERVAL_WORK = {"cpu": 2**28, "gpu": 2**35}  # mass-steps
 DIVERGED_SIZE = 1e6  # times the scene's size: a coordinate beyond it counts as diverged
 
 LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
@@ -211,7 +212,7 @@ class Simulation(ABC):
             return
         last = self.step
         self.rewind()
-        begin, _ = self._replay(last, REPLAY_INTERVAL)
+        begin, _ = self._replay(last, isqrt(last - self.step))  # so that both ways together look the fewest times
         self.rewind()
         if begin > self.step:
             self._run(begin - self.step)

@@ -7,18 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.accuracy_points import COPY, COST, END, ERROR, GROWTH, HALF, REFUSED, SCENES, UNRESOLVED
+from bench.accuracy_points import CLOTHS, COPY, COST, ERROR, GROWTH, HALF, REFUSED, SCENES, UNRESOLVED, end_of
 from bench.results import Measure
 from model.scene import load_scene
 from plots.data import Source
 
 LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
+CLOTH_SCENES = {label: load_scene(name).as_dict() for label, name in CLOTHS.items()}
 SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have it in their label
 
 
 @dataclass(frozen=True)
 class Point:
-    """One accuracy run. `scene`: S1, S2, or S1-16 at 16 x 16 masses; `error` in spacings against Newton's law, infinite
+    """One accuracy run. `scene`: S1, S2, S4, or S1-16 at 16 x 16 masses; `error` in spacings against Newton's law, infinite
     when it diverged or was `refused` (chaotic by then); `half`: against the half-acceleration equation, where that was
     asked; `seconds`: wall seconds a simulated second, None if untimed; `copied`: with the state's copy to the host;
     `low`, `high`: the least and greatest of its repeats, where they are known; `growth`: of a disturbance up to then."""
@@ -66,7 +67,7 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     description = error.description
     tables: dict[str, Any] = description["scene"]
     kinds = {table.get("kind", name): table for name, table in tables.items() if isinstance(table, dict)}
-    label = _label(kinds["grid"]) if "end" not in description else None  # `softlab advise` judges at times of its own
+    label = _label(tables, kinds) if "end" not in description else None  # `softlab advise` judges at times of its own
     if error.value is None or label is None:
         return None
     half, cost, unresolved, copy, growth = (named.get(name) for name in (HALF, COST, UNRESOLVED, COPY, GROWTH))
@@ -85,18 +86,28 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
         high=repeats.high / dt if repeats else None,
         resolved=not (unresolved and unresolved.value),
         math=description["math"],
-        copied=cost.value + copy.value / END if cost and copy and cost.value and copy.value is not None else None,
+        copied=cost.value + copy.value / end_of(label)
+        if cost and copy and cost.value and copy.value is not None
+        else None,
         growth=growth.value if growth else None,
         refused=(error.reason or "").startswith(REFUSED),
     )
 
 
-def _label(grid: dict[str, Any]) -> str | None:
-    """The scene's label from its pins and size; None for a scene that is no accuracy scene."""
+def _label(tables: dict[str, Any], kinds: dict[str, Any]) -> str | None:
+    """The scene's label, of a grid from its pins and size; None for a scene that is no accuracy scene."""
+    if "grid" not in kinds:
+        return next((label for label, known in CLOTH_SCENES.items() if _material(known) == _material(tables)), None)
+    grid = kinds["grid"]
     label, rows = LABELS.get(str(grid.get("pinned"))), grid.get("rows")
     if label is None or rows != grid.get("columns"):
         return None
     return label if rows == SIDE else f"{label}-{rows}"
+
+
+def _material(tables: dict[str, Any]) -> dict[str, Any]:
+    """A scene's tables without how it is solved."""
+    return {name: table for name, table in tables.items() if name not in ("title", "method")}
 
 
 def reaching(candidates: Sequence[Point], error: float) -> list[Point]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,6 +139,28 @@ class Results:
     def with_gpu(self) -> Source | None:
         """The first source that timed a GPU: a featured one, else a committed one."""
         return next((s for s in (*self.featured, *self.background) if s.has_gpu_times), None)
+
+
+def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[list[Measure], tuple[Source, ...]]:
+    """The measures that `belongs` takes and that do not hang on a machine's speed (verdicts, outcomes), and their sources.
+
+    Those of the first source that has any, and for each backend which that one lacks, those of the next one that has it:
+    a machine without a GPU is read beside one with.
+    """
+    found: list[Measure] = []
+    sources: list[Source] = []
+    for source in (*results.featured, *results.background):
+        held = {measure.description.get("backend") for measure in found}
+        more = [m for m in source.measures if belongs(m) and m.description.get("backend") not in held]
+        if more:
+            found += more
+            sources.append(source)
+    return found, tuple(sources)
+
+
+def provenance(sources: Sequence[Source]) -> str:
+    """Where numbers come from, in a line; nothing for no source."""
+    return "; ".join(source.provenance for source in sources)
 
 
 def is_wrong(timing: Timing) -> bool:

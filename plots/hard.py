@@ -7,30 +7,32 @@ from typing import Any
 
 import numpy as np
 
+from app.camera3d import Camera3D
 from bench.hard_results import HardRow, rows_of, table_of
-from plots.data import Results, Source
+from plots.data import Results, Source, judgements
 from plots.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, WIDTH, Drawing
 
 STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"
-ACROSS = 5  # panels a line of the contact sheet
-PANEL = 1.3  # inch, high
+ACROSS = 6  # panels a line of the contact sheet
+PANEL = 1.2  # inch, high
 LINE = 0.19  # inch: a line of the verdict table
 POINT = 1e-12  # m: a shape that is smaller is drawn as a point
 PREFERRED = ("velocity-verlet", "lab")  # whose end states are shown
 COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 
-def hard_source(results: Results) -> Source | None:
-    """The source that the hard cases are told of: the first one featured that ran any, else a committed one."""
-    return next((s for s in (*results.featured, *results.background) if rows_of(s.measures)), None)
+def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
+    """The verdicts that are told of, and their sources: featured ones first, of each backend one machine's."""
+    found, sources = judgements(results, lambda measure: measure.description.get("hard") is not None)
+    return rows_of(found), sources
 
 
 def draw_states(results: Results) -> Drawing | str:
     """The contact sheet, or why there is none."""
-    source = hard_source(results)
-    shown = _shown(rows_of(source.measures)) if source else []
-    if source is None or not shown:
+    rows, sources = hard_rows(results)
+    shown = _shown(rows)
+    if not shown:
         return "the hard cases were not run"
     lines = -(-len(shown) // ACROSS)
     figure = _figure(PANEL * lines)
@@ -42,17 +44,16 @@ def draw_states(results: Results) -> Drawing | str:
     words = "; ".join(dict.fromkeys(f"{row.case}: {row.title}" for row in shown))
     caption = (
         f"The last state of each hard case, of {PREFERRED[0]} in float64, and one for each reason to fail; large grids are "
-        f"thinned, each panel to its own scale, the first row of masses orange. {words}."
+        f"thinned, each panel to its own scale, the first row of masses orange; cloths from the right and above. {words}."
     )
-    return Drawing(figure, STATES_TITLE, caption, (source,))
+    return Drawing(figure, STATES_TITLE, caption, sources)
 
 
 def draw_verdicts(results: Results) -> Drawing | str:
     """The verdict table, a line a case and a column an integrator, or why there is none."""
-    source = hard_source(results)
-    if source is None:
+    rows, sources = hard_rows(results)
+    if not rows:
         return "the hard cases were not run"
-    rows = rows_of(source.measures)
     names, lines = table_of(rows)
     figure = _figure(LINE * (len(lines) + 3))
     ax = figure.subplots()
@@ -74,7 +75,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
         f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "
         "was done. Fails: implied by the method, with what it costs in the text. A failure in capitals is a bug of this lab."
     )
-    return Drawing(figure, VERDICTS_TITLE, caption, (source,))
+    return Drawing(figure, VERDICTS_TITLE, caption, sources)
 
 
 def _figure(height: float) -> Any:
@@ -100,9 +101,14 @@ def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
     return found
 
 
+def as_seen(position: np.ndarray) -> np.ndarray:
+    """(..., 2) [m]: a grid as it is, a cloth in space from where the off-screen pictures show it, without perspective."""
+    return position if position.shape[-1] == 2 else position @ Camera3D(1, 1).axes[:2].T
+
+
 def _draw_shape(ax: Any, row: HardRow) -> None:
     assert row.shape is not None
-    grid = np.array(row.shape.position, dtype=float)
+    grid = as_seen(np.array(row.shape.position, dtype=float))
     flat = grid.reshape(-1, 2)
     centre, extent = (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
     grid = (grid - centre) / extent if extent > POINT else np.zeros_like(grid)

@@ -10,7 +10,7 @@ import numpy as np
 from bench.stability_points import DAMPING, NAMES, STIFFNESS, Edge, MapPoint, disagreements, stability_of
 from bench.stability_runs import END, OUTCOMES
 from model.integrators import INTEGRATORS
-from plots.data import Results, Source
+from plots.data import Results, Source, judgements
 from plots.style import BLACK, ORANGE, SKY, WIDTH, YELLOW, Drawing, plain_ticks
 
 TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
@@ -31,12 +31,10 @@ def draw_damping(results: Results) -> Drawing | str:
     return _draw(results, "damping")
 
 
-def stable_source(results: Results) -> Source | None:
-    """The first source with stability runs, featured ones first."""
-    for source in (*results.featured, *results.background):
-        if any(measure.name in NAMES for measure in source.measures):
-            return source
-    return None
+def stability_runs(results: Results) -> tuple[list[MapPoint], list[Edge], tuple[Source, ...]]:
+    """The map, the edges and their sources: featured ones first, of each backend one machine's."""
+    found, sources = judgements(results, lambda measure: measure.name in NAMES)
+    return *stability_of(found), sources
 
 
 def shown(points: Sequence[MapPoint]) -> tuple[str, str] | None:
@@ -56,10 +54,9 @@ def _draw(results: Results, axis: str) -> Drawing | str:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    source = stable_source(results)
-    if source is None:
+    points, edges, sources = stability_runs(results)
+    if not sources:
         return "no stability runs were made"
-    points, edges = stability_of(source.measures)
     pair = shown(points)
     mine = [p for p in row_points(points, axis) if (p.place.backend, p.place.precision) == pair]
     if pair is None or len({p.place.dt for p in mine}) < 2:
@@ -82,7 +79,7 @@ def _draw(results: Results, axis: str) -> Drawing | str:
         row[0].set_ylabel("stiffness / (N/m)" if axis == "stiffness" else "damping / (N s/m)")
     _legend(figure)
     title = TITLE_STIFFNESS if axis == "stiffness" else TITLE_DAMPING
-    return Drawing(figure, title, _caption(points, pair, axis), (source,))
+    return Drawing(figure, title, _caption(points, pair, axis), sources)
 
 
 def _draw_panel(ax: Any, points: Sequence[MapPoint], edges: Sequence[Edge], axis: str) -> None:

@@ -75,7 +75,7 @@ def test_bad_value(path, value):
             {"left": {"kind": "grid", "rows": 2, "columns": 2}, "right": {"kind": "grid", "rows": 2, "columns": 2}},
             "one part",
         ),
-        ({"grid": {"rows": 2, "columns": 2}, "sheet": {"kind": "cloth"}}, "sheet.kind"),
+        ({"grid": {"rows": 2, "columns": 2}, "sheet": {"kind": "fabric"}}, "sheet.kind"),
         ({"grid": {"rows": 2, "columns": 2}, "sheet": {"kind": 3}}, "sheet.kind"),
         ({"grid": {"rows": 2, "columns": 2}, "gravity": {}, "moon": {"kind": "gravity"}}, "gravity"),
         ({"grid": {"rows": 2, "columns": 2, 5: 1}}, "names"),

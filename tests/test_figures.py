@@ -61,8 +61,8 @@ def one_timing(seconds: float = 1e-5, **options) -> Results:
 def test_every_figure_is_drawn_as_vector_and_picture(gpu: Store, tmp_path: Path) -> None:
     paths = draw_all(gpu, tmp_path / "figures")
     told = [
-        name for name in FIGURES if not name.startswith("hard-")
-    ]  # this store holds no hard cases; see test_hard.py
+        name for name in FIGURES if not name.startswith(("hard-", "findings-looks", "findings-determinism", "ablation"))
+    ]  # this store holds none of these; see test_hard.py, test_findings_costs.py, test_ablate.py
     assert {path.name for path in paths} == {f"{name}.{suffix}" for name in told for suffix in ("svg", "png")}
     assert all(path.stat().st_size > 1000 for path in paths)
     assert not list((tmp_path / "figures").glob(".*"))  # no temporary file stays

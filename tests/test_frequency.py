@@ -63,7 +63,7 @@ def test_iteration_equals_the_closed_form(shape, pinned):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 6), (6, 1), (2, 2)])
-@pytest.mark.parametrize("pinned", ["none", "top", "edges", "top-corners"])
+@pytest.mark.parametrize("pinned", ["none", "top", "edges", "top-corners", "left"])
 def test_thin_grids(shape, pinned):
     """Chains, one mass, and grids all of whose masses are held (which do not vibrate)."""
     scene = grid(*shape, pinned)

@@ -13,7 +13,7 @@ from rich.console import Console
 import bench.hard as hard
 from bench.hard_cases import CASES, NOT_YET, HardCase
 from bench.hard_laws import far_away
-from bench.hard_results import CODES, as_text, disagreements, print_hard, rows_of
+from bench.hard_results import CODES, as_text, disagreements, print_hard, rounding_differences, rows_of
 from bench.hard_trial import Check, SilentNaN, Trial
 from bench.results import configuration, measures
 from bench.store import Store
@@ -183,11 +183,21 @@ def test_backends_that_differ_are_told(judged):
         other_backend(store, "B7 random", "fail")
         rows = rows_of(measures(store, machine=summary.machine))
         assert disagreements(rows) == ["B7 random, lab, float64: pass on the cpu, fail on the gpu"]
+        assert not rounding_differences(rows)
         summary.rows = rows
         text = printed(summary)
         assert "backends differ, a bug of the lab: B7 random, lab" in text
         assert "FAIL, a bug of the lab: B6, lab, float64, cpu: it stands" in text
-        assert "misses its aim" in text and "B16 needs a sphere" in text and "4 were refused" not in text
+        assert "misses its aim" in text and "B18 needs contacts" in text and "4 were refused" not in text
+
+
+def test_a_failure_by_rounding_that_one_backend_alone_shows_is_no_bug(judged):
+    with Store(":memory:") as store:
+        summary = run(store, quick=True)
+        other_backend(store, "B7 random", "known")
+        rows = rows_of(measures(store, machine=summary.machine))
+        assert not disagreements(rows)
+        assert rounding_differences(rows) == ["B7 random, lab, float64: pass on the cpu, known on the gpu"]
 
 
 def printed(summary) -> str:

@@ -80,6 +80,7 @@ def test_only_the_parts_a_scene_needs():
         ("none", []),
         ("top", [0, 1, 2, 3, 4]),
         ("top-corners", [0, 4]),
+        ("left", [0, 5, 10]),
         ("every:2", [0, 2, 4]),
         ("every:7", [0]),
         ("edges", [0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14]),

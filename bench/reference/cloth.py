@@ -213,8 +213,9 @@ def collide(
         settled = position + np.maximum(collider.thickness - distance, 0) * normal
         touching = distance < collider.thickness
         if kind == "sphere":
-            reach = collider.radius + collider.thickness
-            old, new = (np.array(collider.center) + np.array(collider.velocity) * (step + k) * dt for k in (0, 1))
+            ball: Any = collider
+            reach = ball.radius + ball.thickness
+            old, new = (np.array(ball.center) + np.array(ball.velocity) * (step + k) * dt for k in (0, 1))
             caught, entered = _entries(before - old, position - new, reach)
             settled = np.where(caught, new + entered, settled)
             normal = np.where(caught, _unit(entered)[1], normal)

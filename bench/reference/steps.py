@@ -27,6 +27,8 @@ def pinned_mask(scene: Scene) -> np.ndarray:
         mask[0] = True
     elif grid.pinned == "top-corners":
         mask[0, 0] = mask[0, -1] = True
+    elif grid.pinned == "left":
+        mask[:, 0] = True
     elif grid.pinned == "edges":
         mask[[0, -1]] = True
         mask[:, [0, -1]] = True
