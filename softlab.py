@@ -392,7 +392,7 @@ def lab(
     whole_lab(out, quick=quick, store_path=store, command=" ".join(["softlab", *sys.argv[1:]]))
 
 
-@app.command()
+@app.command(epilog="Example: softlab scenes")
 def scenes() -> None:
     """List the scenes that come with the lab."""
     from app.tables import print_scenes
@@ -423,7 +423,7 @@ def plan(
         print_plan(out, report)
 
 
-@app.command()
+@app.command(epilog="Example: softlab doctor")
 def doctor() -> None:
     """Say what works on this machine, and how to get the rest."""
     from app.doctor import examine

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from app.driver import BACKENDS
-from model.cloth_plan import cloth_plan
 from model.errors import SceneError
 from model.formulas.springs import OPERATIONS_SPRING_2D
 from model.frequency import frequency_lines, scene_net
 from model.integrators import INTEGRATORS, stability_limit
-from model.plan import Node, Plan, Stage, mass_spring_plan
+from model.plan import Node, Plan, Stage
+from model.plans import scene_plan
 from model.scene import Scene
 from model.simulation import PRECISIONS
 
@@ -269,7 +269,7 @@ def plan_report(
     for name in backends:
         if name not in BACKENDS:
             raise SceneError("--backend", name, f"must be one of {', '.join(BACKENDS)}")
-    plan = cloth_plan(scene) if scene.cloth else mass_spring_plan(scene)
+    plan = scene_plan(scene)
     rows, order = flatten(plan.root)
     found, unknown = [], {}
     ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": _cpu_plan, "gpu": _gpu_plan}

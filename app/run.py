@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ import numpy as np
 from app.driver import open_simulation
 from app.files import check_state_target, read_state, write_state, write_trajectory
 from app.video import check_render, render
+from cpu_backend.threads import core_count
 from model.energy import energies, spring_strain
 from model.errors import Diverged, InputError, SceneError
 from model.memory import available_bytes, require
@@ -125,7 +127,22 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             notes=notes, diverged=diverged,
         )  # fmt: skip
         _write_results(result, request, recorder, simulation, start, clip)
+        if diverged is not None:
+            notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
+        if simulation.backend == "cpu" and simulation.threads > 1 and _crowded():
+            notes.append(
+                "other programs use the cores, and threads that wait for one another lose most then: "
+                "set OMP_WAIT_POLICY=passive, or use --threads 1"
+            )
     return result
+
+
+def _crowded() -> bool:
+    """Whether more programs than one have wanted a core of late, where the machine tells."""
+    try:
+        return os.getloadavg()[0] > core_count() + 0.5
+    except (AttributeError, OSError):  # Windows counts no such thing
+        return False
 
 
 def _warm_up(simulation: Simulation, start: State, steps: int) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from model.errors import SceneError
 from model.integrators import INTEGRATORS
-from model.plan import mass_spring_plan
+from model.plans import scene_plan
 from model.scene import Scene
 
 FULL_PRECISION, FULL_MATH = "float64", "exact"
@@ -63,7 +63,7 @@ def _parts(scene: Scene) -> Iterator[Ablation]:
             without = part.of(scene)
         except SceneError:  # the masses, or what another part stands on: not optional
             continue
-        if mass_spring_plan(without) != mass_spring_plan(scene):  # one that is switched off is not there to be dropped
+        if scene_plan(without) != scene_plan(scene):  # one that is switched off is not there to be dropped
             yield part
 
 

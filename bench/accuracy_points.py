@@ -26,6 +26,7 @@ from bench.judgement import (
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
 CLOTHS = {"S4": "cloth-wind"}
+FAR = 1.0  # spacings: an error beyond it is no answer, at any price
 END = 1.5  # s: the horizon of grids
 CLOTH_END = 1.0  # s: of cloths
 
@@ -113,9 +114,10 @@ Candidate = TypeVar("Candidate", bound=Judged)
 def pareto_front(points: Iterable[Candidate]) -> list[Candidate]:
     """The points that no other beats in both error and seconds, cheapest first (and so by falling error).
 
-    Points that diverged, were not timed or are not resolved do not compete. Of equal points the first one stands.
+    Points that diverged, were not timed or are not resolved do not compete, nor do those farther off than FAR, however
+    cheap: they tell nothing of the scene. Of equal points the first one stands.
     """
-    entered = [p for p in points if p.seconds is not None and math.isfinite(p.error) and p.resolved]
+    entered = [p for p in points if p.seconds is not None and p.error <= FAR and p.resolved]
     front: list[Candidate] = []
     for point in sorted(entered, key=lambda p: (p.seconds or 0.0, p.error)):
         if not front or point.error < front[-1].error:

@@ -66,7 +66,7 @@ def held_converged(
         fractions *= 2
         fine = solve(fractions)
         change = [(b - a) / 15 for a, b in zip(coarse, fine, strict=True)]
-        estimate = float(np.hypot(*change[0].T).max())
+        estimate = float(np.linalg.norm(change[0], axis=-1).max())
         if estimate <= tolerance * scene.grid.spacing or halvings_left == 1:
             break
         coarse = fine

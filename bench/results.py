@@ -21,7 +21,7 @@ import numpy as np
 
 from bench.store import DEFAULT_PATH, Store, canonical, configuration_hash
 from model.errors import SoftlabError
-from model.plan import mass_spring_plan
+from model.plans import scene_plan
 from model.scene import Scene
 
 __all__ = [
@@ -280,6 +280,6 @@ def _facts(scene_text: str, precision: str) -> tuple[dict[str, Any], dict[str, A
     grid = {"rows": 0, "columns": 0} | kinds.get("grid", {})
     method = {"integrator": "", "dt": 0.0} | kinds.get("method", {})
     try:
-        return grid, method, mass_spring_plan(Scene(data)).bytes(ITEM_BYTES[precision])
+        return grid, method, scene_plan(Scene(data)).bytes(ITEM_BYTES[precision])
     except (SoftlabError, KeyError):  # a scene of another lab version: its times stay readable
         return grid, method, None

@@ -140,7 +140,11 @@ def _bandwidth_reached(source: Source | None, backend: str, word: str | None) ->
     limit = copy_bandwidth(source, backend) if source else None
     if source is None or share is None or limit is None:
         return Claim(f"How much of the {name}'s copy bandwidth a step reaches was not measured.")
-    beyond = "; more than all of it is possible while the grid stays in a cache" if share > 1 else ""
+    beyond = (
+        "; more than all of it is possible where the grid stays in a cache, or where a pass does several steps"
+        if share > 1
+        else ""
+    )
     start = f"{on_gpu(source)}, a" if backend == "gpu" else "With 1x threads, a"
     text = (
         f"{start} step of {masses(largest[0].particles)} moves {words.bandwidth(share * limit)}, {percent(share)} of "

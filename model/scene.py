@@ -87,9 +87,11 @@ class Scene:
         for name, kind in self.kinds.items():
             if kind in wrong:
                 raise SceneError(
-                    name, kind, f"belongs to a {'grid' if self.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, "
-                    f"wind and colliders, a grid has {', '.join(GRID_ONLY)}",
-                )  # fmt: skip
+                    f"{name}.kind",
+                    kind,
+                    f"belongs to a {'grid' if self.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and "
+                    f"colliders, a grid has {', '.join(GRID_ONLY)}",
+                )
 
     def _one(self, kind: str) -> Any:
         return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
@@ -213,6 +215,9 @@ def _scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneEr
         )
     words = {
         "int_type": "must be a whole number",
+        "tuple_type": "must be a list of numbers, such as [0.0, 1.0, 0.0]",
+        "missing_tuple": "must have three numbers",
+        "too_long": "must have three numbers",
         "int_from_float": "must be a whole number",
         "float_type": "must be a number",
         "finite_number": "must be a finite number",

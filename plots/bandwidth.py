@@ -66,7 +66,8 @@ def draw(results: Results) -> Drawing | str:
     caption = (
         "Bytes that one step must move (every mass read and written once), over its time, as a share of the copy "
         "bandwidth measured on arrays beyond every cache. More than 100 % is possible: a grid that stays in a cache "
-        f"is not bound by main memory. Dotted: where the float32 state outgrows the processor's L2 and L3. "
+        "is not bound by main memory, nor a kernel that does several steps in a pass. Dotted: where the float32 state "
+        "outgrows the processor's L2 and L3. "
         f"{_bandwidths(sources)}"
     )
     return Drawing(figure, TITLE, caption, tuple(sources))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from bench.results import Timing
 from model.errors import SoftlabError
-from model.plan import mass_spring_plan
+from model.plans import scene_plan
 from model.scene import Scene
 from plots.bandwidth import copy_bandwidth
 from plots.data import Results, Source
@@ -64,7 +64,7 @@ def roofs(source: Source, backend: str, precision: str = "float32") -> Roofs | N
     try:
         grid = {"rows": sample.rows, "columns": sample.columns}
         scene = Scene({name: {**table, **(grid if name == "grid" else {})} for name, table in source.scene.items()})
-        operations = mass_spring_plan(scene).operations
+        operations = scene_plan(scene).operations
     except (SoftlabError, TypeError):  # a scene of another lab version
         return None
     rates = source.machine.record.get("gpu_arithmetic" if backend == "gpu" else "arithmetic") or {}

@@ -97,10 +97,16 @@ def test_a_new_part_needs_nothing_here(monkeypatch):
         planned.append(scene)
         return Plan(sorted(scene.parts))
 
-    monkeypatch.setattr(ablation, "mass_spring_plan", plan)
+    monkeypatch.setattr(ablation, "scene_plan", plan)
     scene = curtain({"external.magnitude": 0.0})
     assert "without external" in names(scene, PART)
     assert len(planned) == 2 * len(names(scene, PART))
+
+
+def test_what_makes_a_cloth_can_be_dropped():
+    wanted = ["structural", "shear", "bending", "damping", "gravity", "wind"]
+    assert names(load_scene("cloth-wind"), PART) == [f"without {name}" for name in wanted]
+    assert {"without sphere", "without floor"} <= set(names(load_scene("cloth-sphere"), PART))
 
 
 def test_cheaper_integrators_need_fewer_forces():

@@ -1,0 +1,12 @@
+"""The plan of any scene: of its solver, whichever that is."""
+
+from __future__ import annotations
+
+from model.cloth_plan import cloth_plan
+from model.plan import Plan, mass_spring_plan
+from model.scene import Scene
+
+
+def scene_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """What one step of the scene consists of; `live`: parts that may be switched on while running."""
+    return (cloth_plan if scene.cloth else mass_spring_plan)(scene, live)
