@@ -52,7 +52,7 @@ errors = st.sampled_from([0.0, 1e-3, 0.1, 1.0, math.inf]) | st.floats(0, 10)
     )
 )
 def test_front_against_its_definition(points):
-    """Of errors up to FAR: on the front stand exactly the (error, seconds) that no other point equals or beats in both, and beats in one."""
+    """On the front stand the (error, seconds), up to FAR, that no other point equals or beats in both and beats in one."""
     entered = {(p.error, p.seconds) for p in points if p.resolved and p.seconds is not None and p.error <= FAR}
     best = {a for a in entered if not any(b != a and b[0] <= a[0] and b[1] <= a[1] for b in entered)}
     front = [(p.error, p.seconds) for p in pareto_front(points)]
