@@ -1,0 +1,330 @@
+"""XPBD on a grid or a cloth in slow, plain NumPy float64: the judge of both backends.
+
+From the papers, without model/formulas, model/build or a backend: Macklin, Mueller, Chentanez, XPBD:
+Position-Based Simulation of Compliant Constrained Dynamics, 2016 (eq. 17, 18, 26); Macklin et al., Small Steps in Physics
+Simulation, 2019 (substeps). A spring of stiffness k is the constraint C = |d| - L with the compliance alpha = 1/k; with a
+damper beta along it [N s/m] it is one implicit Euler step h of
+
+    m p'' = sum over constraints (k C + beta C') d / |d|  +  other forces,
+
+but for the turning of d / |d| within the step. The multiplier of a constraint is force times -h^2 [kg m], 0 when a substep
+begins, and lives through its iterations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot
+
+import numpy as np
+
+from bench.reference import cloth, mass_spring
+from bench.reference.philox import random_directions
+from bench.reference.steps import Poke, Settle, pinned_mask
+from model.errors import SceneError
+from model.scene import Scene
+
+# ascending: constraint after constraint from the first mass on, which no parallel machine does; for tests
+ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged-jacobi")
+
+# (rows, columns) from one end of a constraint to the other, in the order of their colours, two each. The first end is the
+# upper one, of two in a row the left one; the way (1, -1) is the diagonal from (i, j + 1) to (i + 1, j).
+WAYS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
+
+Accelerate = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Way:
+    """What the constraints of one way have in common; stiffnesses may differ from one to the next (see `sheet`)."""
+
+    rest_length: float  # m
+    compliance: float | np.ndarray  # m/N, 0: inextensible
+    damping: float = 0.0  # N s/m
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Distance constraints, (constraints,) each, by their colours; no two of one colour share a mass."""
+
+    first: np.ndarray  # particle
+    second: np.ndarray
+    rest_length: np.ndarray  # m
+    compliance: np.ndarray  # m/N
+    damping: np.ndarray  # N s/m
+    colour: np.ndarray
+
+    def valence(self, particles: int) -> np.ndarray:
+        """(particles,): how many constraints each mass has, pinned or not."""
+        return np.bincount(np.concatenate([self.first, self.second]), minlength=particles)
+
+    @cached_property
+    def colours(self) -> list[np.ndarray]:
+        """The constraints (indices) of every colour, in order."""
+        return [np.flatnonzero(self.colour == colour) for colour in np.unique(self.colour)]
+
+    @cached_property
+    def ascending(self) -> list[np.ndarray]:
+        """Every constraint for itself, by its first mass, then by its second."""
+        return list(np.lexsort((self.second, self.first))[:, None])
+
+
+@dataclass(frozen=True)
+class Substep:
+    """What a substep made: (particles, dimensions) each, and the multipliers (constraints,) [kg m]."""
+
+    position: np.ndarray  # m
+    velocity: np.ndarray  # m/s
+    predicted: np.ndarray  # m, where the masses would be without constraints
+    iterated: np.ndarray  # m, the position before colliders
+    multipliers: np.ndarray
+
+
+def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constraints:
+    """The constraints of a sheet; particle i * columns + j is the mass (i, j). A compliance may be an array that
+    broadcasts to the (rows, columns) of the constraints of its way, in the order of `bench.reference.cloth.ends`."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    found = []
+    for which, way in enumerate(WAYS):
+        if way not in ways:
+            continue
+        first, second = cloth.ends(number, way)
+        i, j = np.indices(first.shape)
+        along, stride = (i, way[0]) if way[0] else (j, way[1])
+        common = ways[way]
+        values = (common.rest_length, common.compliance, common.damping, 2 * which + along // stride % 2)
+        found.append([np.ravel(a) for a in (first, second, *(np.broadcast_to(a, first.shape) for a in values))])
+    if not found:
+        nothing = np.zeros(0)
+        return Constraints(np.zeros(0, int), np.zeros(0, int), nothing, nothing, nothing, np.zeros(0, int))
+    first, second, rest_length, compliance, damping, colour = (np.concatenate(a) for a in zip(*found, strict=True))
+    return Constraints(first, second, rest_length, compliance, damping, colour)
+
+
+def of_scene(scene: Scene, inextensible: bool = False) -> Constraints:
+    """The scene's springs as constraints, compliance 1/stiffness, or 0 where `inextensible`."""
+    grid = scene.grid
+    ways: dict[tuple[int, int], Way] = {}
+    if scene.springs:
+        for way in WAYS[:2]:
+            k = np.full((grid.rows, grid.columns), scene.springs.stiffness)
+            np.moveaxis(k, 1 if way[1] else 0, 0)[1::2] *= scene.springs.stiffness_ratio
+            ways[way] = Way(scene.springs.rest_length, 0.0 if inextensible else 1 / cloth.ends(k, way)[0])
+    for kind, springs in scene.cloth_springs.items():
+        for way in cloth.WAYS[kind]:
+            compliance = 0.0 if inextensible else 1 / springs.stiffness
+            ways[way] = Way(grid.spacing * hypot(*way), compliance, springs.damping)
+    return sheet(grid.rows, grid.columns, ways)
+
+
+def _stretched(
+    constraints: Constraints, which: np.ndarray, position: np.ndarray, before: np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(C + gamma times the lengthening in this substep (n,), a~ = alpha/h^2, gamma = alpha beta/h (eq. 26), d/|d| (n, k)).
+
+    Masses in one place have no direction: 0.
+    """
+    a, b = constraints.first[which], constraints.second[which]
+    d = position[b] - position[a]
+    length = np.sqrt(np.einsum("nk,nk->n", d, d))[:, None]
+    direction = np.divide(d, length, out=np.zeros_like(d), where=length > 0)
+    alpha = constraints.compliance[which]
+    gamma = alpha * constraints.damping[which] / h
+    lengthening = np.einsum("nk,nk->n", direction, d - (before[b] - before[a]))
+    return length[:, 0] - constraints.rest_length[which] + gamma * lengthening, alpha / h**2, gamma, direction
+
+
+def iterate(
+    constraints: Constraints,
+    position: np.ndarray,
+    multipliers: np.ndarray,
+    before: np.ndarray,
+    inverse_mass: np.ndarray,
+    h: float,
+    ordering: str,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position (particles, dimensions) [m], multipliers (constraints,) [kg m]) after one iteration over all constraints.
+
+    `before` is the position at the substep's beginning, `inverse_mass` (particles,) [1/kg] is 0 where pinned. gauss-seidel
+    goes colour by colour. jacobi takes all constraints at one position and divides each one's change of multiplier by the
+    larger valence of its ends: it converges, but n iterations give 1 - (1 - 1/valence)^n of a soft spring's force however
+    short the substep. weighted-jacobi multiplies only the inverse masses by the valences, which is enough: the denominator
+    is the sum of its row in the system (eq. 17), so the error shrinks (Gershgorin), and a soft spring is exact at once.
+    averaged-jacobi keeps the whole change and divides the masses' displacements by their own
+    valence: with compliance it converges to another stiffness, and it does not keep momentum.
+    A constraint between masses in one place, or between pinned ones, is skipped.
+    """
+    p, multipliers = position.copy(), multipliers.copy()
+    valence = constraints.valence(len(p))
+    if ordering == "gauss-seidel":
+        together = constraints.colours
+    else:
+        together = constraints.ascending if ordering == "ascending" else [np.arange(len(constraints.first))]
+    for which in together:
+        a, b = constraints.first[which], constraints.second[which]
+        stretch, compliance, gamma, n = _stretched(constraints, which, p, before, h)
+        weight = inverse_mass[a] + inverse_mass[b]
+        if ordering == "weighted-jacobi":
+            weight = valence[a] * inverse_mass[a] + valence[b] * inverse_mass[b]
+        projected = n.any(axis=1) & (weight > 0)
+        change = np.divide(
+            -stretch - compliance * multipliers[which],
+            (1 + gamma) * weight + compliance,
+            out=np.zeros(len(which)),
+            where=projected,
+        )
+        if ordering == "jacobi":
+            change /= np.maximum(valence[a], valence[b])
+        multipliers[which] += change
+        share = 1 / valence if ordering == "averaged-jacobi" else np.ones(len(p))
+        np.subtract.at(p, a, (share[a] * inverse_mass[a] * change)[:, None] * n)
+        np.add.at(p, b, (share[b] * inverse_mass[b] * change)[:, None] * n)
+    return p, multipliers
+
+
+def substep(
+    constraints: Constraints,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray | float,
+    inverse_mass: np.ndarray,
+    h: float,
+    iterations: int,
+    ordering: str = "gauss-seidel",
+    drag: np.ndarray | float = 0.0,
+    settle: Settle = lambda before, p, v: (p, v),
+) -> Substep:
+    """One substep of `h` [s] from (particles, dimensions) `position` [m] and `velocity` [m/s] (XPBD 2016, algorithm 1).
+
+    `acceleration` [m/s^2] and the damper `drag` = c/m [1/s] act on the prediction, the damper on the velocity before the
+    acceleration: braking what gravity has just given would leave a hanging chain at (1 - h c/m) of its load. `settle` is
+    what colliders make of the position before the substep, the iterated one and the velocity between them.
+    """
+    if ordering not in ORDERINGS:
+        raise SceneError("method.ordering", ordering, f"one of {', '.join(ORDERINGS)}")
+    free = (inverse_mass > 0)[:, None]
+    before = position
+    v = np.where(free, velocity * (1 - h * drag) + h * acceleration, 0.0)
+    predicted = before + h * v
+    p, multipliers = predicted, np.zeros(len(constraints.first))
+    for _ in range(iterations):
+        p, multipliers = iterate(constraints, p, multipliers, before, inverse_mass, h, ordering)
+    settled, v = settle(before, p, (p - before) / h)
+    return Substep(settled, np.where(free, v, 0.0), predicted, p, multipliers)
+
+
+def residuals(
+    constraints: Constraints, state: Substep, before: np.ndarray, inverse_mass: np.ndarray, h: float
+) -> tuple[float, float]:
+    """(largest |C + a~ lambda| [m], with the damper's term; largest |M (x - x~) - grad C' lambda| [kg m], free masses).
+
+    XPBD 2016, eq. 9 and 8: both 0 where the iterations have converged. Of the iterated position, before colliders.
+    """
+    every = np.arange(len(constraints.first))
+    stretch, compliance, _, n = _stretched(constraints, every, state.iterated, before, h)
+    a, b = constraints.first, constraints.second
+    projected = n.any(axis=1) & (inverse_mass[a] + inverse_mass[b] > 0)
+    along = state.multipliers[:, None] * n
+    balance = np.zeros_like(state.position)
+    free = inverse_mass > 0
+    balance[free] = (state.iterated - state.predicted)[free] / inverse_mass[free, None]
+    np.add.at(balance, a, along)
+    np.subtract.at(balance, b, along)
+    first = np.abs(np.where(projected, stretch + compliance * state.multipliers, 0.0))
+    return float(first.max(initial=0.0)), float(np.abs(balance[free]).max(initial=0.0))
+
+
+def step(
+    constraints: Constraints,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    accelerate: Accelerate,
+    inverse_mass: np.ndarray,
+    dt: float,
+    substeps: int,
+    iterations: int,
+    ordering: str = "gauss-seidel",
+    drag: np.ndarray | float = 0.0,
+    settle: Callable[[int], Settle] = lambda number: lambda before, p, v: (p, v),
+) -> Substep:
+    """The last of `substeps` substeps of dt / substeps [s]; `accelerate(p, v, substep)` is asked at each one's beginning,
+    `settle(substep)` are its colliders."""
+    h = dt / substeps
+    for number in range(substeps):
+        a = accelerate(position, velocity, number)
+        state = substep(constraints, position, velocity, a, inverse_mass, h, iterations, ordering, drag, settle(number))
+        position, velocity = state.position, state.velocity
+    return state
+
+
+def _accelerations(
+    scene: Scene, p: np.ndarray, v: np.ndarray, time: float, frame: int, poke: Poke | None, mass: np.ndarray
+) -> np.ndarray:
+    """(particles, dimensions) [m/s^2]: everything but constraints and the masses' damper, at such positions."""
+    grid, dimensions = scene.grid, scene.dimensions
+    force = np.zeros_like(p)
+    if scene.wind:
+        shape = (grid.rows, grid.columns, dimensions)
+        force += cloth.wind_forces(scene, p.reshape(shape), v.reshape(shape), time).reshape(p.shape)
+    if scene.external and scene.external.magnitude > 0:
+        directions = random_directions(scene.external.seed, frame, len(p), axes=dimensions)
+        force += scene.external.magnitude * directions.reshape(p.shape)
+    if poke is not None and poke[0] is not None:
+        force[poke[0]] += poke[1]
+    force /= mass[:, None]
+    if scene.gravity and scene.gravity.enabled:
+        force[:, 1] -= scene.gravity.acceleration
+    return force
+
+
+def simulate(
+    scene: Scene,
+    steps: int,
+    position: np.ndarray | None = None,
+    velocity: np.ndarray | None = None,
+    first_step: int = 0,
+    poke: Poke | None = None,
+    *,
+    substeps: int = 1,
+    iterations: int = 1,
+    ordering: str = "gauss-seidel",
+    inextensible: bool = False,
+    masses: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of `method.dt`.
+
+    As bench.reference.mass_spring.simulate. `masses` (particles,) [kg] replaces the scene's. A random force is held for a
+    whole step; wind and colliders follow the time of every substep. Raises SceneError for a manufactured solution.
+    """
+    if scene.manufactured:
+        raise SceneError("manufactured", "present", "belongs to the solver mass-spring; leave it out for xpbd")
+    begin, at_rest = mass_spring.start(scene)
+    p = begin if position is None else np.array(position, dtype=np.float64)
+    v = at_rest if velocity is None else np.array(velocity, dtype=np.float64)
+    mass = np.full(len(p), scene.grid.mass) if masses is None else np.asarray(masses, dtype=np.float64)
+    inverse_mass = np.where(pinned_mask(scene).ravel(), 0.0, 1 / mass)
+    drag = (scene.damping.coefficient if scene.damping else 0.0) / mass[:, None]
+    constraints, dt = of_scene(scene, inextensible), scene.method.dt
+    fine = scene.replace({"method.dt": dt / substeps})
+    shape = (scene.grid.rows, scene.grid.columns, scene.dimensions)
+    for frame in range(first_step, first_step + steps):
+
+        def accelerate(p: np.ndarray, v: np.ndarray, number: int, frame: int = frame) -> np.ndarray:
+            time = (frame * substeps + number) * (dt / substeps)
+            return _accelerations(scene, p, v, time, frame, poke, mass)
+
+        def settle(number: int, frame: int = frame) -> Settle:
+            def collide(before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                if not scene.colliders:
+                    return p, v
+                sheets = before.reshape(shape), p.reshape(shape), v.reshape(shape)
+                p, v = cloth.collide(fine, *sheets, frame * substeps + number)
+                return p.reshape(-1, 3), v.reshape(-1, 3)
+
+            return collide
+
+        state = step(constraints, p, v, accelerate, inverse_mass, dt, substeps, iterations, ordering, drag, settle)
+        p, v = state.position, state.velocity
+    return p, v
