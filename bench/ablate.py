@@ -40,6 +40,7 @@ from bench.own_reference import (
     own_converged,
     own_seconds,
 )
+from bench.progress import progress_bar
 from bench.reference import cache
 from bench.reference.cache import Converged
 from bench.results import measures
@@ -109,11 +110,7 @@ def ablate(
 
 
 def _measure(work: _Work, groups: Sequence[Sequence[Variant]], show: bool) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+    with progress_bar(show) as bar:
         row = bar.add_task("converged reference", total=2 * sum(map(len, groups)) + 1)
 
         def tell(text: str) -> None:

@@ -46,6 +46,7 @@ from bench.growth import Growth, kept_growth
 from bench.judge import distance
 from bench.judgement import ERROR, GROWTH, HALF, RESOLVED, UNRESOLVED, judge
 from bench.machine import enter_machine, gpu_simulated, source_revision
+from bench.progress import progress_bar
 from bench.reference import cache
 from bench.results import configuration, measures
 from bench.store import Store, configuration_hash
@@ -215,11 +216,7 @@ def _held(store: Store, case: Case, machine: str, effort: Effort) -> bool:
 
 
 def _measure_all(store: Store, summary: AccuracySummary, missing: list[Case], effort: Effort, show: bool) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+    with progress_bar(show) as bar:
         task = bar.add_task("accuracy", total=2 * len(missing))
 
         def tell(text: str, advance: int) -> None:

@@ -15,7 +15,6 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
 
 from bench.accuracy import references
 from bench.accuracy_points import END
@@ -25,6 +24,7 @@ from bench.growth import MOST_GROWTH, Growth
 from bench.judgement import RESOLVED
 from bench.machine import enter_machine, source_revision
 from bench.own_reference import by_numpy, converged_of, growth_of, numpy_seconds, own_seconds
+from bench.progress import progress_bar
 from bench.reference import cache
 from bench.store import Store
 from bench.sweep import backends_here
@@ -65,7 +65,7 @@ def advise(
     chosen = backends_here(backends)
     revision = source_revision()
     machine = enter_machine(store)
-    with _bar(progress) as bar:
+    with progress_bar(progress) as bar:
         row = bar.add_task("growth of a disturbance", total=None)
         growth = growth_of(scene, end, references(store))
         found = Advice(scene, error, end, growth.factor, machine=machine)
@@ -99,14 +99,6 @@ def advise(
         found, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
         notes=tuple(notes), seconds=clock.perf_counter() - begin,
     )  # fmt: skip
-
-
-def _bar(show: bool) -> Any:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=not show, transient=True)
 
 
 def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None:

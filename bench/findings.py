@@ -21,6 +21,7 @@ from bench.accuracy_points import END, SCENES
 from bench.findings_timing import StepTimes, time_steps
 from bench.judge import distance
 from bench.machine import enter_machine, source_revision
+from bench.progress import progress_bar
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.results import configuration
@@ -54,9 +55,11 @@ Measures = dict[str, tuple[float, str, str | None]]  # name -> value, unit, reas
 
 @dataclass
 class FindingsSummary:
-    """What `run_findings` did: measures made now, and found in the store; `seconds`; `interrupted` by Ctrl-C."""
+    """What `run_findings`, or `run_costs`, did: measures made now, and found in the store; `seconds`; `interrupted` by
+    Ctrl-C; `what` they are called."""
 
     machine: str
+    what: str = "findings"
     run: str = ""
     measured: int = 0
     held: int = 0
@@ -64,7 +67,7 @@ class FindingsSummary:
     interrupted: bool = False
 
     def __str__(self) -> str:
-        text = f"findings: {self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
+        text = f"{self.what}: {self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
         return text + ("; interrupted: the same command resumes" if self.interrupted else "")
 
 
@@ -121,11 +124,7 @@ def _measure(
     timed: StepTimes,
     show: bool,
 ) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+    with progress_bar(show) as bar:
         task = bar.add_task("findings", total=len(missing) + 10 * len(untimed))
         for experiment in missing:
             bar.update(task, description=f"finding: {experiment}", advance=1)

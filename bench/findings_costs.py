@@ -18,8 +18,9 @@ from typing import Any
 from app.driver import open_simulation
 from bench import costs_timing
 from bench.costs_timing import FULL, QUICK, QUICKEST, RATIO, Effort, Measures, Record, in_turn
-from bench.findings import described
+from bench.findings import FindingsSummary, described
 from bench.machine import enter_machine, source_revision
+from bench.progress import progress_bar
 from bench.store import Store
 from bench.sweep import backends_here, source_hash
 from bench.timing import Subject, choose_steps, warm_up
@@ -37,22 +38,6 @@ LOOK_SIZES = {"cpu": (8, 32, 128, 512, 1024), "gpu": (16, 32, 128, 512, 1024, 20
 QUICK_MOST = 512  # masses a side of what `quick` measures
 LOOK_REPEATS = 15  # of a look by itself, of which the median counts
 NEVER = 2**62  # steps
-
-
-@dataclass
-class CostsSummary:
-    """What `run_costs` did: groups measured now, and found in the store; `seconds`; `interrupted` by Ctrl-C."""
-
-    machine: str
-    run: str = ""
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    interrupted: bool = False
-
-    def __str__(self) -> str:
-        text = f"costs: {self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
-        return text + ("; interrupted: the same command resumes" if self.interrupted else "")
 
 
 @dataclass(frozen=True)
@@ -79,7 +64,7 @@ def run_costs(
     backends: Sequence[str] | None = None,
     progress: bool = True,
     command: str = "softlab accuracy",
-) -> CostsSummary:
+) -> FindingsSummary:
     """Measure what the store lacks of the costs.
 
     `quick`: no grid wider than QUICK_MOST, fewer and shorter samples. `backends`: None: all that are here.
@@ -89,7 +74,7 @@ def run_costs(
 
     begin = time.perf_counter()
     chosen = backends_here(backends)
-    summary = CostsSummary(enter_machine(store))
+    summary = FindingsSummary(enter_machine(store), "costs")
     effort = QUICK if quick else FULL
     most = QUICK_MOST if quick else None
     try:
@@ -109,12 +94,8 @@ def run_costs(
     return summary
 
 
-def _measure(store: Store, summary: CostsSummary, missing: Sequence[Group], show: bool) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Group], show: bool) -> None:
+    with progress_bar(show) as bar:
         task = bar.add_task("costs", total=len(missing))
         for group in missing:
             bar.update(task, description=f"cost: {group.name}")

@@ -25,6 +25,7 @@ from bench.hard_cases import CASES, HardCase
 from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, rows_of
 from bench.hard_trial import Check, Endless, SilentNaN, Trial
 from bench.machine import enter_machine, source_revision
+from bench.progress import progress_bar
 from bench.results import configuration, measures
 from bench.store import Store, configuration_hash
 from bench.sweep import backends_here, source_hash
@@ -187,18 +188,10 @@ def run_hard(
     return summary
 
 
-def _bar(show: bool) -> Any:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=not show, transient=True)
-
-
 def _judge_all(
     store: Store, summary: HardSummary, missing: list[_Work], first: str, ends: list[Any], show: bool
 ) -> None:
-    with _bar(show) as bar:
+    with progress_bar(show) as bar:
         task = bar.add_task("hard cases", total=len(missing))
         for work in missing:
             bar.update(task, description=str(work))
@@ -241,7 +234,7 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
         summary.no_pictures = reason
         return
     folder.mkdir(exist_ok=True)
-    with _bar(show) as bar:
+    with progress_bar(show) as bar:
         for work, outcome in bar.track(ends, description="pictures"):
             scene, _ = case_scene(work.case, work.integrator)
             words = [work.case.name.replace(" ", "-"), work.integrator, work.precision, work.backend]

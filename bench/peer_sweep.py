@@ -26,6 +26,7 @@ from bench.peer_cases import Beside, PeerCase, group_of
 from bench.peer_results import DIFFERENCE
 from bench.peers.base import Opened, Peer
 from bench.peers.registry import OURS, PEERS
+from bench.progress import progress_bar
 from bench.store import Store
 from bench.sweep import backends_here, choose_effort, shapes
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
@@ -99,9 +100,6 @@ class _Comparison:
         revision: str | None,
         show: bool,
     ) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
         able: list[list[PeerCase]] = []
         refused: list[tuple[PeerCase, str]] = []
         for group in groups:
@@ -118,8 +116,7 @@ class _Comparison:
         self.summary.run = self.store.start_run(self.summary.machine, command, revision)
         for case, reason in refused:
             record_skip(self.store, self.summary, case, reason)
-        columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+        with progress_bar(show) as bar:
             task = bar.add_task("peers", total=sum(map(len, able)))
             for group in able:
                 self.measure(group, lambda text: bar.update(task, description=text))

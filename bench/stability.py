@@ -21,6 +21,7 @@ from typing import Any
 from app.driver import open_simulation
 from bench.choice import chosen
 from bench.machine import enter_machine, gpu_simulated, source_revision
+from bench.progress import progress_bar
 from bench.results import configuration, measures
 from bench.stability_points import (
     DAMPING,
@@ -195,11 +196,7 @@ def run_stability(
 
 
 def _run_all(store: Store, summary: StabilitySummary, missing: list[Case], show: bool) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+    with progress_bar(show) as bar:
         task = bar.add_task("stability", total=sum(case.worth for case in missing))
 
         def tell(text: str, advance: int) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 from bench.cases import Case, Costs, Effort, SweepSummary, record_skip
 from bench.machine import enter_machine, gpu_or_reason, gpu_simulated, source_revision
 from bench.measure_group import GroupRunner
+from bench.progress import progress_bar
 from bench.results import configuration, timings
 from bench.store import Store, configuration_hash
 from bench.timing import MEASUREMENT
@@ -210,13 +211,9 @@ class Sweep:
 
     def run(self, pending: Work, show: bool, runner_class: type[GroupRunner] = GroupRunner) -> None:
         """Measure the grids one after another, each with a runner of the class."""
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
         if any(case.graphics for _, cases in pending for case in cases):
             self._look_for_opengl()
-        columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=Console(stderr=True), disable=not show, transient=True) as bar:
+        with progress_bar(show) as bar:
             weights = {id(case): self._weight(case) for _, cases in pending for case in cases}
             task = bar.add_task("sweep", total=sum(weights.values()) or 1)
             runner = runner_class(

@@ -3,22 +3,20 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numba
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_kernels import PLANES, make_cloth_advance
 from cpu_backend.cloth_normals import make_normals
 from cpu_backend.cloth_rk4 import make_cloth_rk4
 from cpu_backend.cloth_scratch import AXES, scratch_width, triples_of
 from cpu_backend.cloth_stages import bind_cloth_stages
-from cpu_backend.compile import Compiler
 from cpu_backend.layout import aligned_zeros, padded, plain
 from cpu_backend.mass_spring import processor_name
 from cpu_backend.row_step import CLOSING, MIDDLE, OPENING
+from cpu_backend.simulation import CpuSimulation
 from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import cloth_plan, kicks_meet
@@ -26,7 +24,7 @@ from model.cloth_record import collider_rows
 from model.errors import SceneError
 from model.plan import Executor
 from model.scene import Scene
-from model.simulation import Options, Simulation
+from model.simulation import Options
 
 KERNELS = ("fused", "stages")
 
@@ -38,32 +36,8 @@ def choose_kernel(wanted: str | None) -> str:
     return wanted or "fused"
 
 
-@cache
-def _make_first_bad(real: Any) -> Any:
-    """first_bad(state, bound, columns_bad): per row the first bad column, or -1. No fast math: NaN must be seen."""
-    compiler = Compiler(f"cloth_{np.dtype(real).name}", "exact")
-
-    def first_bad(state, bound, bad):
-        zero = bound - bound
-        for i in prange(state.shape[1]):
-            bad[i] = -1
-            for j in range(state.shape[2]):
-                good = True
-                for axis in range(AXES):
-                    inside = abs(state[axis, i, j]) <= bound  # false for NaN
-                    still = state[AXES + axis, i, j] - state[AXES + axis, i, j] == zero
-                    good = good and inside and still
-                if not good:
-                    bad[i] = j
-                    break
-
-    return compiler.kernel(first_bad)
-
-
-class ClothMassSpring(Simulation):
+class ClothMassSpring(CpuSimulation):
     """See model/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
-
-    backend = "cpu"
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options)
@@ -81,14 +55,10 @@ class ClothMassSpring(Simulation):
         make_layout = plain(rows, columns, PLANES), padded(rows, columns, self.real, PLANES)
         self._layout = make_layout[self.kernel != "stages"]
         self._integers_of_layout = self._layout.integers()
-        self._is_rk4 = scene.method.integrator == "rk4"
         self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
         self._current = 0
         self._kept = np.zeros(self._layout.size, self.real)
-        self._pin_row, self._pin_column = np.divmod(self.body.pinned, columns)
-        self._pin_start = np.searchsorted(self._pin_row, np.arange(rows + 1)).astype(np.int64)
-        self._bad = np.full(rows, -1, np.int64)
-        self._first_bad_kernel = _make_first_bad(self.real)
+        self._set_pins()
         self._bands = min(self.threads, rows)
         self._executor = self._make_executor()
         self.reset()
@@ -105,20 +75,6 @@ class ClothMassSpring(Simulation):
         integrator = self.scene.method.integrator
         self._kernel = make_cloth_advance(self.real, self.options.math, integrator, self.plan.parts)
         return Executor(self.plan, {}, self._advance_fused)
-
-    @property
-    def current(self) -> np.ndarray:
-        """(6, rows, columns): x, y, z, vx, vy, vz now, a view of the storage."""
-        return self._layout.view(self._flat)
-
-    @property
-    def _flat(self) -> np.ndarray:
-        size = self._layout.size
-        return self._states[self._current * size : (self._current + 1) * size]
-
-    def _run(self, steps: int) -> None:
-        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
-        self._executor.run(self.step, steps)
 
     def _given(self) -> tuple[Any, ...]:
         """What both kernels get last."""
@@ -142,42 +98,6 @@ class ClothMassSpring(Simulation):
     def _advance_rk4(self, step: int, steps: int) -> None:
         self._kernel(steps, step, self._states, *self._given())
 
-    def _keep(self) -> None:
-        self._kept[...] = self._flat
-
-    def _restore(self) -> None:
-        self._flat[...] = self._kept
-
-    def _first_bad(self) -> int:
-        numba.set_num_threads(self.threads)
-        self._first_bad_kernel(self.current, self.real(self._bound), self._bad)
-        rows = np.flatnonzero(self._bad >= 0)
-        return int(rows[0] * self.body.columns + self._bad[rows[0]]) if len(rows) else -1
-
-    def _parameters_changed(self) -> None:
-        self.record = self._record
-        self.integers[1] = self._poke_particle + 1
-
-    def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        flat = self.current.reshape(PLANES, -1)  # a copy, if rows are padded
-        return np.ascontiguousarray(flat[:AXES].T), np.ascontiguousarray(flat[AXES:].T)
-
-    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        current = self.current
-        current[:AXES] = position.T.reshape(current[:AXES].shape)
-        current[AXES:] = velocity.T.reshape(current[AXES:].shape)
-
-    @property
-    def pinned_position(self) -> np.ndarray:
-        """(3, pins): where the pinned masses are held. They never move, so any state tells."""
-        return self._layout.view(self._kept)[:AXES, self._pin_row, self._pin_column]
-
-    def _read_position(self, into: Any) -> Any:
-        if into is None:
-            return self._download()[0]
-        into[...] = self.current[:AXES].reshape(AXES, -1).T
-        return into
-
     def _read_normal(self, into: Any) -> Any:
         out = np.empty((self.body.rows * self.body.columns, AXES), self.real)
         numba.set_num_threads(self.threads)
@@ -186,10 +106,3 @@ class ClothMassSpring(Simulation):
             return out
         into[...] = out
         return into
-
-    def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
-
-    def close(self) -> None:
-        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
-        self.__dict__.pop("_executor", None)

@@ -18,7 +18,7 @@ from cpu_backend.cloth_rows import make_cloth_forces
 from cpu_backend.cloth_scratch import AXES, cloth_variant, triples_of
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from cpu_backend.row_step import CLOSING, OPENING, make_finishes, pass_kind
+from cpu_backend.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import kicks_meet
 from model.cloth_record import C_DAMPING, C_DT, C_INVERSE_DAMPING
@@ -67,32 +67,7 @@ def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: froz
     finishes = make_finishes(
         compiler, real, integrator, "damping" in parts, damped, (C_DAMPING, C_INVERSE_DAMPING)
     )  # fmt: skip
-    block, verlet = block_of(real), len(finishes) > 1
-
-    def make_loop(name: str) -> Any:
-        finish = finishes.get(name, finishes["middle"])
-
-        def finish_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity):
-            for j in range(blocks * block):
-                p, v = finish(position[j], velocity[j], closing[j], opening[j], record)
-                new_position[j] = p
-                new_velocity[j] = v
-
-        finish_row.__name__ = f"{name}_finish_row"
-        return compiler.row(finish_row)
-
-    opening_row, middle_row, closing_row = make_loop("opening"), make_loop("middle"), make_loop("closing")
-
-    @compiler.compiled
-    def finish_axis(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity):
-        if verlet and kind == OPENING:
-            opening_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity)
-        elif verlet and kind == CLOSING:
-            closing_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity)
-        else:
-            middle_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity)
-
-    return finish_axis
+    return make_finish_axis(compiler, real, finishes)
 
 
 @cache

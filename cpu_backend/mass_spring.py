@@ -11,24 +11,22 @@ import platform
 from functools import cache
 from typing import Any
 
-import numba
 import numpy as np
-from numba import prange
 
 from cpu_backend.choice import SPINS, SPINS_CROWDED, choose_kernel, tiling
-from cpu_backend.compile import Compiler
 from cpu_backend.layout import aligned_zeros, padded, plain
 from cpu_backend.mass_spring_kernels import SCRATCH_ROWS, make_advance
 from cpu_backend.mass_spring_stages import bind_stages
 from cpu_backend.progress import GATE_FLAGS, GO, new_flags
 from cpu_backend.rk4_kernels import make_advance_rk4
 from cpu_backend.row_step import CLOSING, MIDDLE, OPENING
+from cpu_backend.simulation import CpuSimulation
 from cpu_backend.team_kernel import TEAM_SCRATCH_ROWS, make_team_advance
 from cpu_backend.threads import core_count, thread_count
 from cpu_backend.tiled_kernel import make_tiled_advance
 from model.plan import Executor, mass_spring_plan
 from model.scene import Scene
-from model.simulation import Options, Simulation
+from model.simulation import Options
 
 
 @cache
@@ -44,29 +42,8 @@ def processor_name() -> str:
     return platform.processor() or platform.machine()
 
 
-@cache
-def _make_first_bad(real: Any) -> Any:
-    """first_bad(state, bound, columns_bad): per row the first bad column, or -1. No fast math: NaN must be seen."""
-    compiler = Compiler(f"{np.dtype(real).name}", "exact")
-
-    def first_bad(state, bound, bad):
-        zero = bound - bound
-        for i in prange(state.shape[1]):
-            bad[i] = -1
-            for j in range(state.shape[2]):
-                inside = abs(state[0, i, j]) <= bound and abs(state[1, i, j]) <= bound  # false for NaN
-                still = state[2, i, j] - state[2, i, j] == zero and state[3, i, j] - state[3, i, j] == zero
-                if not (inside and still):
-                    bad[i] = j
-                    break
-
-    return compiler.kernel(first_bad)
-
-
-class MassSpring(Simulation):
+class MassSpring(CpuSimulation):
     """See model/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
-
-    backend = "cpu"
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options)
@@ -83,12 +60,7 @@ class MassSpring(Simulation):
         self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
         self._current = 0
         self._kept = np.zeros(self._layout.size, self.real)
-        pin_row, pin_column = np.divmod(self.body.pinned, columns)
-        self._pin_start = np.searchsorted(pin_row, np.arange(rows + 1)).astype(np.int64)
-        self._pin_column = pin_column.astype(np.int64)
-        self._pin_row = pin_row
-        self._bad = np.full(rows, -1, np.int64)
-        self._first_bad_kernel = _make_first_bad(self.real)
+        self._set_pins()
         self._bands = min(self.threads, rows)
         self._executor = self._make_executor()
         self.reset()
@@ -114,24 +86,6 @@ class MassSpring(Simulation):
         self._kernel = make(*variant)
         run = {"fused": self._advance_fused, "team": self._advance_team, "tiled": self._advance_tiled}[self.kernel]
         return Executor(self.plan, {}, run)
-
-    @property
-    def _is_rk4(self) -> bool:
-        return self.scene.method.integrator == "rk4"
-
-    @property
-    def current(self) -> np.ndarray:
-        """(4, rows, columns): x, y, vx, vy now, a view of the padded storage."""
-        return self._layout.view(self._flat)
-
-    @property
-    def _flat(self) -> np.ndarray:
-        size = self._layout.size
-        return self._states[self._current * size : (self._current + 1) * size]
-
-    def _run(self, steps: int) -> None:
-        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
-        self._executor.run(self.step, steps)
 
     def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
         """What every kernel of one-force integrators and velocity Verlet gets first."""
@@ -172,49 +126,10 @@ class MassSpring(Simulation):
             self._pin_column, self._scratch,
         )  # fmt: skip
 
-    def _keep(self) -> None:
-        self._kept[...] = self._flat
-
-    def _restore(self) -> None:
-        self._flat[...] = self._kept
-
-    def _first_bad(self) -> int:
-        numba.set_num_threads(self.threads)
-        self._first_bad_kernel(self.current, self.real(self._bound), self._bad)
-        rows = np.flatnonzero(self._bad >= 0)
-        return int(rows[0] * self.body.columns + self._bad[rows[0]]) if len(rows) else -1
-
-    def _parameters_changed(self) -> None:
-        self.record = self._record
-        self.integers[1] = self._poke_particle + 1
-
-    def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        flat = self.current.reshape(4, -1)  # a copy, if rows are padded
-        return np.ascontiguousarray(flat[:2].T), np.ascontiguousarray(flat[2:].T)
-
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        super()._upload(position, velocity)
         current = self.current
-        current[:2] = position.T.reshape(current[:2].shape)
-        current[2:] = velocity.T.reshape(current[2:].shape)
         columns, stride = self._layout.columns, self._layout.stride
         spare = self._layout.view(self._flat, stride)[:, :, columns:]
         spare[:2] = current[:2, :, columns - 1 :]  # ghosts, see layout.py
         spare[2:] = 0
-
-    @property
-    def pinned_position(self) -> np.ndarray:
-        """(2, pins): where the pinned masses are held. They never move, so any state tells."""
-        return self._layout.view(self._kept)[:2, self._pin_row, self._pin_column]
-
-    def _read_position(self, into: Any) -> Any:
-        if into is None:
-            return self._download()[0]
-        into[...] = self.current[:2].reshape(2, -1).T
-        return into
-
-    def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
-
-    def close(self) -> None:
-        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
-        self.__dict__.pop("_executor", None)

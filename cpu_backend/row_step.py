@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from cpu_backend.compile import Compiler
-from cpu_backend.layout import row_at
+from cpu_backend.layout import block_of, row_at
 from cpu_backend.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
 from model.formulas import integrators
 from model.record import (
@@ -196,10 +196,10 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
     return in_one_loop
 
 
-def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
-    block, zero, two_sums, verlet = forces.block, real(0), forces.two_sums, len(finishes) > 1
-    sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
-    alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
+def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) -> Any:
+    """finish_axis(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity): one axis of a row
+    from its sums of accelerations to its new state, as `finishes` (of `make_finishes`) say."""
+    block, verlet = block_of(real), len(finishes) > 1
 
     def make_loop(name: str) -> Any:
         finish = finishes.get(name, finishes["middle"])
@@ -216,13 +216,23 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
     opening, middle, closing = make_loop("opening"), make_loop("middle"), make_loop("closing")
 
     @compiler.compiled
-    def finish_axis(kind, blocks, position, velocity, close_sum, open_sum, record, new_position, new_velocity):
+    def finish_axis(kind, blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity):
         if verlet and kind == OPENING:
-            opening(blocks, position, velocity, close_sum, open_sum, record, new_position, new_velocity)
+            opening(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
         elif verlet and kind == CLOSING:
-            closing(blocks, position, velocity, close_sum, open_sum, record, new_position, new_velocity)
+            closing(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
         else:
-            middle(blocks, position, velocity, close_sum, open_sum, record, new_position, new_velocity)
+            middle(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+
+    return finish_axis
+
+
+def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
+    zero, two_sums = real(0), forces.two_sums
+    sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
+    alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
+
+    finish_axis = make_finish_axis(compiler, real, finishes)
 
     @compiler.inlined
     def through_sums(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers):

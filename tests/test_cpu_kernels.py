@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.driver import open_simulation
-from cpu_backend import choice, layout, mass_spring, tiled_kernel
+from cpu_backend import choice, layout, tiled_kernel
 from cpu_backend.choice import LEVELS, choose_kernel, tiling
 from model.errors import Diverged, SceneError
 from model.scene import load_scene
@@ -110,7 +110,7 @@ def test_a_team_that_does_not_come_together_does_nothing_and_another_kernel_step
     scene = scene_of(24, 40)
     want = stepped(scene, (30,), kernel="fused", threads=1, **EXACT32)
     set_num_threads = numba.set_num_threads
-    monkeypatch.setattr(mass_spring.numba, "set_num_threads", lambda count: set_num_threads(1))
+    monkeypatch.setattr(numba, "set_num_threads", lambda count: set_num_threads(1))
     with open_simulation(scene, kernel="team", threads=min(4, MOST), **EXACT32) as simulation:
         simulation.advance(30)
         assert simulation.kernel == "fused"
