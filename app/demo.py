@@ -78,9 +78,9 @@ class Demo(Worlds):
 
     def limit_text(self) -> str:
         """The step size against its limit, in words."""
-        integrator, limit = self.world.scene.method.integrator, self.world.limit
+        method, limit = self.world.scene.method.name, self.world.limit
         if limit == 0:
-            return f"and {integrator} is unstable at every dt here"
+            return f"and {method} is unstable at every dt here"
         if math.isinf(limit):
             return "no limit"
         relation = "OVER the limit of" if self.over_limit else "limit"

@@ -36,7 +36,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
             f"{demo.steps_per_frame} steps   {speed * demo.steps_per_frame * running:.0f} steps/s",
             f"{world.backend}   {threads}   {world.options.precision}   "
             f"{world.body.rows} x {world.body.columns} masses   {springs}gravity {gravity}",
-            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.integrator})   time {world.time:.2f} s   "
+            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   time {world.time:.2f} s   "
             f"energy {demo.statistics.energy:.4g} J   worst strain {demo.statistics.worst_strain:+.4g}{state}",
         )
     )

@@ -59,6 +59,10 @@ def open_simulation(
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
     """The solver of the scene on the backend; the other backend is not even imported."""
     if backend == "cpu":
+        if scene.method.position_based:
+            from cpu_backend.xpbd import PositionBased
+
+            return PositionBased(scene, options, threads)
         if scene.cloth:
             from cpu_backend.cloth import ClothMassSpring
 
@@ -66,6 +70,10 @@ def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> S
         from cpu_backend.mass_spring import MassSpring
 
         return MassSpring(scene, options, threads)
+    if scene.method.position_based:
+        from gpu_backend.xpbd import PositionBased as CudaPositionBased
+
+        return CudaPositionBased(scene, options)
     if scene.cloth:
         from gpu_backend.cloth import ClothMassSpring as CudaClothMassSpring
 

@@ -55,22 +55,14 @@ def measure_stages(scene: Scene, backend: str, precision: str, required: bool = 
 
 def _stage_times(simulation: Simulation) -> StageTimes:
     stages = list(simulation.plan.root.stages())
+    runs = simulation.stages
     if simulation.backend == "gpu":
         from gpu_backend.device import simulated
 
-        if simulation.scene.cloth:
-            from gpu_backend.cloth_stages import bind_cloth_stages as bind_gpu
-        else:
-            from gpu_backend.mass_spring_stages import bind_stages as bind_gpu
-        runs: Runs = bind_gpu(simulation)
         return (_in_turn if simulated() else _replayed)(simulation, stages, runs)
     from cpu_backend.compile import start_threads
 
-    if simulation.scene.cloth:
-        from cpu_backend.cloth_stages import bind_cloth_stages as bind_cpu
-    else:
-        from cpu_backend.mass_spring_stages import bind_stages as bind_cpu
-    runs = {**bind_cpu(simulation), EMPTY: lambda step, offset: start_threads()}
+    runs = {**runs, EMPTY: lambda step, offset: start_threads()}
     *seconds, empty = _in_turn(simulation, [*stages, Stage(EMPTY, 0, 0, 0)], runs).seconds
     return StageTimes(tuple(seconds), empty)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from model.simulation import PRECISIONS
 
 EACH_ONCE = 2.0  # springs a mass, each computed once: a grid's interior has as many right and below as masses
 SPRINGS_OF_A_MASS = 4.0
+POSITION_BASED_NOTE = "constraints are projected, at any step size; first order, and damped by it"
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,8 @@ class PlanReport:
         method, grid = self.scene.method, self.scene.grid
         return {
             "scene": self.scene.name, "precision": self.precision, "particles": grid.particle_count,
-            "springs": self.springs, "dimensions": self.plan.dimensions, "integrator": method.integrator,
+            "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,
+            "substeps": method.substeps, "iterations": method.iterations,
             "dt": method.dt, "limit": self.limit if isfinite(self.limit) else None,
             "stable": method.dt <= self.limit, "frequency": frequency_lines(self.scene),
             "bytes": self.bytes, "operations": self.operations,
@@ -273,7 +275,11 @@ def plan_report(
     rows, order = flatten(plan.root)
     found, unknown = [], {}
     ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": _cpu_plan, "gpu": _gpu_plan}
-    if scene.cloth:
+    if scene.method.position_based:
+        from app.plan_xpbd import xpbd_on_cpu, xpbd_on_gpu
+
+        ways = {"cpu": xpbd_on_cpu, "gpu": xpbd_on_gpu}
+    elif scene.cloth:
         from app.plan_cloth import cloth_on_cpu, cloth_on_gpu
 
         ways = {"cpu": cloth_on_cpu, "gpu": cloth_on_gpu}
@@ -298,4 +304,7 @@ def limit_line(report: PlanReport) -> str:
     method = report.scene.method
     state = "running at" if method.dt <= report.limit else "OVER IT at"
     bound = f"limit dt {report.limit:.6g} s" if report.limit > 0 else "no stable dt"
-    return f"{bound} ({method.integrator}: {INTEGRATORS[method.integrator].note}), {state} {method.dt:g} s"
+    if report.limit == inf:
+        bound = "no limit to dt"
+    note = POSITION_BASED_NOTE if method.position_based else INTEGRATORS[method.integrator].note
+    return f"{bound} ({method.name}: {note}), {state} {method.dt:g} s"

@@ -58,13 +58,13 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
-    heads = ("scene", "masses", "pinned", "integrator", "dt / s", "limit / s")
+    heads = ("scene", "masses", "pinned", "method", "dt / s", "limit / s")
     table = Table(*(Column(head, no_wrap=True) for head in heads), box=None)
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
         table.add_row(
-            name, f"{grid.rows} x {grid.columns}", str(grid.pinned), method.integrator, f"{method.dt:g}",
+            name, f"{grid.rows} x {grid.columns}", str(grid.pinned), method.name, f"{method.dt:g}",
             f"{stability_limit(scene):.4g}",
         )  # fmt: skip
     console.print(table)

@@ -1,8 +1,8 @@
 """Positions and normals of a cloth in vertex buffers, renewed for each frame.
 
 The seam between simulation and drawing: a view draws from `position_buffer` and `normal_buffer`, and does not know how
-they were filled. `HostVertices` fills them from the host's memory; one that lets a GPU backend write into the mapped
-buffers has the same `upload`.
+they were filled. `HostVertices` fills them from the host's memory; `CudaVertices` (app/cuda_vertices.py) lets a GPU
+backend write into them where it can.
 """
 
 from __future__ import annotations
@@ -38,6 +38,10 @@ class HostVertices:
         for buffer in self._buffers:  # something lies there before the first state comes
             self._send(buffer, self._normal)
 
+    def straight(self, simulation: Simulation) -> bool:
+        """Whether `upload` means to have the simulation's state without the host: then nobody needs to read it for it."""
+        return False
+
     def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
         """The state of `simulation` now. `normals` False: only lines will be drawn. `position` (particles, 3) float32: what
         the caller has read already."""
@@ -63,14 +67,16 @@ class HostVertices:
             self._send(self.normal_buffer, normal)
 
     @staticmethod
-    def _send(buffer: int, array: Any) -> None:
+    def _send(buffer: int, array: Any, usage: int | None = None) -> None:
+        """A fresh store for `buffer`, which holds `array`: the driver need not wait until the last frame's vertices have
+        been drawn. `usage` None: written by the host for each frame."""
         from pyglet import gl
 
         with np.errstate(over="ignore", invalid="ignore"):
             data = np.ascontiguousarray(array, dtype=np.float32)
+        kind = gl.GL_STREAM_DRAW if usage is None else usage
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
-        # A fresh store each time: the driver need not wait until the last frame's vertices have been drawn.
-        gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_STREAM_DRAW)
+        gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), kind)
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
     def delete(self) -> None:

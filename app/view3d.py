@@ -9,6 +9,7 @@ import numpy as np
 
 from app import colours, shaders3d
 from app.camera3d import Camera3D
+from app.cuda_vertices import CudaVertices
 from app.opengl import shader_program
 from app.scene_view import PIN_SIZE, POINTS_FROM, WIDE_UP_TO
 from app.scenery import Drawn, Lit, Scenery
@@ -16,7 +17,6 @@ from app.shaders import POINT_FRAGMENT
 from app.smooth_target import SAMPLES, SmoothTarget
 from app.surface import drawn_kinds, rest_length, triangles
 from app.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
-from app.vertices import HostVertices
 from model.build import pinned_indices, rest_positions
 from model.energy import spring_ends
 from model.scene import Scene
@@ -37,7 +37,7 @@ class View3D:
         from pyglet import gl
 
         self.scene = scene
-        self.vertices = HostVertices(scene)
+        self.vertices = CudaVertices(scene)
         self.lowest = float(rest_positions(scene.grid)[:, 1].min())  # of all that was shown: the ground lies below it
         self._target = SmoothTarget(samples)
         self._scenery = Scenery(scene)

@@ -120,11 +120,15 @@ class Viewer:
     def _upload(self) -> None:
         """The state of every world, as it is drawn."""
         demo = self.demo
-        for view, world, position in zip(self.views, demo.worlds, demo.positions, strict=True):
-            if self.space and not demo.frozen:
-                view.upload_from(world, position)
-            else:  # in the plane there are no normals to ask for; what is frozen is no world's state any more
-                view.upload(position)
+        for number, (view, world) in enumerate(zip(self.views, demo.worlds, strict=True)):
+            if (
+                not self.space or demo.frozen
+            ):  # a plane has no normals to ask for; what is frozen is no world's state any more
+                view.upload(demo.positions[number])
+            elif view.vertices.straight(world):
+                view.upload_from(world)
+            else:
+                view.upload_from(world, demo.positions[number])
 
     def _draw(self) -> None:
         """One frame: physics, then the picture, both timed."""
@@ -226,7 +230,7 @@ class Viewer:
             "screenshot": str(self.screenshot) if self.screenshot else None,
         }
         if self.space:
-            shown["lines"] = self.views[0].lines
+            shown |= {"lines": self.views[0].lines, "way": self.views[0].vertices.way}
         return demo_state(self.demo, self.camera) | self.camera.told() | shown
 
     def run(self) -> None:

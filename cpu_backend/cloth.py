@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.cloth_kernels import PLANES, make_cloth_advance
+from cpu_backend.cloth_kernels import PIN_ROWS, PLANES, make_cloth_advance
 from cpu_backend.cloth_normals import make_normals
 from cpu_backend.cloth_rk4 import make_cloth_rk4
 from cpu_backend.cloth_scratch import AXES, scratch_width, triples_of
@@ -20,7 +20,7 @@ from cpu_backend.simulation import CpuSimulation
 from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import cloth_plan, kicks_meet
-from model.cloth_record import collider_rows
+from model.cloth_record import body_rows
 from model.errors import SceneError
 from model.plan import Executor
 from model.scene import Scene
@@ -48,9 +48,10 @@ class ClothMassSpring(CpuSimulation):
         rows, columns = self.body.rows, self.body.columns
         self.record = self._record
         seeds = (part.seed if part else 0 for part in (scene.external, scene.wind))
-        self.integers = np.zeros(3, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none; seed of gusts
-        self.integers[::2] = list(seeds)
-        self.bodies = collider_rows(scene, self.real).reshape(-1)
+        # seed of external forces; 1 + poked particle, 0 for none; seed of gusts; where the rows of pins begin
+        self.integers = np.zeros(4, np.uint64)
+        self.integers[:3:2] = list(seeds)
+        self.bodies, self.integers[PIN_ROWS] = body_rows(scene, self.body, self.real)
         self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
         make_layout = plain(rows, columns, PLANES), padded(rows, columns, self.real, PLANES)
         self._layout = make_layout[self.kernel != "stages"]

@@ -14,6 +14,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.cloth_colliders import make_collide_row
+from cpu_backend.cloth_pins import make_follow
 from cpu_backend.cloth_rows import make_cloth_forces
 from cpu_backend.cloth_scratch import AXES, cloth_variant, triples_of
 from cpu_backend.compile import Compiler
@@ -21,17 +22,20 @@ from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, r
 from cpu_backend.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import kicks_meet
-from model.cloth_record import C_DAMPING, C_DT, C_INVERSE_DAMPING
-from model.formulas import springs
+from model.cloth_record import C_DAMPING, C_DT, C_INVERSE_DAMPING, P_MOTION, PIN_FIELDS
+from model.formulas import cloth, springs
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
+PIN_ROWS = 3  # place in the integers: where the rows of pins begin among those of the colliders and motions
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """What ends a row's pass, once it is written: `collide_row` (cloth_colliders.py; only where `has_colliders`), and
-    `settle(i, blocks, layout, source, target, there, pin_start, pin_column)`: pinned masses are where `source` has them,
-    at rest, and the spare columns follow the row's last mass, at rest, so that they stay finite."""
-    block, zero, has_pins = block_of(real), real(0), "pins" in parts
+    `settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers)`: pinned masses are where
+    `source` has them, at rest, or where their motion has them at `time` [s]; the spare columns follow the row's last mass,
+    at rest, so that they stay finite."""
+    block, zero, has_pins, has_motion = block_of(real), real(0), "pins" in parts, "motion" in parts
+    follow = make_follow(compiler, real)
 
     @compiler.row
     def fill_spare(plane_row, value, spare):
@@ -39,7 +43,7 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
             plane_row[j] = value if j >= block - spare else plane_row[j]
 
     @compiler.compiled
-    def settle(i, blocks, layout, source, target, pin_start, pin_column):
+    def settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers):
         columns, plane, here = layout[L_COLUMNS], layout[L_PLANE], i * layout[L_STRIDE]
         if has_pins:
             for k in range(pin_start[i], pin_start[i + 1]):
@@ -47,6 +51,12 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
                 for axis in range(AXES):
                     target[place + axis * plane] = source[place + axis * plane]
                     target[place + (AXES + axis) * plane] = zero
+                if has_motion:
+                    pin = np.int64(integers[PIN_ROWS]) + PIN_FIELDS * k
+                    if bodies[pin + P_MOTION] >= zero:
+                        x, y, z, vx, vy, vz = follow(bodies, pin, time)
+                        target[place], target[place + plane], target[place + 2 * plane] = x, y, z
+                        target[place + 3 * plane], target[place + 4 * plane], target[place + 5 * plane] = vx, vy, vz
         if columns % block != 0:
             last_block = here + (blocks - 1) * block
             for axis in range(AXES):
@@ -88,7 +98,8 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
     kind_of = compiler.compiled(pass_kind)
     two_sums, a_close, a_open = forces.two_sums, forces.a_close, forces.a_open
-    verlet, has_wind = integrator == "velocity-verlet", "wind" in parts
+    verlet, has_wind, has_motion = integrator == "velocity-verlet", "wind" in parts, "motion" in parts
+    instant = cloth.make(real, compiler.compiled).instant
     in_turn = verlet and not kicks_meet(parts)
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 
@@ -106,6 +117,9 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
         if has_wind:
             air = air_now(record, integers, step, zero)
         closing = step - 1 if verlet and (two_sums or kind == CLOSING) else step
+        end = zero
+        if has_motion:
+            end = instant(step if verlet and kind == CLOSING else step + 1, record[C_DT])
         begin_walk(first, blocks, layout, source, record, air, scratch, width)
         for i in range(first, last):
             here = i * stride
@@ -120,7 +134,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                 )  # fmt: skip
             if has_colliders and not (verlet and kind == CLOSING):
                 collide_row(bodies, kinds, step, record[C_DT], blocks, source, here, plane, target, here, plane)
-            settle(i, blocks, layout, source, target, pin_start, pin_column)
+            settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
     def advance(
         passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,

@@ -15,7 +15,7 @@ from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from cpu_backend.rk4_kernels import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
 from model.cloth_record import C_DAMPING, C_DT
-from model.formulas import springs
+from model.formulas import cloth, motion, springs
 
 
 @cache
@@ -34,6 +34,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     update = make_rk4_rows(compiler, real)
     _, damped = springs.make(real, compiled)
     has_wind, has_damping, a_close = "wind" in parts, "damping" in parts, forces.a_close
+    has_motion, instant, middle = "motion" in parts, cloth.make(real, compiled).instant, motion.make(real, compiled).middle
     triples, block = triples_of(parts)["count"], block_of(real)
     zero, half, one = real(0), real(0.5), real(1)
 
@@ -65,6 +66,9 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             offset = half
         elif stage == 3:
             offset = one
+        end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
+        if has_motion:
+            end = middle(step, record[C_DT]) if stage < 2 else instant(step + 1, record[C_DT])
         air = (zero, zero, zero)
         if has_wind:
             air = air_now(record, integers, step, offset)
@@ -91,7 +95,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                 collide_row(bodies, kinds, step, record[C_DT], blocks, base, here, plane, spare, here, plane)
                 for axis in range(PLANES):
                     copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
-            settle(i, blocks, layout, source, target, pin_start, pin_column)
+            settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
     def advance(steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches):
         bands = scratches.shape[0]

@@ -15,6 +15,8 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.cloth_colliders import make_collide_mass
+from cpu_backend.cloth_kernels import PIN_ROWS
+from cpu_backend.cloth_pins import make_follow
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.cloth_stage_forces import make_spring_stage, make_wind_stage
 from cpu_backend.compile import Compiler
@@ -32,8 +34,10 @@ from model.cloth_record import (
     C_POKE_Z,
     C_SIXTH_DT,
     C_THIRD_DT,
+    P_MOTION,
+    PIN_FIELDS,
 )  # fmt: skip
-from model.formulas import integrators, random, springs
+from model.formulas import cloth, integrators, motion, random, springs
 
 
 def make_point_stages(compiler: Compiler, real: Any, integrator: str, has_damping: bool) -> SimpleNamespace:
@@ -131,6 +135,25 @@ def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> 
     return compiler.kernel(collide)
 
 
+def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """pins(bodies, first, rows, columns, step, half_way, record, state): those that follow a motion, at the step's end or
+    half-way through it. `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses."""
+    follow = make_follow(compiler, real)
+    instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
+    zero = real(0)
+
+    def pins(bodies, first, rows, columns, step, half_way, record, state):
+        x, y, z, vx, vy, vz = state
+        time = middle(step, record[C_DT]) if half_way else instant(step + 1, record[C_DT])
+        for k in prange(rows.size):
+            pin = first + PIN_FIELDS * k
+            if bodies[pin + P_MOTION] >= zero:
+                i, j = rows[k], columns[k]
+                x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = follow(bodies, pin, time)
+
+    return compiler.kernel(pins)
+
+
 @cache
 def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """The stage kernels of a variant; each is compiled when it first runs, and knows the parts that matter to it."""
@@ -145,6 +168,7 @@ def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     stages.spring_forces = made(make_spring_stage, *SPRING_KINDS)
     stages.wind = made(make_wind_stage, "wind", "gust")
     stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction")
+    stages.pins = made(make_pin_stage, "motion")
     return stages
 
 
@@ -214,6 +238,9 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         for axis in range(3):
             at["state"][axis][pin_rows, pin_columns] = sim.pinned_position[axis]
             at["state"][3 + axis][pin_rows, pin_columns] = 0
+        if "motion" in sim.plan.parts:
+            first = np.int64(sim.integers[PIN_ROWS])
+            make.pins(sim.bodies, first, pin_rows, pin_columns, step, offset < 1, sim.record, at["state"])
 
     return {
         "spring forces": lambda step, offset: make.spring_forces(at["state"], sim.record, acceleration),

@@ -107,6 +107,8 @@ def _build(scene: Scene) -> Body:
     velocity = np.zeros_like(position)
     pinned = pinned_indices(grid)
     inverse_mass = np.full(count, 1 / grid.mass)
+    for load in scene.loads.values():
+        inverse_mass[load.at[0] * grid.columns + load.at[1]] = 1 / load.mass
     inverse_mass[pinned] = 0
     free = inverse_mass > 0
     if scene.perturbation:

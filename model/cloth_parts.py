@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from model.parts import Grid, NotNegative, Part, Positive, Seed
+from model.motion import Motion
+from model.parts import Elastic, Grid, NotNegative, Part, Positive, Seed
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z
@@ -25,7 +26,7 @@ class Cloth(Grid):
     origin: Vector = ZERO  # m, of the mass in row 0, column 0
 
 
-class ClothSprings(Part):
+class ClothSprings(Elastic):
     """Springs of one kind between all masses that far apart, at rest where the cloth is.
 
     Force along the spring: stiffness * (length - rest length) + damping * the speed at which it lengthens.
@@ -127,6 +128,7 @@ CLOTH_KINDS: dict[str, type[Part]] = {
     "sphere": Sphere,
     "capsule": Capsule,
     "box": Box,
+    "motion": Motion,
 }
 COLLIDER_KINDS = ("plane", "sphere", "capsule", "box")
 SPRING_KINDS = ("structural", "shear", "bending")

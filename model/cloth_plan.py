@@ -5,6 +5,7 @@ from __future__ import annotations
 from model.formulas import cloth_springs, colliders, wind
 from model.formulas import integrators as integrator_formulas
 from model.formulas import random as random_formulas
+from model.motion import motions_of_pins
 from model.plan import Node, Plan, Stage
 from model.scene import Scene
 
@@ -34,6 +35,8 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
         parts.add("poke")
     if scene.grid.pinned not in ("none", []):
         parts.add("pins")
+    if scene.motions and (motions_of_pins(scene) >= 0).any() and any(part.moves for part in scene.motions.values()):
+        parts.add("motion")
     for kind, collider in scene.colliders:
         parts.add(kind)
         if collider.static_friction > 0:
@@ -87,28 +90,31 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     bodies = scene.colliders
     cost = sum(colliders.OPERATIONS[kind] for kind, _ in bodies)
     touch = (Stage("collide", 2, 2, cost, 1.0),) if bodies else ()
-    pins = (Stage("pins", 0, 0, 0),) if "pins" in parts else ()
+
+    def pins(offset: float) -> tuple[Stage, ...]:
+        return (Stage("pins", 0, 0, 0, offset),) if "pins" in parts else ()
+
     per_axis = integrator_formulas.OPERATIONS[integrator]
     if verlet:
         children: tuple[Node | Stage, ...] = (
             Node("forces at the start", forces(0.0)),
             Stage("first half kick and drift", 3, 2, 3 * per_axis // 2),
             *touch,
-            *pins,
+            *pins(1.0),
             Node("forces at the end", forces(1.0)),
             Stage("second half kick", 2, 1, 3 * per_axis // 2),
-            *pins,
+            *pins(1.0),
         )
         scalars = 4
     elif integrator == "rk4":
         steps: list[Node | Stage] = []
-        for stage, offset in enumerate((0.0, 0.5, 0.5, 1.0), start=1):
+        for stage, (offset, end) in enumerate(((0.0, 0.5), (0.5, 0.5), (0.5, 1.0), (1.0, 1.0)), start=1):
             last = touch if stage == 4 else ()
-            body = (*forces(offset), Stage(f"accumulate (rk4 {stage})", 7, 4, 3 * per_axis // 4), *last, *pins)
+            body = (*forces(offset), Stage(f"accumulate (rk4 {stage})", 7, 4, 3 * per_axis // 4), *last, *pins(end))
             steps.append(Node(f"stage {stage}", body))
         children = tuple(steps)
         scalars = 4 * 10
     else:
-        children = (*forces(0.0), Stage(f"integrate ({integrator})", 3, 2, 3 * per_axis), *touch, *pins)
+        children = (*forces(0.0), Stage(f"integrate ({integrator})", 3, 2, 3 * per_axis), *touch, *pins(1.0))
         scalars = 4
     return Plan(Node("step", children), scalars, parts, dimensions=3)

@@ -1,15 +1,18 @@
-"""The constants that a cloth's kernels read: one small record, and one row for each collider.
+"""The constants that a cloth's kernels read: one small record, and rows for colliders and for pins that move.
 
 The first five lie where they do in a grid's record; of a kind of springs, all three constants lie side by side.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, pi, sqrt
 
 import numpy as np
 
+from model.build import Body
+from model.errors import SceneError
 from model.integrators import damping_rate
+from model.motion import motions_of_pins
 from model.record import PARAMETERS as GRID_PARAMETERS
 from model.record import rounded_record
 from model.scene import Scene
@@ -106,9 +109,42 @@ COLLIDER_FIELDS = 13
 ) = range(COLLIDER_FIELDS)
 
 
+# A motion's row:
+MOTION_FIELDS = 13
+(
+    M_X,  # the centre at the start, m
+    M_Y,
+    M_Z,
+    M_U,  # unit axis
+    M_V,
+    M_W,
+    M_VX,  # of the centre, m/s
+    M_VY,
+    M_VZ,
+    M_SPIN,  # rad/s
+    M_TURNS,  # 1/s
+    M_START,  # s
+    M_DURATION,
+) = range(MOTION_FIELDS)
+
+# A pinned mass's row:
+PIN_FIELDS = 4
+(
+    P_X,  # where it rests, m
+    P_Y,
+    P_Z,
+    P_MOTION,  # where the row of its motion begins in `body_rows`, -1 for none
+) = range(PIN_FIELDS)
+
+
 def cloth_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
     """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
-    cloth, dt, wind = scene.grid, scene.method.dt, scene.wind
+    return rounded_record(scene, cloth_values(scene, scene.method.dt, poke), FIELDS, real)
+
+
+def cloth_values(scene: Scene, dt: float, poke: tuple[float, ...]) -> dict[str, float]:
+    """CLOTH_PARAMETERS by name, in float64, for steps of `dt` [s]; of a grid those that it has."""
+    cloth, wind = scene.grid, scene.wind
     mass, rate = cloth.mass, damping_rate(scene)
     values = {
         "dt": dt,
@@ -136,7 +172,7 @@ def cloth_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 
     values["gust"] = wind.gust if wind else 0.0
     values["gust_time"] = wind.gust_time if wind else 1.0
     assert tuple(values) == CLOTH_PARAMETERS
-    return rounded_record(scene, values, FIELDS, real)
+    return values
 
 
 def collider_rows(scene: Scene, real: type) -> np.ndarray:
@@ -156,3 +192,37 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
         row[B_THICKNESS] = part["thickness"]
         row[B_STATIC], row[B_DYNAMIC] = part["static_friction"], part["dynamic_friction"]
     return rows.astype(real)
+
+
+def motion_rows(scene: Scene, real: type) -> np.ndarray:
+    """(motions, MOTION_FIELDS) in the arithmetic `real`, in the order of `scene.motions`. Raises SceneError."""
+    rows = np.zeros((len(scene.motions), MOTION_FIELDS))
+    for row, (name, motion) in zip(rows, scene.motions.items(), strict=True):
+        row[M_X : M_Z + 1] = motion.center
+        row[M_U : M_W + 1] = np.array(motion.axis) / hypot(*motion.axis)
+        row[M_VX : M_VZ + 1] = motion.velocity
+        row[M_SPIN], row[M_TURNS] = motion.angular_velocity, motion.angular_velocity / (2 * pi)
+        row[M_START], row[M_DURATION] = motion.start, motion.duration
+        if not np.abs(row).max() <= np.finfo(real).max:
+            raise SceneError(name, float(np.abs(row).max()), f"{np.dtype(real).name} cannot hold it; use float64")
+    return rows.astype(real)
+
+
+def pin_rows(scene: Scene, body: Body, real: type) -> np.ndarray:
+    """(pins, PIN_FIELDS) in the arithmetic `real`, in the order of `body.pinned`."""
+    rows = np.empty((len(body.pinned), PIN_FIELDS))
+    rows[:, :P_MOTION] = body.position[body.pinned]  # pinned masses start at rest
+    numbers = motions_of_pins(scene)
+    first = len(scene.colliders) * COLLIDER_FIELDS
+    rows[:, P_MOTION] = np.where(numbers < 0, -1, first + numbers * MOTION_FIELDS)
+    return rows.astype(real)
+
+
+def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
+    """(what masses meet and what pins follow, flat: rows of colliders, then of motions, then of pins; where the latter
+    begin). Of motions and pins there is nothing in a scene without motions."""
+    colliders = collider_rows(scene, real)
+    if not any(motion.moves for motion in scene.motions.values()):
+        return colliders.reshape(-1), 0
+    motions, pins = motion_rows(scene, real), pin_rows(scene, body, real)
+    return np.concatenate([array.reshape(-1) for array in (colliders, motions, pins)]), colliders.size + motions.size

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import floor, isfinite, log10, sqrt
+from math import ceil, floor, isfinite, log10, sqrt
 
 import numpy as np
 
@@ -49,7 +49,8 @@ class Situation:
 
     @property
     def integrator(self) -> str:
-        return self.scene.method.integrator
+        """Its name, or the solver's, where that has none."""
+        return self.scene.method.name
 
     @property
     def over(self) -> bool:
@@ -67,8 +68,11 @@ class Situation:
     @property
     def remedy(self) -> str:
         """The step size that holds, and the integrator that holds much farther, if one does."""
-        name, reach = self.other
         remedy = f"use dt <= {self.limit:.6g} s"
+        if self.scene.method.position_based:
+            substeps = ceil(self.scene.method.substeps * self.dt / self.limit)
+            return f"{remedy}, or --set method.substeps={substeps}: the masses' dampers are explicit"
+        name, reach = self.other
         if reach > MUCH * self.limit:
             remedy += f", or {name}, which holds to {reach:.6g} s (--set method.integrator={name})"
         return remedy

@@ -74,6 +74,16 @@ def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return across[None, :], down[:, None]
 
 
+def masses(scene: Scene) -> np.ndarray | float:
+    """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same."""
+    if not scene.loads:
+        return scene.grid.mass
+    mass = np.full((scene.grid.particle_count, 1), scene.grid.mass)
+    for load in scene.loads.values():
+        mass[load.at[0] * scene.grid.columns + load.at[1]] = load.mass
+    return mass
+
+
 def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[str, float]:
     """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
     its springs by kind.
@@ -82,24 +92,27 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
     wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
     Euler with doubled masses under the same forces, and so keeps 2 * kinetic + potential.
     """
-    grid, springs, gravity = scene.grid, scene.springs, scene.gravity
+    springs, gravity = scene.springs, scene.gravity
     v = np.asarray(velocity, dtype=np.float64)
-    kinetic = 0.5 * grid.mass * float(np.sum(v * v))
+    mass = masses(scene)
+    kinetic = 0.5 * float(np.sum(mass * v * v))
     spring = 0.0
-    if springs:
+    if springs and not springs.inextensible:
         for stiffness, length in zip(spring_stiffness(scene), _lengths(scene, position), strict=True):
             spring += 0.5 * float(np.sum(stiffness * (length - springs.rest_length) ** 2))
     by_kind = {}
     for kind, part in scene.cloth_springs.items():
-        length, rest = cloth_lengths(scene, position, kind)
-        by_kind[kind] = 0.5 * part.stiffness * float(np.sum((length - rest) ** 2))
+        lengths, rest = cloth_lengths(scene, position, kind)
+        stiffness = 0.0 if part.inextensible else part.stiffness  # what cannot stretch stores nothing
+        by_kind[kind] = 0.5 * stiffness * float(np.sum((lengths - rest) ** 2))
     spring += sum(by_kind.values())
     height = 0.0
     if gravity and gravity.enabled:
-        y = np.asarray(position, dtype=np.float64)[:, 1]
-        height = grid.mass * gravity.acceleration * float(np.sum(y))
+        y = np.asarray(position, dtype=np.float64)[:, 1:2]
+        height = gravity.acceleration * float(np.sum(mass * y))
     potential = spring + height
-    inertia = 2.0 if scene.method.integrator == "lab" else 1.0
+    lab = scene.method.solver == "mass-spring" and scene.method.integrator == "lab"
+    inertia = 2.0 if lab else 1.0
     return {
         "kinetic": kinetic,
         "spring": spring,

@@ -224,7 +224,7 @@ def frequency_lines(scene: Scene) -> list[str]:
     if not (scene.springs or scene.cloth_springs):
         return []
     found = scene_frequency(scene)
-    name, sheet = scene.method.integrator, "cloth" if scene.cloth else "grid"
+    name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"
     limit = stability_limit(scene, found.upper)
     how = {
         "closed form": "closed form",

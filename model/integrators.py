@@ -166,8 +166,12 @@ def stability_limit(scene: Scene, frequency: float | None = None) -> float:
     Dampers along springs are evaluated at the step's start by every integrator, velocity Verlet too, which then is
     semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
     it only damps, weakly for cloth that is heavier than the air it moves in a step.
+
+    The position-based solvers hold at any step size, but for the masses' damper, which is explicit: h c/m < 2.
     """
     name, gamma = scene.method.integrator, damping_rate(scene)
+    if scene.method.position_based:
+        return 2 * scene.method.substeps / gamma if gamma else inf
     w = frequency_bound(scene) if frequency is None else frequency
     limit = INTEGRATORS[name].limit
     along = spring_damping_bound(scene) if scene.cloth else 0.0

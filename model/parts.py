@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Literal
 
@@ -16,6 +17,9 @@ from pydantic import (
 )
 
 IntegratorName = Literal["lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor"]
+SolverName = Literal["mass-spring", "xpbd", "pbd"]
+OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
+POSITION_BASED = ("xpbd", "pbd")
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
@@ -85,14 +89,58 @@ PIN_WORDS = ("none", "top", "top-corners", "left", "edges")
 PIN_RULE = "none, top, top-corners, left, edges, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
 
 
-class Springs(Part):
+class Elastic(Part):
+    """What a spring's material is: its stiffness, or its inverse, the compliance, which may be 0 for a position-based solver.
+
+    Given a compliance, the stiffness follows from it. Only what was given is written.
+    """
+
+    stiffness: Positive = 10.0  # N/m
+    compliance: NotNegative | None = None  # m/N; 0: inextensible
+
+    @model_validator(mode="before")
+    @classmethod
+    def _stiffness_follows(cls, fields: object) -> object:
+        if not isinstance(fields, dict):
+            return fields
+        fields = dict(fields)
+        compliance = fields.get("compliance")
+        if isinstance(compliance, bool) or not isinstance(compliance, int | float) or not 0 < compliance < math.inf:
+            return fields
+        stiffness = fields.setdefault("stiffness", 1 / compliance)
+        if isinstance(stiffness, int | float) and not math.isclose(stiffness, 1 / compliance, rel_tol=1e-9):
+            raise ValueError(f"stiffness: must be 1 / compliance, {1 / compliance:g}; give one of them")
+        return fields
+
+    @property
+    def inextensible(self) -> bool:
+        """Whether its length cannot change: compliance 0."""
+        return self.compliance == 0
+
+    def softness(self, ratio: float = 1.0) -> float:
+        """The compliance [m/N] of a spring `ratio` times as stiff."""
+        return 0.0 if self.inextensible else 1 / (self.stiffness * ratio)
+
+    @model_serializer(mode="wrap")
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Scenes keep the text that they are known by in stores of measurements, whatever fields came later."""
+        fields = serialize(self)
+        if self.compliance is None:
+            del fields["compliance"]
+        else:
+            del fields["stiffness"]
+        if fields.get("stiffness_ratio") == 1:
+            del fields["stiffness_ratio"]
+        return fields
+
+
+class Springs(Elastic):
     """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it.
 
     Every second spring along a row and down a column is `stiffness_ratio` times as stiff, those whose lower end has an odd
     column, or row; 1: all equal, and then left out where the scene is written.
     """
 
-    stiffness: Positive = 10.0  # N/m
     rest_length: NotNegative = 1.0  # m
     stiffness_ratio: AtLeastOne = 1.0
 
@@ -105,14 +153,6 @@ class Springs(Part):
     def largest_stiffness(self) -> float:
         """Of the stiffest spring [N/m]."""
         return self.stiffness * self.stiffness_ratio
-
-    @model_serializer(mode="wrap")
-    def _without_an_idle_ratio(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Scenes of equal springs keep the text that they are known by in stores of measurements."""
-        fields = serialize(self)
-        if not self.alternate:
-            del fields["stiffness_ratio"]
-        return fields
 
 
 class Damping(Part):
@@ -154,11 +194,54 @@ class Manufactured(Part):
 
 
 class Method(Part):
-    """How the scene is solved."""
+    """How the scene is solved.
 
-    solver: Literal["mass-spring"] = "mass-spring"
+    `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints hold: a step is `substeps`
+    substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
+    away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
+    so that the material changes with iterations, substeps and dt.
+    """
+
+    solver: SolverName = "mass-spring"
     integrator: IntegratorName = "velocity-verlet"
     dt: Positive = 0.01  # s
+    substeps: Count = 1
+    iterations: Count = 1
+    ordering: OrderingName = "gauss-seidel"
+    pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
+
+    @model_validator(mode="after")
+    def _fields_belong_to_the_solver(self) -> Method:
+        for name in self.model_fields_set - set(FIELDS_OF_SOLVER[self.solver]):
+            owners = [solver for solver, fields in FIELDS_OF_SOLVER.items() if name in fields]
+            raise ValueError(f"{name}: belongs to the solver {' or '.join(owners)}, not to {self.solver}")
+        return self
+
+    @property
+    def position_based(self) -> bool:
+        return self.solver in POSITION_BASED
+
+    @property
+    def name(self) -> str:
+        """What tells methods apart, in words: the integrator, or the solver with its ordering."""
+        return self.label if self.position_based else self.integrator
+
+    @property
+    def label(self) -> str:
+        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`."""
+        return f"{self.solver} {self.ordering if self.position_based else self.integrator}"
+
+    @model_serializer(mode="wrap")
+    def _of_the_solver(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        fields = serialize(self)
+        return {name: fields[name] for name in FIELDS_OF_SOLVER[self.solver]}
+
+
+FIELDS_OF_SOLVER = {
+    "mass-spring": ("solver", "integrator", "dt"),
+    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering"),
+    "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
+}
 
 
 GRID_KINDS: dict[str, type[Part]] = {

@@ -18,9 +18,12 @@ from pydantic import ValidationError
 
 from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Wind
 from model.errors import InputError, SceneError
+from model.motion import Motion
 from model.parts import (
+    FIELDS_OF_SOLVER,
     GRID_KINDS,
     Damping,
+    Elastic,
     External,
     Gravity,
     Grid,
@@ -30,10 +33,19 @@ from model.parts import (
     Perturbation,
     Springs,
 )
+from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
-KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS
+KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | XPBD_KINDS
 SHEETS = ("grid", "cloth")  # a scene has one of them
 GRID_ONLY = ("springs", "manufactured")
+ELASTIC_KINDS = ("springs", *SPRING_KINDS)
+SEVERAL = (
+    *SHEETS,
+    *COLLIDER_KINDS,
+    "load",
+    "motion",
+)  # kinds of which a scene may have more than one part, or is told otherwise
+OTHER_MATERIAL = {"stiffness": "compliance", "compliance": "stiffness"}
 
 
 class Scene:
@@ -70,7 +82,7 @@ class Scene:
                 raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
             self.kinds[part_name] = kind
         for kind in KINDS:
-            if kind not in (*SHEETS, *COLLIDER_KINDS) and sum(k == kind for k in self.kinds.values()) > 1:
+            if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
                 raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
         sheets = [n for n, k in self.kinds.items() if k in SHEETS]
         if len(sheets) != 1:
@@ -80,6 +92,7 @@ class Scene:
         self._check_fit()
         if self._one("method") is None:
             self.parts["method"], self.kinds["method"] = Method(), "method"
+        self._check_solver()
 
     def _check_fit(self) -> None:
         """Raise SceneError for a part that belongs to the other kind of sheet."""
@@ -92,6 +105,31 @@ class Scene:
                     f"belongs to a {'grid' if self.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and "
                     f"colliders, a grid has {', '.join(GRID_ONLY)}",
                 )
+
+    def _check_solver(self) -> None:
+        """Raise SceneError for a part that the scene's solver does not know."""
+        solver = self.method.solver
+        for name, kind in self.kinds.items():
+            part = self.parts[name]
+            if self.method.position_based:
+                if kind == "manufactured":
+                    raise SceneError(f"{name}.kind", kind, f"belongs to the solver mass-spring, not to {solver}")
+            elif kind in XPBD_KINDS:
+                raise SceneError(
+                    f"{name}.kind", kind, "needs a position-based solver: --set method.solver=xpbd, or leave it out"
+                )
+            elif isinstance(part, Elastic) and part.inextensible:
+                raise SceneError(
+                    f"{name}.compliance", 0.0,
+                    "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
+                )  # fmt: skip
+        for name, load in self.loads.items():
+            row, column = load.at
+            if row >= self.grid.rows or column >= self.grid.columns:
+                raise SceneError(
+                    f"{name}.at", list(load.at),
+                    f"lies outside the sheet; rows are 0 to {self.grid.rows - 1}, columns 0 to {self.grid.columns - 1}",
+                )  # fmt: skip
 
     def _one(self, kind: str) -> Any:
         return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
@@ -126,6 +164,20 @@ class Scene:
         for kind in COLLIDER_KINDS:
             found += [(kind, self.parts[name]) for name, k in self.kinds.items() if k == kind]
         return found
+
+    @property
+    def motions(self) -> dict[str, Motion]:
+        """What pinned masses follow, by the part's name."""
+        return {name: self.parts[name] for name, kind in self.kinds.items() if kind == "motion"}  # type: ignore[misc]
+
+    @property
+    def loads(self) -> dict[str, Load]:
+        """Masses that differ from the sheet's, by the part's name."""
+        return {name: self.parts[name] for name, kind in self.kinds.items() if kind == "load"}  # type: ignore[misc]
+
+    @property
+    def attachments(self) -> Attachments | None:
+        return self._one("attachments")
 
     @property
     def springs(self) -> Springs | None:
@@ -184,8 +236,22 @@ class Scene:
             known = KINDS[kind].model_fields
             if field not in known:
                 raise SceneError(path, value, f"unknown key{_suggestion(field, known)}; known: {', '.join(known)}")
-            tables.setdefault(part_name, {})[field] = value
+            table = tables.setdefault(part_name, {})
+            for other in _contradicted(kind, field, value, table):
+                if f"{part_name}.{other}" not in changes:
+                    table.pop(other, None)
+            table[field] = value
         return Scene(tables, self.name)
+
+
+def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -> list[str]:
+    """The fields of a part that no longer say anything once `field` gets a `value`: of stiffness and compliance one follows
+    from the other, and a solver has its own fields."""
+    if kind in ELASTIC_KINDS and field in OTHER_MATERIAL:
+        return [OTHER_MATERIAL[field]]
+    if kind == "method" and field == "solver" and value in FIELDS_OF_SOLVER:
+        return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
+    return []
 
 
 def _suggestion(word: str, known: Any) -> str:

@@ -8,7 +8,7 @@ is allocated in `advance`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isqrt
 from typing import Any
@@ -21,9 +21,10 @@ from model.cloth_record import cloth_record
 from model.diagnosis import diagnose
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
-from model.plan import Plan
+from model.plan import Executor, Plan
 from model.record import parameter_record
 from model.scene import Scene
+from model.xpbd_record import xpbd_record
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
@@ -95,6 +96,7 @@ class Simulation(ABC):
     threads: int
     kernel: str
     plan: Plan
+    _executor: Executor
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
@@ -169,9 +171,16 @@ class Simulation(ABC):
     def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
         """Free what the simulation holds; nothing else may be called after it."""
 
+    @property
+    def stages(self) -> Mapping[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself, by name; of the kernel `stages` only."""
+        return self._executor.stages
+
     def _make_record(self, scene: Scene, poke: Sequence[float]) -> np.ndarray:
         """The small record of constants that the kernels read."""
         make = cloth_record if scene.cloth else parameter_record
+        if scene.method.position_based:
+            make = xpbd_record
         return make(scene, self.real, tuple(poke))
 
     # ------------------------------------------------------------------ what a user calls

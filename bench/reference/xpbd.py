@@ -29,9 +29,10 @@ from model.scene import Scene
 # ascending: constraint after constraint from the first mass on, which no parallel machine does; for tests
 ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged-jacobi")
 
-# (rows, columns) from one end of a constraint to the other, in the order of their colours, two each. The first end is the
-# upper one, of two in a row the left one; the way (1, -1) is the diagonal from (i, j + 1) to (i + 1, j).
-WAYS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
+# (rows, columns) from one end of a constraint to the other, and the places of its two colours in the order of all. The first
+# end is the upper one, of two in a row the left one; the way (1, -1) is the diagonal from (i, j + 1) to (i + 1, j). All ways
+# from even rows to odd ones come first, then those from odd rows to even ones: rows meet two at a time.
+WAYS = {(1, 0): (0, 3), (1, 1): (1, 4), (1, -1): (2, 5), (0, 1): (6, 7), (2, 0): (8, 9), (0, 2): (10, 11)}
 
 Accelerate = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 
@@ -87,14 +88,14 @@ def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constrai
     broadcasts to the (rows, columns) of the constraints of its way, in the order of `bench.reference.cloth.ends`."""
     number = np.arange(rows * columns).reshape(rows, columns)
     found = []
-    for which, way in enumerate(WAYS):
+    for way, colours in WAYS.items():
         if way not in ways:
             continue
         first, second = cloth.ends(number, way)
         i, j = np.indices(first.shape)
         along, stride = (i, way[0]) if way[0] else (j, way[1])
         common = ways[way]
-        values = (common.rest_length, common.compliance, common.damping, 2 * which + along // stride % 2)
+        values = (common.rest_length, common.compliance, common.damping, np.where(along // stride % 2, *colours[::-1]))
         found.append([np.ravel(a) for a in (first, second, *(np.broadcast_to(a, first.shape) for a in values))])
     if not found:
         nothing = np.zeros(0)
@@ -108,7 +109,7 @@ def of_scene(scene: Scene, inextensible: bool = False) -> Constraints:
     grid = scene.grid
     ways: dict[tuple[int, int], Way] = {}
     if scene.springs:
-        for way in WAYS[:2]:
+        for way in ((1, 0), (0, 1)):
             k = np.full((grid.rows, grid.columns), scene.springs.stiffness)
             np.moveaxis(k, 1 if way[1] else 0, 0)[1::2] *= scene.springs.stiffness_ratio
             ways[way] = Way(scene.springs.rest_length, 0.0 if inextensible else 1 / cloth.ends(k, way)[0])

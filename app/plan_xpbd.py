@@ -1,0 +1,50 @@
+"""What each backend makes of a position-based step, for `softlab plan`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.plan_report import BackendPlan, Pass
+from model.plan import Plan
+from model.scene import Scene
+from model.simulation import PRECISIONS
+
+
+def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[Pass, ...]:
+    """One substep as the one pass that a fused kernel makes of it: state in and out, everything else on the way."""
+    substeps = plan.root.children[0].times  # type: ignore[union-attr]
+    stages = list(plan.root.stages())
+    each = stages[: len(stages) // substeps]
+    names = tuple(dict.fromkeys(stage.name for stage in each))
+    item = np.dtype(PRECISIONS[precision]).itemsize
+    return (Pass(names, way * plan.bytes(item) / substeps, float(sum(s.operations for s in each)), note),)
+
+
+def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Constraints without index arrays, colours one after another on the way down the rows."""
+    from cpu_backend.xpbd import choose_kernel
+
+    from cpu_backend.mass_spring import processor_name
+
+    kernel = choose_kernel(None)
+    why = "colours, iterations and the prediction in one way down the rows"
+    passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
+    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
+
+
+def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Also where there is no GPU: then for the one that the choice was measured on."""
+    from gpu_backend.xpbd_choice import default_xpbd_kernel
+
+    from gpu_backend.choice import MEASURED_LIMITS, MEASURED_ON
+    from gpu_backend.device import gpu_available, simulated
+
+    available, device = gpu_available()
+    if not available:
+        device = f"none here; as on the {MEASURED_ON} that the choice was measured on"
+    limits = None if available and not simulated() else MEASURED_LIMITS
+    kernel, why = default_xpbd_kernel(scene, PRECISIONS[precision], plan.parts, limits)
+    note, way = "a substep; one thread a mass", 4 / plan.dimensions
+    if kernel == "one-block":
+        note, way = f"{note}, all on the chip", 0.0
+    return BackendPlan("gpu", device, kernel, None, why, _substep(plan, precision, note, way))

@@ -1,0 +1,114 @@
+"""Position-based dynamics of springs: the prediction, one distance constraint's projection, the velocity after it.
+
+M. Macklin, M. Mueller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics", MIG 2016, eq. 18
+and 26; M. Mueller et al., "Position Based Dynamics", 2006. Masses are counted in those of the sheet: a mass has the weight
+w = 1, 0 where it is pinned; the compliance is alpha m / h^2 (no unit), the multiplier lambda / m [m]. One constraint
+|d| = rest is one implicit Euler step of its spring and damper, exactly but for the turning of d within the step.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+OPERATIONS_RIGID = (
+    22  # 3 differences, 5 for the square, 2 for 1/length, 4 for the change, 1 for its scale, 6 to apply, ...
+)
+OPERATIONS_SOFT = 25  # ... 3 for the multiplier
+OPERATIONS_DAMPER = 15  # 6 differences, 5 for the product, 4
+OPERATIONS_PREDICT = 5  # per axis: the kick and the drift
+OPERATIONS_UPDATE = 2  # per axis
+OPERATIONS_ATTACHMENT = 20
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`. Squares and inverse lengths are those of formulas/lengths.py."""
+    zero, one = real(0), real(1)
+    lengths = make_lengths(real, compiled)
+    squared_length_2d, squared_length_3d = lengths.squared_length, lengths.squared_length_3d
+    inverse_length = lengths.inverse_length
+
+    @compiled
+    def kicked(velocity, keep, h, acceleration):
+        """Velocity [m/s] of the prediction, one axis: braked by the mass's damper, then kicked."""
+        return velocity * keep + h * acceleration
+
+    @compiled
+    def kept(drag, weight):
+        """What the damper leaves of the velocity of a mass of that weight: 1 - h c / m."""
+        return one - drag * weight
+
+    @compiled
+    def predicted(position, h, velocity):
+        """Position [m] before the constraints, one axis."""
+        return position + h * velocity
+
+    @compiled
+    def rate(position, before, inverse_h):
+        """Velocity [m/s] that led from `before` to `position` in a substep, one axis."""
+        return (position - before) * inverse_h
+
+    @compiled
+    def reciprocal(weight, stiffening, compliance):
+        """1 over the denominator of a projection, 0 where nothing can move. `weight`: the sum of the ends' weights;
+        `stiffening`: 1 + gamma of the damper, of PBD 1 / stiffness."""
+        return one / (stiffening * weight + compliance) if weight > zero else zero
+
+    @compiled
+    def rigid_change(squared, rest, reciprocal):
+        """(change of the multiplier, the same over the length) of an inextensible constraint; 0 where both ends are in one
+        place and so have no direction. `squared`: |d|^2. The ends then move by -+ weight * scale * d."""
+        inverse = inverse_length(squared)
+        change = (rest - squared * inverse) * reciprocal if squared > zero else zero
+        return change, change * inverse
+
+    @compiled
+    def soft_change(squared, rest, reciprocal, compliance, multiplier):
+        """The same with a compliance and the multiplier so far in this substep (eq. 18)."""
+        inverse = inverse_length(squared)
+        change = zero
+        if squared > zero:
+            change = ((rest - squared * inverse) - compliance * multiplier) * reciprocal
+        return change, change * inverse
+
+    @compiled
+    def damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along):
+        """The same with a damper along the spring (eq. 26): `along`: the product of d and what it changed by in this substep,
+        `damping`: gamma = alpha beta / h."""
+        inverse = inverse_length(squared)
+        change = zero
+        if squared > zero:
+            stretch = (squared * inverse - rest) + damping * (along * inverse)
+            change = (-stretch - compliance * multiplier) * reciprocal
+        return change, change * inverse
+
+    @compiled
+    def along_2d(dx, dy, ex, ey):
+        return dx * ex + dy * ey
+
+    @compiled
+    def along_3d(dx, dy, dz, ex, ey, ez):
+        return (dx * ex + dy * ey) + dz * ez
+
+    @compiled
+    def moved(position, weight, scale, d):
+        """An end of a constraint after its projection, one axis: the second one; the first takes -scale."""
+        return position + weight * (scale * d)
+
+    @compiled
+    def tether(squared, reach):
+        """What the way d from an anchor is multiplied by so that it is at most `reach` long."""
+        return reach * inverse_length(squared) if squared > reach * reach else one
+
+    @compiled
+    def tethered(position, anchor, d, factor):
+        """The position after it, one axis; the same bits where nothing pulls."""
+        return anchor + factor * d if factor < one else position
+
+    return SimpleNamespace(
+        kicked=kicked, kept=kept, predicted=predicted, rate=rate, reciprocal=reciprocal, rigid_change=rigid_change,
+        soft_change=soft_change, damped_change=damped_change, along_2d=along_2d, along_3d=along_3d, moved=moved,
+        tether=tether, tethered=tethered, squared_length_2d=squared_length_2d, squared_length_3d=squared_length_3d,
+    )  # fmt: skip

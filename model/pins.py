@@ -1,0 +1,49 @@
+"""Which masses of a sheet are pinned: by a word, or as a list of places."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+PIN_WORDS = ("none", "top", "bottom", "left", "right", "top-bottom", "left-right", "top-corners", "edges")
+PIN_RULE = f"{', '.join(PIN_WORDS)}, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
+
+Pins = str | list[tuple[int, int]]
+
+
+def checked_pins(value: object) -> Any:
+    """`value` as Pins. Raises ValueError for what is neither a word nor a list of pairs of whole numbers."""
+    if isinstance(value, str):
+        if value not in PIN_WORDS and not re.fullmatch(r"every:([1-9][0-9]*)", value):
+            raise ValueError(PIN_RULE)
+        return value
+    if not isinstance(value, list | tuple):
+        raise ValueError(PIN_RULE)
+    for pair in value:
+        if (
+            not isinstance(pair, list | tuple)
+            or len(pair) != 2
+            or not all(isinstance(k, int) and not isinstance(k, bool) for k in pair)
+        ):
+            raise ValueError(PIN_RULE)
+    return [tuple(pair) for pair in value]
+
+
+def pin_indices(pins: Pins, rows: int, columns: int) -> np.ndarray:
+    """Sorted flat indices (row * columns + column), int64, of the masses of a sheet that `pins` names."""
+    if isinstance(pins, list):
+        return np.unique(np.array([row * columns + column for row, column in pins], dtype=np.int64))
+    if pins.startswith("every:"):
+        return np.arange(0, columns, int(pins.removeprefix("every:")), dtype=np.int64)
+    across, down = np.arange(columns, dtype=np.int64), np.arange(rows, dtype=np.int64) * columns
+    sides = {"top": across, "bottom": across + (rows - 1) * columns, "left": down, "right": down + columns - 1}
+    named = {
+        "none": [],
+        "top-corners": [across[[0, -1]]],
+        "edges": list(sides.values()),
+        **{side: [masses] for side, masses in sides.items()},
+    }
+    found = named.get(pins) if pins in named else [sides[side] for side in pins.split("-")]
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *(found or [])]))

@@ -1,0 +1,127 @@
+"""The plan of a position-based step, and the families of constraints on a sheet: which there are, where, in which colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model.cloth_plan import TRIANGLES_EACH, cloth_parts
+from model.formulas import colliders, distance, wind
+from model.formulas import random as random_formulas
+from model.plan import Node, Plan, Stage
+from model.scene import Scene
+
+
+@dataclass(frozen=True)
+class Family:
+    """Constraints that go one way over the sheet from the first mass (i, j) to (i + rows, j + columns).
+
+    The family of (1, -1) is indexed by (i, j), too, and goes from (i, j + 1) to (i + 1, j): the first mass is the upper one.
+    No two of a colour share a mass: the colour is (i // rows) % 2, or (j // columns) % 2 where a family goes along rows.
+    `colours`: the places of its two colours in the order of all.
+    """
+
+    name: str
+    kind: str
+    rows: int
+    columns: int
+    colours: tuple[int, int]
+
+
+FAMILIES = (
+    Family("vertical", "structural", 1, 0, (0, 3)),
+    Family("falling", "shear", 1, 1, (1, 4)),
+    Family("rising", "shear", 1, -1, (2, 5)),
+    Family("horizontal", "structural", 0, 1, (6, 7)),
+    Family("vertical-bending", "bending", 2, 0, (8, 9)),
+    Family("horizontal-bending", "bending", 0, 2, (10, 11)),
+)
+
+
+def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The parts that need code. Beside a cloth's (a grid's springs are `structural` ones) and the ordering:
+
+    `structural-compliance` (and so on): the constraints have multipliers; `structural-damping`: dampers along them;
+    `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
+    reciprocals are not constants; `pins`, `attachments`.
+    """
+    parts = set(cloth_parts(scene, live))
+    method = scene.method
+    kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
+    if scene.springs:
+        parts.add("structural")
+        if method.solver == "xpbd" and not scene.springs.inextensible:
+            parts.add("structural-compliance")
+        if scene.springs.alternate:
+            parts.add("alternating")
+    for kind, springs in kinds.items():
+        parts.discard(f"{kind}-damping")
+        if method.solver == "xpbd" and not springs.inextensible:
+            parts.add(f"{kind}-compliance")
+            if springs.damping > 0:
+                parts.add(f"{kind}-damping")
+    if scene.loads:
+        parts.add("load")
+    if scene.attachments and "pins" in parts:
+        parts.add("attachments")
+    parts.add(method.ordering)
+    return frozenset(parts)
+
+
+def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
+    """The families of the constraints that are there, by their first colours."""
+    return tuple(family for family in FAMILIES if family.kind in scene_parts)
+
+
+def colour_order(scene_parts: frozenset[str]) -> list[tuple[Family, int]]:
+    """(family, its colour 0 or 1) in the order in which Gauss-Seidel projects: 4 to 12 of them, or none."""
+    found = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
+    return sorted(found, key=lambda entry: entry[0].colours[entry[1]])
+
+
+def constraint_count(scene: Scene) -> int:
+    """How many constraints one iteration projects (long-range attachments not counted)."""
+    grid, parts, total = scene.grid, xpbd_parts(scene), 0
+    for family in families(parts):
+        total += max(0, grid.rows - family.rows) * max(0, grid.columns - abs(family.columns))
+    return total
+
+
+def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """The plan of a position-based solver. Numbers are per particle and axis, as in model/plan.py.
+
+    M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps (M. Macklin et al., "Small Steps in Physics Simulation",
+    SCA 2019); multipliers are 0 when a substep begins and live through its iterations.
+    """
+    parts, method, axes = xpbd_parts(scene, live), scene.method, scene.dimensions
+    outside: list[Stage] = []
+    if "gravity" in parts:
+        outside.append(Stage("gravity", 0, 0, 1))
+    if "wind" in parts:
+        outside.append(Stage("wind", 3, 1, TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)))
+    if "external" in parts:
+        outside.append(Stage("external force", 0, 0, random_formulas.OPERATIONS))
+    if "poke" in parts:
+        outside.append(Stage("poke", 0, 0, 0))
+    predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
+
+    def project(family: Family) -> int:
+        each = distance.OPERATIONS_SOFT if f"{family.kind}-compliance" in parts else distance.OPERATIONS_RIGID
+        return each + distance.OPERATIONS_DAMPER * (f"{family.kind}-damping" in parts)
+
+    if method.ordering == "gauss-seidel":
+        colours = tuple(
+            Stage(f"project {family.name} {colour}", 1, 1, project(family) // 2)
+            for family, colour in colour_order(parts)
+        )
+    else:
+        operations = sum(2 * project(family) for family in families(parts))
+        colours = (Stage("project all", 1, 1, operations),) if operations else ()
+    if "attachments" in parts and scene.attachments:
+        colours += (Stage("attachments", 1, 1, scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT),)
+    update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
+    bodies = scene.colliders
+    touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
+    substep = Node(
+        "substep", (*outside, predict, Node("iteration", colours, method.iterations), update, *touch), method.substeps
+    )
+    return Plan(Node("step", (substep,)), 4 * method.substeps, parts, dimensions=axes)

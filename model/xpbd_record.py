@@ -1,0 +1,83 @@
+"""The constants that the kernels of the position-based solvers read: a cloth's, of a substep, and those of its constraints.
+
+The first are those of model/cloth_record.py with the substep for the step, for a grid too: forces and colliders read them
+there. Of a kind of constraints all constants lie side by side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.cloth_parts import SPRING_KINDS
+from model.cloth_record import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
+from model.integrators import damping_rate
+from model.record import rounded_record
+from model.scene import Scene
+
+CONSTRAINTS = (
+    "structural",
+    "stiff",
+    "shear",
+    "bending",
+)  # stiff: every second structural one, where a grid's alternate
+CONSTANTS = (
+    "rest",  # m
+    "compliance",  # alpha m / h^2, of no unit; 0: inextensible
+    "damping",  # gamma = alpha beta / h
+    "stiffening",  # 1 + gamma; of PBD 1 / stiffness
+    "both",  # 1 / (2 stiffening + compliance): the reciprocal between two masses that are free, and weigh as the sheet's
+    "one",  # the same where one of them is pinned
+)
+XPBD_PARAMETERS = (
+    *CLOTH_PARAMETERS,
+    "inverse_substep",  # 1/h, 1/s
+    "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
+    "drag",  # h c / m
+    *(f"{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
+)
+X_INVERSE_SUBSTEP, X_KEEP, X_DRAG = (XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "drag"))
+X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"{kind}_rest") for kind in CONSTRAINTS}  # where a kind's constants begin
+X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
+
+
+OWN_FIELDS = {  # of the scene, by the value that follows from them
+    "inverse_substep": "method.dt",
+    "drag": "damping.coefficient",
+    **{f"{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
+    "stiff_compliance": "springs.stiffness_ratio",
+}
+
+
+def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
+    """The CONSTANTS of a kind of constraints, in float64; 0 where the scene has none of it."""
+    grid, method = scene.grid, scene.method
+    if scene.springs and kind in ("structural", "stiff"):
+        softness = scene.springs.softness(scene.springs.stiffness_ratio if kind == "stiff" else 1.0)
+        rest, damping = scene.springs.rest_length, 0.0
+    elif kind in scene.cloth_springs:
+        springs = scene.cloth_springs[kind]
+        softness, rest, damping = springs.softness(), REACH[kind] * grid.spacing, springs.damping
+    else:
+        return (0.0,) * len(CONSTANTS)
+    h = method.dt / method.substeps
+    compliance, gamma, stiffening = softness * grid.mass / h**2, softness * damping / h, 1 / method.pbd_stiffness
+    if method.solver == "pbd":
+        compliance = gamma = 0.0
+    stiffening += gamma
+    return rest, compliance, gamma, stiffening, 1 / (2 * stiffening + compliance), 1 / (stiffening + compliance)
+
+
+def xpbd_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """(len(XPBD_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError.
+
+    `poke`: as many components [N] as the scene has dimensions.
+    """
+    h = scene.method.dt / scene.method.substeps
+    values = cloth_values(scene, h, (*poke, 0.0)[:3])
+    drag = damping_rate(scene) * h
+    values |= {"inverse_substep": 1 / h, "keep": 1 - drag, "drag": drag}
+    for kind in CONSTRAINTS:
+        constants = constraint_constants(scene, kind)
+        values |= {f"{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
+    assert tuple(values) == XPBD_PARAMETERS
+    return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)
