@@ -103,8 +103,7 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
     by_kind = {}
     for kind, part in scene.cloth_springs.items():
         lengths, rest = cloth_lengths(scene, position, kind)
-        stiffness = 0.0 if part.inextensible else part.stiffness  # what cannot stretch stores nothing
-        by_kind[kind] = 0.5 * stiffness * float(np.sum((lengths - rest) ** 2))
+        by_kind[kind] = 0.5 * part.storing_stiffness * float(np.sum((lengths - rest) ** 2))
     spring += sum(by_kind.values())
     height = 0.0
     if gravity and gravity.enabled:

@@ -117,6 +117,11 @@ class Elastic(Part):
         """Whether its length cannot change: compliance 0."""
         return self.compliance == 0
 
+    @property
+    def storing_stiffness(self) -> float:
+        """The stiffness [N/m] with which a stretch stores energy: what cannot stretch stores none."""
+        return 0.0 if self.inextensible else self.stiffness
+
     def softness(self, ratio: float = 1.0) -> float:
         """The compliance [m/N] of a spring `ratio` times as stiff."""
         return 0.0 if self.inextensible else 1 / (self.stiffness * ratio)

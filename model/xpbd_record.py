@@ -33,18 +33,20 @@ XPBD_PARAMETERS = (
     "inverse_substep",  # 1/h, 1/s
     "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
     "drag",  # h c / m
-    *(f"{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
+    *(f"distance_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
 )
 X_INVERSE_SUBSTEP, X_KEEP, X_DRAG = (XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "drag"))
-X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"{kind}_rest") for kind in CONSTRAINTS}  # where a kind's constants begin
+X_CONSTRAINT = {
+    kind: XPBD_PARAMETERS.index(f"distance_{kind}_rest") for kind in CONSTRAINTS
+}  # where a kind's constants begin
 X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
 
 
 OWN_FIELDS = {  # of the scene, by the value that follows from them
     "inverse_substep": "method.dt",
     "drag": "damping.coefficient",
-    **{f"{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
-    "stiff_compliance": "springs.stiffness_ratio",
+    **{f"distance_{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
+    "distance_stiff_compliance": "springs.stiffness_ratio",
 }
 
 
@@ -78,6 +80,6 @@ def xpbd_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0
     values |= {"inverse_substep": 1 / h, "keep": 1 - drag, "drag": drag}
     for kind in CONSTRAINTS:
         constants = constraint_constants(scene, kind)
-        values |= {f"{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
+        values |= {f"distance_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
     assert tuple(values) == XPBD_PARAMETERS
     return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)
