@@ -32,19 +32,18 @@ XPBD_PARAMETERS = (
     *CLOTH_PARAMETERS,
     "inverse_substep",  # 1/h, 1/s
     "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
-    "drag",  # h c / m
+    "braking",  # h c / m
     *(f"distance_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
 )
-X_INVERSE_SUBSTEP, X_KEEP, X_DRAG = (XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "drag"))
-X_CONSTRAINT = {
-    kind: XPBD_PARAMETERS.index(f"distance_{kind}_rest") for kind in CONSTRAINTS
-}  # where a kind's constants begin
+X_INVERSE_SUBSTEP, X_KEEP, X_DRAG = (XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "braking"))
+# where a kind's constants begin
+X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"distance_{kind}_rest") for kind in CONSTRAINTS}
 X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
 
 
 OWN_FIELDS = {  # of the scene, by the value that follows from them
     "inverse_substep": "method.dt",
-    "drag": "damping.coefficient",
+    "braking": "damping.coefficient",
     **{f"distance_{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
     "distance_stiff_compliance": "springs.stiffness_ratio",
 }
@@ -76,8 +75,8 @@ def xpbd_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0
     """
     h = scene.method.dt / scene.method.substeps
     values = cloth_values(scene, h, (*poke, 0.0)[:3])
-    drag = damping_rate(scene) * h
-    values |= {"inverse_substep": 1 / h, "keep": 1 - drag, "drag": drag}
+    braking = damping_rate(scene) * h
+    values |= {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
     for kind in CONSTRAINTS:
         constants = constraint_constants(scene, kind)
         values |= {f"distance_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
