@@ -241,6 +241,28 @@ def accuracy(
         raise typer.Exit(130)
 
 
+@app.command(epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)")
+def projections(
+    quick: Annotated[bool, typer.Option("--quick", help="Two sizes, fewer repeats, nothing published.")] = False,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
+    from bench.projections import run_projections
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_projections(
+            opened, quick=quick, backends=backend, sizes=size, precisions=precision or ("float32",),
+            command=" ".join(["softlab", *sys.argv[1:]]),
+        )  # fmt: skip
+        out.print(str(summary), markup=False, soft_wrap=True)
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
 @app.command(epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
 def advise(
     scene: SceneName,

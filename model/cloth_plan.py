@@ -35,8 +35,10 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
         parts.add("poke")
     if scene.grid.pinned not in ("none", []):
         parts.add("pins")
-    if scene.motions and (motions_of_pins(scene) >= 0).any() and any(part.moves for part in scene.motions.values()):
-        parts.add("motion")
+    if scene.motions:
+        motions_of_pins(scene)  # refuses those of masses that are not pinned
+        if any(part.moves for part in scene.motions.values()):
+            parts.add("motion")
     for kind, collider in scene.colliders:
         parts.add(kind)
         if collider.static_friction > 0:

@@ -6,11 +6,13 @@ The first five lie where they do in a grid's record; of a kind of springs, all t
 from __future__ import annotations
 
 from math import hypot, pi, sqrt
+from typing import Any
 
 import numpy as np
 
 from model.build import Body
 from model.errors import SceneError
+from model.formulas import motion
 from model.integrators import damping_rate
 from model.motion import motions_of_pins
 from model.record import PARAMETERS as GRID_PARAMETERS
@@ -197,12 +199,12 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
 def motion_rows(scene: Scene, real: type) -> np.ndarray:
     """(motions, MOTION_FIELDS) in the arithmetic `real`, in the order of `scene.motions`. Raises SceneError."""
     rows = np.zeros((len(scene.motions), MOTION_FIELDS))
-    for row, (name, motion) in zip(rows, scene.motions.items(), strict=True):
-        row[M_X : M_Z + 1] = motion.center
-        row[M_U : M_W + 1] = np.array(motion.axis) / hypot(*motion.axis)
-        row[M_VX : M_VZ + 1] = motion.velocity
-        row[M_SPIN], row[M_TURNS] = motion.angular_velocity, motion.angular_velocity / (2 * pi)
-        row[M_START], row[M_DURATION] = motion.start, motion.duration
+    for row, (name, part) in zip(rows, scene.motions.items(), strict=True):
+        row[M_X : M_Z + 1] = part.center
+        row[M_U : M_W + 1] = np.array(part.axis) / hypot(*part.axis)
+        row[M_VX : M_VZ + 1] = part.velocity
+        row[M_SPIN], row[M_TURNS] = part.angular_velocity, part.angular_velocity / (2 * pi)
+        row[M_START], row[M_DURATION] = part.start, part.duration
         if not np.abs(row).max() <= np.finfo(real).max:
             raise SceneError(name, float(np.abs(row).max()), f"{np.dtype(real).name} cannot hold it; use float64")
     return rows.astype(real)
@@ -222,7 +224,24 @@ def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
     """(what masses meet and what pins follow, flat: rows of colliders, then of motions, then of pins; where the latter
     begin). Of motions and pins there is nothing in a scene without motions."""
     colliders = collider_rows(scene, real)
-    if not any(motion.moves for motion in scene.motions.values()):
+    if not any(part.moves for part in scene.motions.values()):
         return colliders.reshape(-1), 0
     motions, pins = motion_rows(scene, real), pin_rows(scene, body, real)
     return np.concatenate([array.reshape(-1) for array in (colliders, motions, pins)]), colliders.size + motions.size
+
+
+def pin_velocity(bodies: np.ndarray, first: int, pins: int, time: Any) -> np.ndarray:
+    """(pins, 3) [m/s], in the arithmetic of `bodies`: of the pinned masses at `time` [s], to the bits of `exact` kernels.
+
+    `bodies`, `first`: of `body_rows`. Loaded states get it: kernels read velocities of pins before they write them.
+    """
+    formulas = motion.make(bodies.dtype.type)
+    rows = bodies[first : first + pins * PIN_FIELDS].reshape(pins, PIN_FIELDS)
+    velocity = np.zeros((pins, 3), bodies.dtype)
+    for place in np.unique(rows[:, P_MOTION]):
+        if place >= 0:
+            row, own = bodies[int(place) :], rows[:, P_MOTION] == place
+            now = formulas.turn(time, row[M_START], row[M_DURATION], row[M_TURNS])
+            moved = formulas.placed(*rows[own, :P_MOTION].T, *row[: M_SPIN + 1], *now)
+            velocity[own] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
+    return velocity

@@ -28,6 +28,7 @@ from plots import (
     overtaking,
     peers,
     precisions,
+    projections,
     roofline,
     shapes,
     stability,
@@ -61,6 +62,8 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "findings-looks": findings_looks.draw,
     "findings-determinism": findings_determinism.draw,
     "ablation": ablation.draw,
+    "projections": projections.draw,
+    "published": projections.draw_published,
     "hard-states": hard.draw_states,
     "hard-verdicts": hard.draw_verdicts,
 }
@@ -87,6 +90,8 @@ TITLES = {
     "findings-looks": findings_looks.TITLE,
     "findings-determinism": findings_determinism.TITLE,
     "ablation": ablation.TITLE,
+    "projections": projections.TITLE,
+    "published": projections.PUBLISHED_TITLE,
     "hard-states": hard.STATES_TITLE,
     "hard-verdicts": hard.VERDICTS_TITLE,
 }

@@ -98,6 +98,31 @@ def make(real, compiled=plain):
         return position + weight * (scale * d)
 
     @compiled
+    def added(acceleration, weight, force):
+        """An acceleration with that of a force over the sheet's mass [m/s^2], on a mass of that weight, one axis."""
+        return acceleration + weight * force
+
+    @compiled
+    def share(valence, weight):
+        """What a mass contributes to the denominator of each of its constraints in the weighted Jacobi ordering."""
+        return valence * weight
+
+    @compiled
+    def scaled(scale, d):
+        """Displacement of a constraint's second end, for weight 1, one axis: to be summed over a mass's constraints."""
+        return scale * d
+
+    @compiled
+    def gathered(position, weight, total):
+        """A mass after a Jacobi iteration, one axis. `total`: the sum of its displacements."""
+        return position + weight * total
+
+    @compiled
+    def averaged(position, weight, total, valence):
+        """The same where displacements are averaged, not summed; a mass without constraints stays."""
+        return position + (weight * total) * (one / valence) if valence > zero else position
+
+    @compiled
     def tether(squared, reach):
         """What the way d from an anchor is multiplied by so that it is at most `reach` long."""
         return reach * inverse_length(squared) if squared > reach * reach else one
@@ -110,5 +135,6 @@ def make(real, compiled=plain):
     return SimpleNamespace(
         kicked=kicked, kept=kept, predicted=predicted, rate=rate, reciprocal=reciprocal, rigid_change=rigid_change,
         soft_change=soft_change, damped_change=damped_change, along_2d=along_2d, along_3d=along_3d, moved=moved,
+        added=added, share=share, scaled=scaled, gathered=gathered, averaged=averaged,
         tether=tether, tethered=tethered, squared_length_2d=squared_length_2d, squared_length_3d=squared_length_3d,
     )  # fmt: skip
