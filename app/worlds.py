@@ -44,7 +44,8 @@ class Worlds:
 
     Public: `worlds`, `positions` (one (particles, dimensions) float32 array a world: what is drawn), `statistics`, `message`,
     `paused`, `frozen` (diverged, with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand`
-    (selected mass, held poke), `physics_seconds` of the last frame.
+    (selected mass, held poke), `physics_seconds` of the last frame. Positions are read from the worlds when they are asked
+    for: large cloths on a GPU are drawn without them.
     """
 
     def __init__(
@@ -68,8 +69,9 @@ class Worlds:
         except BaseException:
             self.close()
             raise
-        self.positions = [world.read("position").astype(np.float32) for world in self.worlds]
-        self._watchable = [position.copy() for position in self.positions]
+        self._positions = [world.read("position").astype(np.float32) for world in self.worlds]
+        self._moved = False  # since they were read
+        self._watchable = [position.copy() for position in self._positions]
         self.statistics = Statistics()
         self.message = self.failure = ""
         self.message_count = 0  # so that the same message twice is seen as new
@@ -109,10 +111,17 @@ class Worlds:
         """The first world: the one that is picked in, and whose numbers are shown."""
         return self.worlds[0]
 
+    @property
+    def positions(self) -> list[np.ndarray]:
+        """As the worlds are now, or as they were when they froze."""
+        if self._moved:
+            self._read()
+        return self._positions
+
     # ------------------------------------------------------------------ the frame
 
     def frame(self) -> None:
-        """The physics of one frame: `steps_per_frame` steps of every world, then its positions."""
+        """The physics of one frame: `steps_per_frame` steps of every world."""
         self.physics_seconds = 0.0
         if self.frozen:
             return  # the picture stays as it was when the state went bad
@@ -121,7 +130,9 @@ class Worlds:
             self._step()
             self.physics_seconds = perf_counter() - start
         if not self.frozen:
-            self._read()
+            self._moved = True
+            if self._keeps_pictures():
+                self._read()
             self.refresh()
 
     def _step(self) -> None:
@@ -129,7 +140,7 @@ class Worlds:
         done = 0
         for batch in range(1, self._batches() + 1):
             if done:
-                self.world.read("position", into=self.positions[0])
+                self.world.read("position", into=self._positions[0])
             steps = self.steps_per_frame * batch // self._batches() - done
             self._guard(self._push)
             if not self._guard(lambda steps=steps: self._advance(steps)):  # type: ignore[misc]
@@ -148,12 +159,17 @@ class Worlds:
         for world in self.worlds:
             world.synchronize()
 
+    def _keeps_pictures(self) -> bool:
+        """Whether the last picture that fits the window is kept in every frame."""
+        return self.over_limit or len(self._positions[0]) <= ALWAYS_KEPT
+
     def _read(self) -> None:
+        self._moved = False
         with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
-            for world, position in zip(self.worlds, self.positions, strict=True):
+            for world, position in zip(self.worlds, self._positions, strict=True):
                 world.read("position", into=position)
-        if self.over_limit or len(self.positions[0]) <= ALWAYS_KEPT:
-            for world, position, watchable in zip(self.worlds, self.positions, self._watchable, strict=True):
+        if self._keeps_pictures():
+            for world, position, watchable in zip(self.worlds, self._positions, self._watchable, strict=True):
                 bounds = finite_bounds(position)
                 if bounds and max(map(abs, bounds)) <= WATCHABLE * world.body.size and np.isfinite(position).all():
                     watchable[...] = position
@@ -167,7 +183,8 @@ class Worlds:
         return self.steps_per_frame // self._batches() * self.world.scene.method.dt
 
     def _push(self) -> None:
-        self.hand.push(self.world, self.positions[0], self._hold_time())
+        position = self.positions[0] if self.hand.held else self._positions[0]  # with nothing held it is not looked at
+        self.hand.push(self.world, position, self._hold_time())
 
     def refresh(self, force: bool = False) -> None:
         """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
@@ -202,7 +219,8 @@ class Worlds:
         self.frozen, self.failure = True, failure
         self.message = ""
         self.hand.held = None
-        for position, watchable in zip(self.positions, self._watchable, strict=True):
+        self._moved = False  # what is shown from now on is no world's state
+        for position, watchable in zip(self._positions, self._watchable, strict=True):
             position[...] = watchable
         self.statistics = measure_picture(self.world.scene, self.positions, self.statistics)
 

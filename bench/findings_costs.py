@@ -71,6 +71,7 @@ def run_costs(
     Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
     """
     from bench.findings_determinism import determinism
+    from bench.vertex_timing import vertex_groups  # draws: not loaded before it is used
 
     begin = time.perf_counter()
     chosen = backends_here(backends)
@@ -81,6 +82,8 @@ def run_costs(
         everything = [
             g for backend in chosen for g in (*looks(backend, effort, most), *determinism(backend, effort, most))
         ]
+        if "gpu" in chosen:
+            everything += vertex_groups(effort, most)
         missing = [
             g for g in everything if not store.has_measure(g.descriptions[-1], summary.machine, g.sources, RATIO)
         ]

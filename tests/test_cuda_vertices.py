@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_cloth import FakeCloth
+from fake_cloth import FakeCloth, open_fake
 from fake_interop import FakeRuntime, GpuCloth, Status, alive, held
-from test_view3d import SCENE, available
+from test_view3d import REST, SCENE, available
 
-from app import cuda_vertices
+from app import cuda_vertices, worlds
 from app.cuda_vertices import STRAIGHT, CudaVertices
+from app.demo import Demo
 from app.offscreen import OffscreenRenderer
 from app.vertices import HostVertices
 from app.view3d import View3D
@@ -351,3 +352,26 @@ def test_kernels_of_float64_write_float32(monkeypatch: pytest.MonkeyPatch) -> No
         text = text[text.index(".entry") :]
         assert text.count("cvt.rn.f32.f64") == 3 and text.count("st.global.f32") == 3
         assert "st.global.f64" not in text and ".local" not in text
+
+
+def test_a_large_cloth_is_read_only_when_somebody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For the statistics, for the hand, for a picture by the host; small ones are kept for the case of a divergence."""
+    monkeypatch.setattr(worlds, "ALWAYS_KEPT", 10)
+    with Demo([SCENE.replace({"gravity.enabled": True})], open_world=open_fake) as demo:
+        demo._statistics_due = float("inf")
+        demo.world.asked.clear()
+        for _ in range(3):
+            demo.frame()
+        assert demo.world.asked == []
+        assert demo.positions[0][40, 1] < REST[40, 1] and demo.world.asked == ["position"]
+        assert demo.positions[0] is demo.positions[0] and demo.world.asked == ["position"]
+        demo.take(31, REST[31])
+        demo.world.asked.clear()
+        demo.frame()
+        assert demo.world.asked == ["position"] * (demo._batches() - 1)
+        demo.release()
+        demo._statistics_due = 0.0
+        demo.world.asked.clear()
+        demo.frame()
+        assert demo.world.asked == ["position"]
+        assert demo.statistics.bounds[1] == pytest.approx(float(demo.positions[0][:, 1].min()))
