@@ -22,6 +22,7 @@ from labbook import (
     ablation_claims,
     accuracy_claims,
     claims,
+    cloth_claims,
     comparison_claims,
     costs_claims,
     findings_claims,
@@ -40,12 +41,23 @@ from plots.draw import draw_figures
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
-CHAPTERS = (*ENTRIES, "conclusions", "rungs", "threads", "accuracy", "findings", "stability", "hard", "ablation")
+CHAPTERS = (
+    *ENTRIES,
+    "conclusions",
+    "rungs",
+    "threads",
+    "accuracy",
+    "findings",
+    "stability",
+    "hard",
+    "ablation",
+    "cloth",
+)
 CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims,
-        stability_claims, hard_claims, ablation_claims,
+        stability_claims, hard_claims, ablation_claims, cloth_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip
