@@ -40,7 +40,7 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
 
     The same for the same arguments. Raises SceneError where a vertex has more than MOST_COLOURS constraints.
     """
-    vertices = np.asarray(constraints, dtype=np.int64).reshape(len(constraints), -1)
+    vertices = np.asarray(constraints, dtype=np.int64)
     valence = np.bincount(vertices.ravel(), minlength=vertex_count)
     least = int(valence.max(initial=0))
     if least > MOST_COLOURS:
@@ -56,7 +56,8 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
         sizes = np.bincount(given)
         if not least < len(sizes) <= WORD:
             break
-        given = _again(vertices, vertex_count, given, MODE(turn, sizes, generator))
+        order = generator.permutation(len(sizes)) if turn % 2 else np.arange(len(sizes))[::-1]
+        given = _again(vertices, vertex_count, given, order)
     sizes = np.bincount(given)
     rank = np.empty(len(sizes), dtype=np.int64)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))

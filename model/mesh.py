@@ -98,29 +98,29 @@ def triangle_mesh(position: np.ndarray, triangles: np.ndarray, repairs: list[str
     if turned.any():
         triangles[turned] = triangles[turned][:, [0, 2, 1]]
         edges = mesh_edges(len(position), triangles)
-        count = int(turned.sum())
-        _tell(told, count, "triangle was turned over", "triangles were turned over", " to agree with its neighbours")
+        one, many = "was turned over to agree with its neighbours", "were turned over to agree with their neighbours"
+        _tell(told, int(turned.sum()), f"triangle {one}", f"triangles {many}")
     return TriangleMesh(
         position, triangles, edges, tuple(told), edges.parts(), edges.boundary_loops(), numbering.astype(np.int32)
     )
 
 
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def _many(count: int, one: str, many: str = "") -> str:
+    return f"{count} {one if count == 1 else many or one + 's'}"
 
 
-def _tell(told: list[str], count: int, one: str, many: str, more: str = "") -> None:
+def _tell(told: list[str], count: int, one: str, many: str) -> None:
     if count:
-        told.append(f"{count} {one if count == 1 else many}{more if count == 1 else more.replace('its', 'their')}")
+        told.append(_many(count, one, many))
 
 
 def _check(position: np.ndarray) -> None:
     wrong = ~np.isfinite(position).all(axis=1)
     if wrong.any():
-        vertex = int(np.argmax(wrong))
+        vertex, many = int(np.argmax(wrong)), _many(int(wrong.sum()), "vertex", "vertices")
         raise InputError(
-            f"vertex {vertex} (counted from 0) is at {position[vertex].tolist()}, as are {int(wrong.sum()) - 1} more that "
-            "are not finite; export the mesh again"
+            f"{many} without finite coordinates, first vertex {vertex} (counted from 0), {position[vertex].tolist()}; export "
+            "the mesh again"
         )
     if len(position) > MOST_VERTICES:
         raise InputError(f"{len(position)} vertices; at most {MOST_VERTICES} (32-bit indices): decimate the mesh")
@@ -143,13 +143,19 @@ def _places(position: np.ndarray) -> np.ndarray:
 
 def _without_flat(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
     a, b, c = (position[corner] for corner in triangles.T)
-    longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
-    double_area = np.sqrt((np.cross(b - a, c - a) ** 2).sum(1))
+    one, two, three = b - a, c - b, a - c
+    longest = np.maximum(np.maximum(_squares(one), _squares(two)), _squares(three))
+    double_area = np.sqrt(_squares(np.cross(one, two)))
     keep = double_area > FLAT * longest
     if not keep.any():
         raise InputError(f"none of its {len(triangles)} triangles has an area; is it a set of lines or points?")
     _tell(told, int((~keep).sum()), "triangle without area was left out", "triangles without area were left out")
     return triangles[keep]
+
+
+def _squares(vectors: np.ndarray) -> np.ndarray:
+    """(n,): squared lengths of `vectors` (n, 3)."""
+    return np.einsum("ij,ij->i", vectors, vectors)
 
 
 def _without_copies(vertex_count: int, triangles: np.ndarray, told: list[str]) -> np.ndarray:
@@ -176,8 +182,8 @@ def _without_unused(
 def _turned(edges: MeshEdges) -> np.ndarray:
     """(triangles,) bool: those to turn over so that every two neighbours pass their edge in opposite directions.
 
-    The lesser part of each surface, the first triangle's where both are equal. Each triangle stands twice in a graph, as it is
-    and turned over, joined to the neighbours it agrees with: a surface has two sides where that graph falls in two.
+    The lesser part of each surface; of equal parts the one without the first triangle. Each triangle stands twice in a
+    graph, as it is and turned over, joined to the neighbours it agrees with: a surface has two sides where that falls in two.
     """
     count = len(edges.corners)
     turned = np.zeros(count, dtype=bool)

@@ -157,15 +157,15 @@ def components(count: int, ends: np.ndarray) -> np.ndarray:
     flat: Y. Shiloach, U. Vishkin, "An O(log n) parallel connectivity algorithm" (1982), with `lowest` for their `any`.
     """
     root = np.arange(count)
-    ends = np.asarray(ends, dtype=np.int64).reshape(-1, 2)
-    while len(ends):
-        high, low = ends.max(axis=1), ends.min(axis=1)
-        np.minimum.at(root, high, low)
+    one, other = np.asarray(ends, dtype=np.int64).reshape(-1, 2).T
+    while len(one):
+        np.minimum.at(root, np.maximum(one, other), np.minimum(one, other))
         while True:
             above = root[root]
             if np.array_equal(above, root):
                 break
             root = above
-        ends = root[ends]
-        ends = ends[ends[:, 0] != ends[:, 1]]
+        one, other = root[one], root[other]
+        apart = one != other
+        one, other = one[apart], other[apart]
     return root

@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
-from model.memory import available_bytes, require
+from model.memory import available_bytes, readable
 
 FORMATS = (".obj", ".stl", ".ply")
 BYTES_PER_FILE_BYTE = 25  # of memory while a file is read and mended: 8 to 18 seen, with a million vertices
+
+STL_HEADER, STL_TRIANGLE = 84, 50  # bytes of a binary STL
 
 
 def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray, int]:
@@ -60,7 +62,11 @@ def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray, int]:
 
 def _bytes(path: Path) -> bytes:
     try:
-        require(path.stat().st_size * BYTES_PER_FILE_BYTE, available_bytes(), "mesh", str(path), "main memory")
+        needed, free = path.stat().st_size * BYTES_PER_FILE_BYTE, available_bytes()
+        if free is not None and needed > free:
+            raise InputError(
+                f"{path} needs about {readable(needed)} of memory, of which {readable(free)} is free; decimate the mesh"
+            )
         return path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
@@ -87,7 +93,7 @@ def _read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
     lines = len(re.findall(rb"^[ \t]*v[ \t]", data, re.MULTILINE))
     points = re.findall(rb"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", data, re.MULTILINE)
     if len(points) != lines:
-        raise InputError(f"{lines - len(points)} vertices of fewer than three coordinates; export it again")
+        raise InputError(f"vertices of fewer than three coordinates: {lines - len(points)}; export it again")
     faces = re.findall(rb"^[ \t]*f[ \t]+(.*)$", data, re.MULTILINE)
     if not faces:
         return np.zeros((lines, 3)), np.zeros((0, 3), dtype=np.int64), 0
@@ -97,7 +103,7 @@ def _read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
     if b"-" in corners:
         _refuse_interleaved(data)
     text = b"v " + b"\nv ".join(points) + b"\nf " + corners
-    loaded = load_obj(io.BytesIO(text), maintain_order=True, skip_materials=True)
+    loaded = load_obj(io.StringIO(text.decode("latin-1")), maintain_order=True, skip_materials=True)
     (mesh,) = loaded["geometry"].values()
     if len(mesh["vertices"]) != lines:
         raise InputError(f"{lines} vertices, of which {len(mesh['vertices'])} can be read; export it again")
@@ -116,19 +122,26 @@ def _refuse_interleaved(data: bytes) -> None:
 
 def _read_stl(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
     """Three vertices of its own for each triangle. Of text, every solid."""
-    from trimesh.exchange.stl import load_stl
+    from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
-    loaded: dict[str, Any] = load_stl(io.BytesIO(data))
+    promised = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little") if len(data) >= STL_HEADER else 0
+    binary = len(data) == STL_HEADER + STL_TRIANGLE * promised
+    loaded: dict[str, Any]
+    if binary:
+        loaded = load_stl_binary(io.BytesIO(data))
+    else:  # exporters begin binary files with `solid`, too: the word tells nothing
+        facets = len(re.findall(rb"^[ \t]*facet\b", data, re.MULTILINE | re.IGNORECASE))
+        if facets == 0 and len(data) >= STL_HEADER:
+            raise InputError(
+                f"{promised} triangles promised, which take {STL_HEADER + STL_TRIANGLE * promised} bytes, but there are "
+                f"{len(data)}: damaged or cut short; export it again"
+            )
+        promised = facets
+        loaded = load_stl_ascii(io.StringIO(data.decode("latin-1").replace("\r\n", "\n")))
     solids = [loaded] if "vertices" in loaded else list(loaded["geometry"].values())
     vertices = np.concatenate([np.zeros((0, 3)), *(solid["vertices"] for solid in solids)]).astype(np.float64)
-    binary = bool(solids) and "face_attributes" in solids[0]
-    promised = 0 if binary else data.lower().count(b"endfacet")
-    if not solids and promised == 0 and len(data) >= 84:
-        promised = int(np.frombuffer(data[80:84], dtype="<u4")[0])
-    if not binary and promised * 3 != len(vertices):
-        raise InputError(
-            f"{promised} triangles promised, {len(vertices) // 3} found: damaged or cut short; export it again"
-        )
+    if promised * 3 != len(vertices):
+        raise InputError(f"{promised} triangles begin, {len(vertices) // 3} are whole: cut short; export it again")
     return vertices, np.arange(len(vertices)).reshape(-1, 3), 0
 
 
