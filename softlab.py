@@ -31,6 +31,12 @@ Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
 Threads = Annotated[str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, or a number.")]
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
+Methods = Annotated[
+    list[str] | None,
+    typer.Option(
+        help='Only this integrator or position-based method ("xpbd jacobi"; xpbd: all orderings). Repeatable.'
+    ),
+]
 StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
 Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
@@ -211,8 +217,10 @@ def sweep(
 
 @app.command(epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)")
 def accuracy(
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer repeats; neither exact math nor other sizes.")] = False,
-    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer repeats and methods; neither exact math nor other sizes.")
+    ] = False,
+    integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
     findings: Annotated[
@@ -221,8 +229,9 @@ def accuracy(
     ] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Hold every integrator, step size and precision against a converged reference: speed against error."""
+    """Hold every method, step size and precision against a converged reference: speed against error."""
     from bench.accuracy import run_accuracy
+    from bench.convergence import run_convergence
     from bench.findings import run_findings
     from bench.findings_costs import run_costs
     from bench.store import Store
@@ -233,7 +242,7 @@ def accuracy(
     with Store(store) as opened:
         summary: Any = run_accuracy(opened, integrators=integrator, precisions=precision, **how)
         out.print(str(summary), markup=False, soft_wrap=True)
-        for run in (run_findings, run_costs) if findings else ():
+        for run in (run_findings, run_costs, run_convergence) if findings else ():
             if not summary.interrupted:
                 summary = run(opened, **how)
                 out.print(str(summary), markup=False, soft_wrap=True)
@@ -353,7 +362,7 @@ def stability(
 def hard(
     quick: Annotated[bool, typer.Option("--quick", help="The hand-out's step and velocity Verlet alone.")] = False,
     case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
-    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
+    integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
     pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,

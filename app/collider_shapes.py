@@ -127,7 +127,7 @@ def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
         across, along, normal = plane_axes(plane.normal)
         found.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
     if not found:
-        size = scene.grid.spacing * max(scene.grid.rows, scene.grid.columns)
+        size = scene.grid.extent
         step = size / GROUND_STEPS
         across, along, normal = plane_axes(UP)
         height = step * np.floor((lowest - GROUND_GAP * size) / step)
@@ -158,7 +158,7 @@ def with_colliders(scene: Scene, bounds: Sequence[float], time: float) -> tuple[
     nothing to see of the cloth.
     """
     low, high = np.array(bounds[:3]), np.array(bounds[3:])
-    size = scene.grid.spacing * max(scene.grid.rows, scene.grid.columns)
+    size = scene.grid.extent
     least, most = low - size / 2, high + size / 2
     for _, collider in scene.colliders:
         extent = _extent(collider)

@@ -162,7 +162,7 @@ class Demo(Worlds):
 
     def _tell_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
-        self.say(f"mass {self.name(particle)} selected" + ("; it is pinned and does not move" if pinned else ""))
+        self.say(f"mass {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
         """Arrows: select the neighbour `columns` to the right and `rows` up; the first press selects the middle.

@@ -59,6 +59,10 @@ def open_simulation(
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
     """The solver of the scene on the backend; the other backend is not even imported."""
     if backend == "cpu":
+        if scene.mesh:
+            from cpu_backend.xpbd_mesh import MeshPositionBased
+
+            return MeshPositionBased(scene, options, threads)
         if scene.method.position_based:
             from cpu_backend.xpbd import PositionBased
 
@@ -70,6 +74,10 @@ def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> S
         from cpu_backend.mass_spring import MassSpring
 
         return MassSpring(scene, options, threads)
+    if scene.mesh:
+        from gpu_backend.xpbd_mesh import MeshPositionBased as CudaMeshPositionBased
+
+        return CudaMeshPositionBased(scene, options)
     if scene.method.position_based:
         from gpu_backend.xpbd import PositionBased as CudaPositionBased
 

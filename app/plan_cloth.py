@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.plan_report import BackendPlan, Pass, leaves
-from model.cloth_plan import kicks_meet
+from model.cloth_plan import PRODUCT_STAGE, kicks_meet
 from model.plan import Node, Plan, Stage
 from model.scene import Scene
 from model.simulation import PRECISIONS
@@ -16,6 +16,8 @@ def cloth_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass, ..
 
     Velocity Verlet's kicks of neighbouring steps meet in one pass, unless a force depends on a neighbour's velocity.
     """
+    if plan.has(PRODUCT_STAGE):
+        return implicit_passes(plan, item, way, note)
     children = plan.root.children
     halves = [list(leaves(child)) for child in children if isinstance(child, Node)]
     if plan.has("second half kick"):
@@ -39,19 +41,37 @@ def cloth_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass, ..
     return tuple(one(stages) for stages in groups)
 
 
+def implicit_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass, ...]:
+    """Those of implicit Euler, for one matrix and one iteration: forces at the start and what moves nothing by itself
+    (colliders, pins) belong to the pass of their neighbours."""
+    stages = list(plan.root.stages())
+    begin = next(n for n, stage in enumerate(stages) if stage.name == "begin")
+    end = next(n for n, stage in enumerate(stages) if stage.name == "take over")
+    groups = [stages[: begin + 1], *([stage] for stage in stages[begin + 1 : end]), stages[end:]]
+    note += "; a step takes as many matrices and iterations as residuals ask for"
+    return tuple(
+        Pass(
+            tuple(stage.name for stage in group), way * max(stage.bytes(item, 3) for stage in group),
+            float(sum(stage.operations for stage in group)), note,
+        )
+        for group in groups
+    )  # fmt: skip
+
+
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Each spring and each triangle once, on the way down the rows."""
     from cpu_backend.cloth import choose_kernel
     from cpu_backend.mass_spring import processor_name
 
     passes = cloth_passes(plan, np.dtype(PRECISIONS[precision]).itemsize, 1.0, "along rows, a band of rows a thread")
-    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, "one pass over the sheet a force", passes)
+    why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet a force"
+    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
 
 
 def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU: then for the one that the choice was measured on."""
     from gpu_backend.choice import MEASURED_LIMITS, MEASURED_ON
-    from gpu_backend.cloth_choice import default_cloth_kernel
+    from gpu_backend.cloth_choice import choose_cloth
     from gpu_backend.device import gpu_available, simulated
 
     available, device = gpu_available()
@@ -59,9 +79,15 @@ def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         device = f"none here; as on the {MEASURED_ON} that the choice was measured on"
     limits = None if available and not simulated() else MEASURED_LIMITS
     real = PRECISIONS[precision]
-    kernel, why = default_cloth_kernel(scene, real, plan.parts, limits)
+    kernel, tile, why = choose_cloth(scene, real, plan.parts, limits)
+    if plan.has(PRODUCT_STAGE):
+        kernel, tile, why = "cooperative", None, "one launch does whole steps: residuals are looked at on the device"
     note = "one thread a mass, each gathers its springs and triangles"
     way = 4 / 3  # a mass's vectors have a fourth number
     if kernel == "one-block":
         note, way = f"{note}, all on the chip", 0.0
-    return BackendPlan("gpu", device, kernel, None, why, cloth_passes(plan, np.dtype(real).itemsize, way, note))
+    elif kernel == "resident" and tile:
+        note, way = f"{tile.strip} masses a thread, all on the chip, borders sent every {tile.halo} steps", 0.0
+    elif kernel == "tiles" and tile:
+        note, way = f"{tile.strip} masses a thread, {tile.halo} steps for one way through memory", way / tile.halo
+    return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, cloth_passes(plan, np.dtype(real).itemsize, way, note))

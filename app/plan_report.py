@@ -18,7 +18,8 @@ from app.driver import BACKENDS
 from model.errors import SceneError
 from model.formulas.springs import OPERATIONS_SPRING_2D
 from model.frequency import frequency_lines, scene_net
-from model.integrators import INTEGRATORS, stability_limit
+from model.integrators import integrators_for, stability_limit
+from model.mesh_constraints import families
 from model.plan import Node, Plan, Stage
 from model.plans import scene_plan
 from model.scene import Scene
@@ -90,7 +91,9 @@ class PlanReport:
 
     @property
     def springs(self) -> int:
-        """Of the whole scene, of every kind."""
+        """Of the whole scene, of every kind; of a mesh its constraints."""
+        if self.scene.mesh:
+            return sum(len(family.corners) for family in families(self.scene))
         if self.scene.cloth:
             return len(scene_net(self.scene).ends)
         return self.scene.grid.spring_count if self.scene.springs else 0
@@ -275,7 +278,11 @@ def plan_report(
     rows, order = flatten(plan.root)
     found, unknown = [], {}
     ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": _cpu_plan, "gpu": _gpu_plan}
-    if scene.method.position_based:
+    if scene.mesh:
+        from app.plan_mesh import mesh_on_cpu, mesh_on_gpu
+
+        ways = {"cpu": mesh_on_cpu, "gpu": mesh_on_gpu}
+    elif scene.method.position_based:
         from app.plan_xpbd import xpbd_on_cpu, xpbd_on_gpu
 
         ways = {"cpu": xpbd_on_cpu, "gpu": xpbd_on_gpu}
@@ -306,5 +313,5 @@ def limit_line(report: PlanReport) -> str:
     bound = f"limit dt {report.limit:.6g} s" if report.limit > 0 else "no stable dt"
     if report.limit == inf:
         bound = "no limit to dt"
-    note = POSITION_BASED_NOTE if method.position_based else INTEGRATORS[method.integrator].note
+    note = POSITION_BASED_NOTE if method.position_based else integrators_for(report.scene)[method.integrator].note
     return f"{bound} ({method.name}: {note}), {state} {method.dt:g} s"

@@ -21,6 +21,7 @@ from model.errors import Diverged, InputError, SceneError
 from model.memory import available_bytes, require
 from model.scene import Scene
 from model.simulation import LEAST_INTERVAL, Simulation, State
+from model.topology import mesh_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
 MOST_STEPS = 10**15  # more would take years
@@ -105,7 +106,7 @@ def check_targets(scene: Scene, request: Request, steps: int) -> None:
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    notes: list[str] = []
+    notes = mesh_lines(scene)
     steps = step_count(scene, request, notes)
     check_targets(scene, request, steps)
     initial = read_state(request.initial, scene) if request.initial else None
@@ -243,6 +244,28 @@ def _report(
         "error": None,
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",
+        **contact_report(simulation, state),
+    }
+
+
+def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
+    """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
+    contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
+    that there was no room for. Seconds on large sheets."""
+    scene = simulation.scene
+    if scene.self_collision is None:
+        return {}
+    from model.contact_measure import measure
+
+    grid = scene.grid
+    found = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)
+    gaps = {"min_gap": found.min_gap, "min_edge_gap": found.min_edge_gap}
+    contacts: Any = simulation.contacts  # type: ignore[attr-defined]
+    return {
+        **{name: gap if np.isfinite(gap) else None for name, gap in gaps.items()},
+        "edge_misses": found.edge_misses,
+        "crossings": found.crossings,
+        "contacts_lost": contacts.lost,
     }
 
 

@@ -58,7 +58,7 @@ class Scenery:
         from pyglet import gl
 
         self.scene = scene
-        self.size = scene.grid.spacing * max(scene.grid.rows, scene.grid.columns)
+        self.size = scene.grid.extent
         self._shadow_program = shader_program(shaders3d.SHADOW_VERTEX, shaders3d.SHADOW_FRAGMENT)
         self._ground_program = shader_program(shaders3d.GROUND_VERTEX, shaders3d.GROUND_FRAGMENT)
         self._buffers: list[int] = []

@@ -1,22 +1,15 @@
-"""A cloth as something to draw: its triangles and springs, and how far those are stretched. No OpenGL."""
+"""A cloth as something to draw: its springs, and how far they are stretched. No OpenGL."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from model.cloth_record import REACH
-from model.energy import spring_strain
+from model.energy import spring_ends, spring_strain
+from model.mesh_constraints import edges_of
 from model.scene import Scene
 
-
-def triangles(rows: int, columns: int) -> np.ndarray:
-    """(2 (rows - 1) (columns - 1), 3) uint32: two triangles a cell, split from its first mass to the one opposite.
-
-    Counter-clockwise from where a hanging cloth is seen from +z, a flat one from above.
-    """
-    index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    return np.ascontiguousarray(np.stack([a, c, d, a, d, b], axis=-1).reshape(-1, 3))
+ALIKE = 0.01  # of a rest length: strains are drawn as true as that
 
 
 def drawn_kinds(scene: Scene) -> list[str]:
@@ -25,9 +18,20 @@ def drawn_kinds(scene: Scene) -> list[str]:
     return [kind for kind in kinds if kind != "bending"] or kinds
 
 
-def rest_length(scene: Scene, kind: str) -> float:
-    """Of a cloth's springs of a `kind` [m]."""
-    return REACH[kind] * scene.grid.spacing
+def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
+    """[(ends (springs, 2), their rest length [m])]: the springs of a cloth that are drawn, kind by kind.
+
+    Of a mesh by classes of rest lengths that differ by less than ALIKE, each with its mean.
+    """
+    grid = scene.grid
+    if not scene.mesh:
+        return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
+    found = []
+    for kind in drawn_kinds(scene):
+        ends, rest = edges_of(scene, kind)
+        number = np.floor(np.log(rest / rest.min()) / np.log1p(ALIKE)).astype(int) if len(rest) else rest
+        found += [(ends[number == n], float(rest[number == n].mean())) for n in np.unique(number)]
+    return found
 
 
 def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:

@@ -63,8 +63,9 @@ def print_scenes(console: Console) -> None:
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
+        size = str(grid.particle_count) if scene.mesh else f"{grid.rows} x {grid.columns}"
         table.add_row(
-            name, f"{grid.rows} x {grid.columns}", str(grid.pinned), method.name, f"{method.dt:g}",
+            name, size, str(grid.pinned), method.name, f"{method.dt:g}",
             f"{stability_limit(scene):.4g}",
         )  # fmt: skip
     console.print(table)

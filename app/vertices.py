@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
-from model.normals import vertex_normals
+from model.normals import scene_normals
 from model.scene import Scene
 from model.simulation import Simulation
 
@@ -62,7 +62,7 @@ class HostVertices:
         self._send(self.position_buffer, position)
         if normals and normal is None:
             with np.errstate(over="ignore", invalid="ignore"):
-                normal = vertex_normals(position, self.scene.grid.rows, self.scene.grid.columns)
+                normal = scene_normals(self.scene, position)
         if normals and normal is not None:
             self._send(self.normal_buffer, normal)
 

@@ -15,12 +15,12 @@ from app.scene_view import PIN_SIZE, POINTS_FROM, WIDE_UP_TO
 from app.scenery import Drawn, Lit, Scenery
 from app.shaders import POINT_FRAGMENT
 from app.smooth_target import SAMPLES, SmoothTarget
-from app.surface import drawn_kinds, rest_length, triangles
+from app.surface import drawn_lines
 from app.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
 from model.build import pinned_indices, rest_positions
-from model.energy import spring_ends
 from model.scene import Scene
 from model.simulation import Simulation
+from model.topology import triangles_of
 
 PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
 
@@ -42,19 +42,18 @@ class View3D:
         self._target = SmoothTarget(samples)
         self._scenery = Scenery(scene)
         self._lit = Lit()
-        kinds = drawn_kinds(scene)
-        ends = {kind: spring_ends(scene.grid.rows, scene.grid.columns, kind) for kind in kinds}
-        self.springs = sum(len(pairs) for pairs in ends.values())
+        lines = drawn_lines(scene)
+        self.springs = sum(len(pairs) for pairs, _ in lines)
         self._wide = self.springs <= WIDE_UP_TO
         geometry = shaders3d.WIDE_SPRINGS if self._wide else shaders3d.THIN_SPRINGS
         self._spring_program = shader_program(shaders3d.VERTEX, shaders3d.SPRING_FRAGMENT, geometry)
         self._point_program = shader_program(shaders3d.VERTEX, POINT_FRAGMENT)
-        pins, faces = pinned_indices(scene.grid).astype(np.uint32), triangles(scene.grid.rows, scene.grid.columns)
+        pins, faces = pinned_indices(scene.grid).astype(np.uint32), triangles_of(scene)
         self.lines = not len(faces)
         self._buffers: list[int] = []
         self._surface = self._drawn(faces, gl.GL_TRIANGLES)
         self._pins = self._drawn(pins, gl.GL_POINTS)
-        self._lines = {kind: self._drawn(pairs, gl.GL_LINES) for kind, pairs in ends.items()}
+        self._lines = [(self._drawn(pairs, gl.GL_LINES), rest) for pairs, rest in lines]
 
     def _drawn(self, elements: np.ndarray, mode: int) -> Drawn:
         self._buffers.append(static_buffer(elements))
@@ -99,7 +98,7 @@ class View3D:
         self._lit.program.stop()
         if self.lines:
             self._draw_springs(camera, strain_range)
-        shown = list(self._lines.values()) if self.lines else [self._surface]
+        shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surface]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
         gl.glEnable(gl.GL_BLEND)
         gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
@@ -122,8 +121,8 @@ class View3D:
         if self._wide:
             program["window"] = (camera.width, camera.height)
             program["half_width"] = min(max(0.035 * camera.scale * self.scene.grid.spacing, 0.5), 2.0)
-        for kind, drawn in self._lines.items():
-            program["inverse_rest"] = 1 / rest_length(self.scene, kind)
+        for drawn, rest in self._lines:
+            program["inverse_rest"] = 1 / rest
             draw_elements(*drawn)
         program.stop()
 
@@ -160,7 +159,7 @@ class View3D:
 
     def delete(self) -> None:
         """Free the buffers."""
-        delete_all([self._surface[0], self._pins[0], *(drawn[0] for drawn in self._lines.values())], self._buffers)
+        delete_all([self._surface[0], self._pins[0], *(drawn[0] for drawn, _ in self._lines)], self._buffers)
         self._scenery.delete()
         self.vertices.delete()
         self._target.delete()

@@ -31,6 +31,7 @@ from bench.held_force import held_converged, held_seconds
 from bench.judge import distance
 from bench.judgement import judge
 from bench.machine import enter_machine, gpu_simulated, source_revision
+from bench.methods import newton, sweeps
 from bench.own_reference import (
     OWN_SECONDS,
     by_numpy,
@@ -49,7 +50,7 @@ from bench.sweep import backends_here
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from model.build import pinned_indices
 from model.errors import Diverged, SceneError
-from model.integrators import INTEGRATORS, stability_limit
+from model.integrators import stability_limit
 from model.scene import Scene
 from model.simulation import State
 
@@ -85,8 +86,9 @@ def ablate(
 
     `backends`: None: all that are here. Measures what the store lacks; Ctrl-C ends cleanly.
 
-    Raises SceneError (a time that cannot be, a step size over the limit, nothing that moves, a reference or a run that
-    would take too long, a manufactured scene), BackendUnavailable, InputError (the store), Diverged (the full scene).
+    Raises SceneError (a time that cannot be, a step size over the limit, nothing that moves, a reference or a run that would
+    take too long, a manufactured scene, constraints that Newton's law does not tell the motion of), BackendUnavailable,
+    InputError (the store), Diverged (the full scene).
     """
     begin = clock.perf_counter()
     wanted = END if time is None else time
@@ -139,18 +141,17 @@ def _check(scene: Scene, end: float) -> int:
         remedy = (
             f"pass --set method.dt={0.9 * limit:.2g}" if limit else "choose another with --set method.integrator=..."
         )
-        raise SceneError(
-            "method.dt", dt, f"over the stability limit {limit:.6g} s of {scene.method.integrator}; {remedy}"
-        )
+        raise SceneError("method.dt", dt, f"over the stability limit {limit:.6g} s of {scene.method.name}; {remedy}")
     steps = 2 * round(end / (2 * dt))
     if steps < 2:
         raise SceneError("--time", end, f"must be at least two steps of method.dt, {2 * dt:g} s")
-    forces = INTEGRATORS[scene.method.integrator].forces
+    method, motion = scene.method, newton(scene)
+    forces = sweeps(method.name, method.iterations, method.substeps)
     seconds = 2 * steps * forces * (scene.grid.particle_count * OWN_SECONDS + 1e-6)
     if random_force(scene):
-        judged = held_seconds(scene, steps) + numpy_seconds(scene, end)
+        judged = held_seconds(motion, steps) + numpy_seconds(motion, end)
     else:
-        judged = min(numpy_seconds(scene, end), own_seconds(scene, end))
+        judged = min(numpy_seconds(motion, end), own_seconds(motion, end))
     for what, needed, most in (("a run", seconds, RUN_SECONDS), ("its reference", judged, REFERENCE_SECONDS)):
         if needed > most:
             fits = end * most / needed
@@ -210,16 +211,16 @@ class _Work:
 
     def prepare(self) -> None:
         """Reference, growth, and the run in the store."""
-        folder = references(self.store)
-        self.growth = growth_of(self.scene, self.end, folder)
-        if random_force(self.scene):
-            self.newton = held_converged(self.scene, self.steps, folder)
+        folder, motion = references(self.store), newton(self.scene)
+        self.growth = growth_of(motion, self.end, folder)
+        if random_force(motion):
+            self.newton = held_converged(motion, self.steps, folder)
         elif not self.growth.chaotic:
-            self.newton = converged_of(self.scene, self.end, folder)
-        elif by_numpy(self.scene, self.end):
-            self.newton = cache.kept(self.scene, self.end, folder, tolerance=FOR_STATISTICS)
+            self.newton = converged_of(motion, self.end, folder)
+        elif by_numpy(motion, self.end):
+            self.newton = cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS)
         else:
-            self.newton = own_converged(self.scene, self.end, FOR_STATISTICS)
+            self.newton = own_converged(motion, self.end, FOR_STATISTICS)
         self.summary.run = self.store.start_run(self.summary.machine, self.command, source_revision())
 
     def measure(self, group: Sequence[Variant], tell: Tell) -> None:

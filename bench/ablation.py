@@ -1,8 +1,8 @@
 """What can be left out of a scene, or done more cheaply, one thing at a time: the table behind `softlab ablate`.
 
 Everything is derived from the scene. Each optional part of it that is a force or a constraint, and that does anything, can
-be dropped; what it is solved with can be cheaper. A new part needs nothing here; a new setting of `[method]` (substeps,
-iterations) is one more function in ENTRIES.
+be dropped; what it is solved with can be cheaper. A new part needs nothing here; a new setting of `[method]` is one more
+function in ENTRIES.
 
 The full scene is run in float64 and exact math: the most that the lab has.
 """
@@ -68,11 +68,25 @@ def _parts(scene: Scene) -> Iterator[Ablation]:
 
 
 def _integrators(scene: Scene) -> Iterator[Ablation]:
+    if scene.method.position_based or scene.method.integrator not in INTEGRATORS:
+        return
     now = INTEGRATORS[scene.method.integrator]
     for other in INTEGRATORS.values():
         if other.forces < now.forces:
             why = f"{other.forces} of {now.forces} force evaluations a step"
             yield Ablation(other.name, why, INTEGRATOR, now.name, changes={"method.integrator": other.name})
+
+
+def _efforts(scene: Scene) -> Iterator[Ablation]:
+    if not scene.method.position_based:
+        return
+    for name in ("iterations", "substeps"):
+        now = getattr(scene.method, name)
+        if now > 1:
+            half = now // 2
+            fewer = f"{half} {name}" if half > 1 else f"1 {name.removesuffix('s')}"
+            changed = {f"method.{name}": half}
+            yield Ablation(fewer, f"{half} of {now}", INTEGRATOR, f"{now} {name}", changes=changed)
 
 
 def _arithmetic(_: Scene) -> Iterator[Ablation]:
@@ -88,7 +102,13 @@ def _step_sizes(scene: Scene) -> Iterator[Ablation]:
     yield Ablation(f"dt {dt / 2:g} s", "twice the steps", FINER, f"dt {dt:g} s", changes={"method.dt": dt / 2})
 
 
-ENTRIES: tuple[Callable[[Scene], Iterable[Ablation]], ...] = (_parts, _integrators, _arithmetic, _step_sizes)
+ENTRIES: tuple[Callable[[Scene], Iterable[Ablation]], ...] = (
+    _parts,
+    _integrators,
+    _efforts,
+    _arithmetic,
+    _step_sizes,
+)
 
 
 def ablations(scene: Scene) -> list[Ablation]:

@@ -16,6 +16,7 @@ from bench.advice import NOISE
 from bench.advise_search import FLOOR
 from bench.growth import MOST_GROWTH
 from bench.judgement import RESOLVED
+from bench.methods import name_of
 from bench.reference.cache import TOLERANCE
 from bench.results import Measure
 
@@ -213,7 +214,7 @@ def _table(group: Mapping[str, Mapping[str, Measure]]) -> Ablated | None:
     current = {name for name, named in group.items() if CHANGE in named and named[CHANGE].sources == newest}
     less = [row for row in rows if row is not full and row.name in current]
     return Ablated(
-        head["ablation"]["title"], kinds["method"]["dt"], kinds["method"]["integrator"], head["backend"], head["end"], full,
+        head["ablation"]["title"], kinds["method"]["dt"], name_of(kinds["method"]), head["backend"], head["end"], full,
         tuple(sorted(less, key=lambda row: math.inf if row.seconds is None else row.seconds)),
     )  # fmt: skip
 

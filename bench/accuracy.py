@@ -1,4 +1,4 @@
-"""Speed against error: every integrator, step size, precision and backend on scenes with a converged reference.
+"""Speed against error: every method, step size, precision and backend on scenes with a converged reference.
 
 Scenes S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s, a time at which a perturbation has not yet grown (the
 damped net contracts), so that the distance to the reference means something. Reference: RK4 at h and h/2 with
@@ -7,11 +7,13 @@ is marked as not resolved. A twin of it, disturbed by 1e-9, gives the growth fac
 beyond 1e3 the error is refused (bench/growth.py). Runs that diverge are points with an infinite error and a reason:
 where a method breaks is a result.
 
-Scene S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s at step sizes of its own, but not if quick: its reference, though
-less sharp than the grids' (CLOTH_TOLERANCE), takes most of a minute.
+Scene S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s, S5 (`cloth-drop`), one that falls on a ball, to 0.5 s, both at step
+sizes of their own, but not if quick: the reference of S4, though less sharp than the grids' (CLOTH_TOLERANCE), takes most of
+a minute. That of S5 is the lab's own (bench/contact_reference.py).
 
 The hand-out's step is held against Newton's law like all others, and on grids beside it against x'' = a / 2, which it
-solves.
+solves. Position-based solvers, of which the number of iterations is varied too, have a second error, to their own scheme
+with its iterations converged, and the residuals of a step (bench/solver_error.py).
 
 Error and time of one configuration are had from the same opened simulation; times as bench/timing.py says. Practice:
 Hairer and Wanner, "Solving ODEs II", IV.10; SciML's work-precision diagrams.
@@ -19,6 +21,7 @@ Hairer and Wanner, "Solving ODEs II", IV.10; SciML's work-precision diagrams.
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -27,14 +30,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.driver import open_simulation
+from bench.accuracy_cases import STEP_SIZES, Case, cases, make_case
 from bench.accuracy_points import (
     CLOTHS,
     COPY,
     COST,
     END,
     SCENES,
-    SIZES,
     AccuracyPoint,
     AccuracySummary,
     end_of,
@@ -42,21 +44,21 @@ from bench.accuracy_points import (
     point,
 )
 from bench.choice import chosen
+from bench.contact_reference import contact_converged
 from bench.growth import Growth, kept_growth
 from bench.judge import distance
-from bench.judgement import ERROR, GROWTH, HALF, RESOLVED, UNRESOLVED, judge
+from bench.judgement import ERROR, GROWTH, HALF, RESOLVED, SOLVER, UNRESOLVED, judge
 from bench.machine import enter_machine, gpu_simulated, source_revision
+from bench.methods import METHODS, newton
 from bench.progress import progress_bar
 from bench.reference import cache
-from bench.results import configuration, measures
+from bench.results import measures
+from bench.solver_error import Iterated, solver_numbers
 from bench.store import Store, configuration_hash
-from bench.sweep import backends_here, source_hash
+from bench.sweep import backends_here
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
-from model.digest import source_digest
 from model.errors import Diverged
-from model.integrators import INTEGRATORS
-from model.scene import Scene, load_scene
+from model.scene import Scene
 from model.simulation import PRECISIONS, Simulation
 
 __all__ = [
@@ -71,16 +73,16 @@ __all__ = [
     "UNRESOLVED",
     "AccuracyPoint",
     "AccuracySummary",
+    "Case",
+    "cases",
     "distance",
+    "make_case",
     "pareto_front",
     "run_accuracy",
 ]
 
-STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
-CLOTH_STEP_SIZES = (0.004, 0.002, 0.001, 0.0005)  # s
 CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 is at 3e-6, and shall be resolved tenfold
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
-WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")  # of exact math and other sizes: what holds at these steps
 COPIES = 3  # of the state to the host, of which the median counts
 STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
 
@@ -98,76 +100,6 @@ QUICK = Effort(3, 0.015, 0.5)
 FULL = Effort(7, 0.1, 5.0)
 
 
-@dataclass(frozen=True)
-class Case:
-    """One configuration to judge, and the description and source hash by which the store knows it."""
-
-    label: str
-    scene: Scene
-    backend: str
-    precision: str
-    math: str
-    description: dict[str, Any]
-    sources: str
-
-    @property
-    def steps(self) -> int:
-        return round(end_of(self.label) / self.scene.method.dt)
-
-    def __str__(self) -> str:
-        method = self.scene.method
-        return f"{self.label} {method.integrator} dt {method.dt:g} {self.precision} {self.math} {self.backend}"
-
-    def open(self) -> Simulation:
-        return open_simulation(self.scene, self.backend, precision=self.precision, math=self.math, allow_unstable=True)
-
-
-def cases(
-    scenes: Sequence[str],
-    backends: Sequence[str],
-    wide: bool = False,
-    integrators: Sequence[str] | None = None,
-    precisions: Sequence[str] | None = None,
-) -> list[Case]:
-    """Each scene x backend x precision x integrator x step size, in the order they are measured (None: all).
-
-    `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE.
-    """
-    found = []
-    names = integrators or tuple(INTEGRATORS)
-    few = tuple(name for name in WIDE if integrators is None or name in integrators)
-    for label in scenes:
-        base = load_scene((SCENES | CLOTHS)[label])
-        kinds: list[tuple[str, Scene, Sequence[str], str]] = [(label, base, names, "fast")]
-        if wide and label == "S1":
-            kinds.append((label, base, few, "exact"))
-            for name, (_, n) in SIZES.items():
-                kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), few, "fast"))
-        found += [
-            make_case(name, sized.replace({"method.integrator": integrator, "method.dt": dt}), backend, precision, math)
-            for name, sized, used, math in kinds
-            for backend in backends
-            for precision in precisions or PRECISIONS
-            for integrator in used
-            for dt in (CLOTH_STEP_SIZES if label in CLOTHS else STEP_SIZES)
-        ]
-    return found
-
-
-def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
-    """One configuration, described as the store holds it."""
-    host: dict[str, Any] = {}
-    if backend == "cpu":
-        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
-    description = configuration(scene, backend=backend, precision=precision, math=math, **host)
-    return Case(label, scene, backend, precision, math, description, judged_sources(backend))
-
-
-def judged_sources(backend: str) -> str:
-    """The hash of what an error depends on: the backend's sources, and the reference's."""
-    return f"{source_hash(backend)}-{source_digest(Path(cache.__file__).parent)}"
-
-
 def run_accuracy(
     store: Store,
     *,
@@ -181,16 +113,17 @@ def run_accuracy(
 ) -> AccuracySummary:
     """Judge what the store lacks of the grid of cases, and return all of its points.
 
-    `quick`: fewer and shorter samples, and neither `exact` math nor other sizes. `scenes`: labels of SCENES and CLOTHS (None:
-    all; no cloth if `quick`). `integrators`, `precisions`: None: all; parts that are run apart meet in the store. `backends`:
-    cpu, gpu (None: all that are here). References are kept in the folder `references` beside the store. Every number is on
-    disk when it is had; Ctrl-C ends cleanly.
+    `quick`: fewer and shorter samples, neither `exact` math nor other sizes, of xpbd one ordering and few iterations.
+    `scenes`: labels of SCENES and CLOTHS (None: all; no cloth if `quick`). `integrators`: names of METHODS, or `xpbd` for all
+    of its orderings; they and `precisions`: None: all; parts that are run apart meet in the store. `backends`: cpu, gpu
+    (None: all that are here). References are kept in the folder `references` beside the store. Every number is on disk when
+    it is had; Ctrl-C ends cleanly.
 
     Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
     begin = time.perf_counter()
     effort = QUICK if quick else FULL
-    names = chosen(integrators, list(INTEGRATORS), "--integrator")
+    names = chosen(integrators, METHODS, "--integrator", rows=True) if integrators else None
     accurate = chosen(precisions, list(PRECISIONS), "--precision")
     here, revision = backends_here(backends), source_revision()
     summary = AccuracySummary(enter_machine(store))
@@ -211,7 +144,8 @@ def run_accuracy(
 
 def _held(store: Store, case: Case, machine: str, effort: Effort) -> bool:
     key = case.description, machine, case.sources
-    told = all(store.has_measure(*key, name) for name in (COST, GROWTH))
+    wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
+    told = all(store.has_measure(*key, name) for name in wanted)
     return told and store.sample_count(*key, STAGE) >= effort.repeats
 
 
@@ -235,14 +169,13 @@ class _Group:
     def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Callable[[str, int], None]):
         self.store, self.summary, self.effort, self.tell = store, summary, effort, tell
         self.folder = references(store)
+        self.iterated = Iterated(self.folder)
 
     def measure(self, group: Sequence[Case]) -> None:
-        scene, end = group[0].scene, end_of(group[0].label)
+        scene, end = newton(group[0].scene), end_of(group[0].label)
         self.tell(f"{group[0].label}: converged reference", 0)
-        if scene.cloth:
-            newton, half = cache.kept(scene, end, self.folder, tolerance=CLOTH_TOLERANCE), None
-        else:
-            newton = cache.kept(scene, end, self.folder)
+        right, half = self._reference(scene, end), None
+        if not scene.cloth:
             half = cache.kept(scene, end, self.folder, inertia=HALF_ACCELERATION)
         growth = kept_growth(scene, end, self.folder)
         with ExitStack() as stack:
@@ -250,13 +183,20 @@ class _Group:
             for case in group:
                 self.tell(str(case), 1)
                 subject = Subject(stack.enter_context(case.open()), case)
-                broken = self._judge(subject, newton, half, growth)
+                broken = self._judge(subject, right, half, growth)
                 self._prepare(subject, broken)
                 subjects.append(subject)
             self._sample(subjects)
 
+    def _reference(self, scene: Scene, end: float) -> cache.Converged:
+        if scene.colliders:
+            return contact_converged(scene, end, self.folder)
+        if scene.cloth:
+            return cache.kept(scene, end, self.folder, tolerance=CLOTH_TOLERANCE)
+        return cache.kept(scene, end, self.folder)
+
     def _judge(
-        self, subject: Subject, newton: cache.Converged, half: cache.Converged | None, growth: Growth
+        self, subject: Subject, right: cache.Converged, half: cache.Converged | None, growth: Growth
     ) -> Diverged | None:
         """Run to the end and store the errors; the error with which it broke, if it did."""
         case, simulation = subject.name, subject.simulation
@@ -268,7 +208,12 @@ class _Group:
             broken = divergence
         else:
             copying = copy_seconds(simulation)
-        numbers = judge(case.scene, broken or state, newton, growth, half)
+        numbers = judge(case.scene, broken or state, right, growth, half)
+        if case.scene.method.position_based:
+            if broken is None:
+                numbers |= solver_numbers(case.scene, state, case.steps, self.iterated)
+            else:
+                numbers[SOLVER] = (math.inf, "spacing", str(broken))
         if copying is not None:
             numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
         with self.store.transaction():

@@ -9,6 +9,8 @@ from typing import Any, Protocol, TypeVar
 
 from bench.equal_error import Fastest, equal_error
 from bench.judgement import (
+    BALANCE,
+    CONSTRAINT,
     ENERGY,
     ENERGY_OFF,
     ERROR,
@@ -18,17 +20,19 @@ from bench.judgement import (
     MEAN_OFF,
     MOMENTUM_OFF,
     REFUSED,
+    SOLVER,
     STRAIN,
     STRAIN_OFF,
     UNRESOLVED,
 )
+from bench.methods import WRONG, efforts, name_of
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
-CLOTHS = {"S4": "cloth-wind"}
+CLOTHS = {"S4": "cloth-wind", "S5": "cloth-drop"}
 FAR = 1.0  # spacings: an error beyond it is no answer, at any price
 END = 1.5  # s: the horizon of grids
-CLOTH_END = 1.0  # s: of cloths
+CLOTH_ENDS = {"S4": 1.0, "S5": 0.5}  # s: of cloths
 
 COST = "seconds_per_simulated_second"
 COPY = "copy_seconds"  # of the whole state, from the device to the host
@@ -36,17 +40,20 @@ COPY = "copy_seconds"  # of the whole state, from the device to the host
 
 def end_of(label: str) -> float:
     """The time [s] at which runs of a scene are judged."""
-    return CLOTH_END if label in CLOTHS else END
+    return CLOTH_ENDS.get(label, END)
 
 
 @dataclass(frozen=True)
 class AccuracyPoint:
-    """One configuration. `scene`: S1, S2, S4 or one of SIZES; `error`, `largest`: root mean square and maximum over the free
-    masses, in spacings, against Newton's law, infinite when it diverged or was refused; `half`: against half the
-    acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to then; `energy` [J]; `strain`: the worst; how far
-    they, the centre of mass [spacings] and the momentum [kg m/s] are off the reference's; `seconds`: wall time per
-    simulated second, None if not timed; `copy_seconds` [s]: of the state to the host, once a run; `resolved`: the
-    reference is good enough to tell; `note`: how, or why not."""
+    """One configuration. `scene`: S1, S2, S4, S5 or one of SIZES; `integrator`: the method's name (bench/methods.py);
+    `error`, `largest`: root mean square and maximum over the free masses, in spacings, against Newton's law, infinite when
+    it diverged or was refused; `half`: against half the acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to
+    then; `energy` [J]; `strain`: the worst; how far they, the centre of mass [spacings] and the momentum [kg m/s] are off
+    the reference's; `seconds`: wall time per simulated second, None if not timed; `copy_seconds` [s]: of the state to the
+    host, once a run; `resolved`: the reference is good enough to tell; `note`: how, or why not.
+
+    Of position-based methods alone: `iterations`, `substeps`; `solver` [spacings]: the error to the same scheme with its
+    iterations converged; residuals of one substep more, `constraint` [m] and `balance` [kg m] (bench/solver_error.py)."""
 
     scene: str
     integrator: str
@@ -69,6 +76,11 @@ class AccuracyPoint:
     copy_seconds: float | None
     resolved: bool
     note: str | None
+    iterations: int | None = None
+    substeps: int | None = None
+    solver: float | None = None
+    constraint: float | None = None
+    balance: float | None = None
 
     @property
     def refused(self) -> bool:
@@ -89,12 +101,21 @@ class AccuracyPoint:
     @property
     def name(self) -> str:
         exact = "" if self.math == "fast" else f", {self.math}"
-        return f"{self.integrator}, dt {self.dt:g} s, {self.precision}{exact}, {self.backend}"
+        return f"{method_words(self.integrator, self.iterations)}, dt {self.dt:g} s, {self.precision}{exact}, {self.backend}"
 
     def __str__(self) -> str:
         cost = "not timed" if self.seconds is None else f"{self.seconds * 1e3:9.3f} ms a simulated second"
         growth = "" if self.growth is None else f" (growth {self.growth:.1e})"
-        return f"{self.error:8.2e}{growth}  {cost}  {self.name}"
+        solver = "" if self.solver is None else f"; {self.solver:.1e} from its iterations"
+        return f"{self.error:8.2e}{growth}  {cost}  {self.name}{solver}"
+
+
+def method_words(name: str, iterations: int | None) -> str:
+    """`xpbd jacobi, 4 iterations`; an integrator is its name. A method that converges to something else says so."""
+    if iterations is None:
+        return name
+    wrong = f" (to {WRONG[name]})" if name in WRONG else ""
+    return f"{name}{wrong}, {iterations} iteration{'s' if iterations > 1 else ''}"
 
 
 class Judged(Protocol):
@@ -199,9 +220,10 @@ def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) 
         return None
     values = {name: measure.value for name, measure in named.items()}
     kinds = {table.get("kind", name): table for name, table in description["scene"].items()}
+    iterations, substeps = efforts(kinds["method"])
     return AccuracyPoint(
         scene=label,
-        integrator=kinds["method"]["integrator"],
+        integrator=name_of(kinds["method"]),
         dt=kinds["method"]["dt"],
         precision=description["precision"],
         backend=description["backend"],
@@ -221,4 +243,9 @@ def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) 
         copy_seconds=values.get(COPY),
         resolved=not values.get(UNRESOLVED),
         note=named[ERROR].reason,
+        iterations=iterations,
+        substeps=substeps,
+        solver=values.get(SOLVER),
+        constraint=values.get(CONSTRAINT),
+        balance=values.get(BALANCE),
     )

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
+from bench.accuracy_points import method_words
 from bench.growth import DISTURBANCE
+from bench.methods import changes
 from model.scene import Scene
 
 NOISE = 1.1  # times that are nearer than that are called equal
@@ -16,7 +19,7 @@ class Choice:
     the time of judgement; `error` in spacings; `seconds`: wall time of a simulated second, the least of the repeats
     (what disturbs a sample only ever makes it longer), `median` of them beside it; `copy_seconds` [s]: of the state to
     the host, once; `limit` [s]: the largest stable step size in any state of the net; `suspect`: why its times may be
-    wrong, or None."""
+    wrong, or None; `iterations` of a position-based method, by whose name `integrator` goes."""
 
     integrator: str
     dt: float
@@ -32,6 +35,7 @@ class Choice:
     copy_seconds: float
     limit: float
     suspect: str | None = None
+    iterations: int | None = None
 
     @property
     def share(self) -> float:
@@ -40,7 +44,13 @@ class Choice:
 
     @property
     def name(self) -> str:
-        return f"{self.integrator}, dt {self.dt:.4g} s, {self.precision}, {self.backend}"
+        method = method_words(self.integrator, self.iterations)
+        return f"{method}, dt {self.dt:.4g} s, {self.precision}, {self.backend}"
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The fields of a scene, by dotted path, that make it be solved so."""
+        return changes(self.integrator, self.iterations or 1) | {"method.dt": self.dt}
 
     def copied(self, time: float) -> float:
         """Wall time of a simulated second, a copy of the state to the host every `time` seconds [s] included."""
@@ -78,7 +88,7 @@ class Advice:
         """The scene with the method and step size of the best choice. Raises ValueError where there is none."""
         if self.best is None:
             raise ValueError(self.why or "no choice")
-        return self.scene.replace({"method.integrator": self.best.integrator, "method.dt": self.best.dt})
+        return self.scene.replace(self.best.changes)
 
     def options(self) -> str:
         """What to pass to `softlab run` beside a scene that is configured so: a scene does not hold it."""
@@ -109,8 +119,7 @@ class Advice:
         best, second = self.best, self.runner_up
         if best is not None:
             lines += [f"soonest    {self._line(best)}", f"           {_margin(best)}"]
-            settings = f"--set method.integrator={best.integrator} --set method.dt={best.dt!r}"
-            lines.append(f"           {self.options()} {settings}")
+            lines.append(f"           {self.options()} {self._settings(best)}")
         if best is not None and second is not None:
             ratio = second.seconds / best.seconds
             clear = second.seconds > min(best.median, NOISE * best.seconds)
@@ -121,6 +130,13 @@ class Advice:
         lines += [f"note: {note}" for note in self.notes]
         lines.append(f"{self.seconds:.0f} s")
         return "\n".join(lines)
+
+    def _settings(self, choice: Choice) -> str:
+        """What to add to the command line, for a scene that is as it was asked about."""
+        held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
+        same = ("method.solver", "method.substeps", "method.iterations")  # not told where they are so already
+        told = {path: value for path, value in choice.changes.items() if path not in same or held.get(path, 1) != value}
+        return " ".join(f"--set {path}={value}" for path, value in told.items())
 
     def _line(self, choice: Choice) -> str:
         cost, copied = 1e3 * choice.seconds, 1e3 * choice.copied(self.time)

@@ -23,6 +23,7 @@ from bench.advise_search import Kind, Search, Task, disturbed
 from bench.growth import MOST_GROWTH, Growth
 from bench.judgement import RESOLVED
 from bench.machine import enter_machine, source_revision
+from bench.methods import METHODS, XPBD, newton, order_of, position_based, sweeps
 from bench.own_reference import by_numpy, converged_of, growth_of, numpy_seconds, own_seconds
 from bench.progress import progress_bar
 from bench.reference import cache
@@ -30,12 +31,13 @@ from bench.store import Store
 from bench.sweep import backends_here
 from model.build import pinned_indices
 from model.errors import SceneError
-from model.integrators import INTEGRATORS
 from model.scene import Scene
 from model.simulation import PRECISIONS
 
 REFERENCE_SECONDS = 60.0  # the most that a reference may take, estimated
 TOTAL_SECONDS = 180.0
+ADVISED = tuple(name for name in METHODS if name not in XPBD[1:])  # of the orderings, the one that converges soonest
+ITERATIONS = (1, 4)  # of a position-based method that are tried
 
 
 def advise(
@@ -45,7 +47,7 @@ def advise(
     *,
     backends: Sequence[str] | None = None,
     time: float | None = None,
-    integrators: Sequence[str] = tuple(INTEGRATORS),
+    integrators: Sequence[str] = ADVISED,
     precisions: Sequence[str] = tuple(PRECISIONS),
     total_seconds: float = TOTAL_SECONDS,
     progress: bool = True,
@@ -53,10 +55,12 @@ def advise(
 ) -> Advice:
     """The soonest way to at most `error` spacings (root mean square over the free masses) at `time` [s] (None: 1.5).
 
-    `backends`: None: all that are here. `total_seconds`: after it no new search is begun; what was found is told.
+    `integrators`: names of bench.methods.METHODS. `backends`: None: all that are here. `total_seconds`: after it no new
+    search is begun; what was found is told.
 
     Raises SceneError (an error or time that cannot be, a scene with a random force, nothing that moves, a reference that
-    would take too long), BackendUnavailable, InputError (the store). Chaos, and an error that nothing reaches, are
+    would take too long, constraints that Newton's law does not tell the motion of), BackendUnavailable, InputError (the
+    store). Chaos, and an error that nothing reaches, are
     answers: `why` says so.
     """
     begin = clock.perf_counter()
@@ -67,21 +71,23 @@ def advise(
     machine = enter_machine(store)
     with progress_bar(progress) as bar:
         row = bar.add_task("growth of a disturbance", total=None)
-        growth = growth_of(scene, end, references(store))
+        motion = newton(scene)
+        growth = growth_of(motion, end, references(store))
         found = Advice(scene, error, end, growth.factor, machine=machine)
         if growth.chaotic:
             return replace(found, why=_chaos(growth), seconds=clock.perf_counter() - begin)
         bar.update(row, description="converged reference")
-        newton = converged_of(scene, end, references(store))
-        if not newton.estimate * RESOLVED <= error * scene.grid.spacing:
-            off = newton.estimate / scene.grid.spacing
+        right = converged_of(motion, end, references(store))
+        if not right.estimate * RESOLVED <= error * scene.grid.spacing:
+            off = right.estimate / scene.grid.spacing
             why = f"the reference itself is only good to {off:.1e} spacings; ask for a larger --error"
             return replace(found, why=why, seconds=clock.perf_counter() - begin)
         run = store.start_run(machine, command, revision)
-        search = Search(store, Task(scene, error, end, growth, newton, machine, run, begin + total_seconds))
+        search = Search(store, Task(scene, error, end, growth, right, machine, run, begin + total_seconds))
         kinds = [
-            Kind(name, precision, backend)
-            for name in sorted(integrators, key=lambda name: (-INTEGRATORS[name].order, INTEGRATORS[name].forces))
+            Kind(name, precision, backend, iterations)
+            for name in sorted(integrators, key=lambda name: (-order_of(name), position_based(name), sweeps(name)))
+            for iterations in iterations_of(name)
             for backend in chosen
             for precision in sorted(precisions, reverse=True)  # float64 first: its errors fall by the order
         ]
@@ -93,12 +99,17 @@ def advise(
         bar.update(row, description=f"timing {len(search.reached)} side by side")
         choices = search.timed()
     notes = [*search.notes(), *disturbed(choices)]
-    if not by_numpy(scene, end):
+    if not by_numpy(motion, end):
         notes.append("the reference was solved by the lab's own rk4 in float64: NumPy's would have taken minutes")
     return replace(
         found, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
         notes=tuple(notes), seconds=clock.perf_counter() - begin,
     )  # fmt: skip
+
+
+def iterations_of(name: str) -> tuple[int | None, ...]:
+    """The numbers of iterations with which a method is tried; an integrator has none."""
+    return ITERATIONS if position_based(name) else (None,)
 
 
 def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None:
@@ -120,7 +131,8 @@ def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None
         )
     if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
         raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, any method is right")
-    needed = min(numpy_seconds(scene, end), own_seconds(scene, end))
+    motion = newton(scene)
+    needed = min(numpy_seconds(motion, end), own_seconds(motion, end))
     if needed > REFERENCE_SECONDS:
         fits = end * REFERENCE_SECONDS / needed
         raise SceneError(

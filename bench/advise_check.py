@@ -12,12 +12,13 @@ from math import ceil, inf
 
 from bench.accuracy import references
 from bench.advice import NOISE, Advice, Choice
+from bench.advise import ADVISED, iterations_of
 from bench.advise_search import LEAST_STEPS, Kind, Search, Task
+from bench.methods import newton
 from bench.own_reference import converged_of, growth_of
 from bench.progress import progress_bar
 from bench.store import Store
 from bench.sweep import backends_here
-from model.integrators import INTEGRATORS
 from model.simulation import PRECISIONS
 
 
@@ -58,7 +59,7 @@ def brute_force(
     advice: Advice,
     *,
     backends: Sequence[str] | None = None,
-    integrators: Sequence[str] = tuple(INTEGRATORS),
+    integrators: Sequence[str] = ADVISED,
     precisions: Sequence[str] = tuple(PRECISIONS),
     per_octave: int = 2,
     octaves: int = 5,
@@ -73,32 +74,31 @@ def brute_force(
     if best is None:
         raise ValueError(advice.why or "no choice")
     scene, end = advice.scene, advice.time
-    growth = growth_of(scene, end, references(store))
-    newton = converged_of(scene, end, references(store))
+    motion = newton(scene)
+    growth = growth_of(motion, end, references(store))
+    right = converged_of(motion, end, references(store))
     run = store.start_run(advice.machine, command)
-    search = Search(store, Task(scene, advice.error, end, growth, newton, advice.machine, run, inf))
+    search = Search(store, Task(scene, advice.error, end, growth, right, advice.machine, run, inf))
     kinds = [
-        Kind(name, precision, backend)
+        kind
         for backend in backends_here(backends)
         for precision in precisions
         for name in integrators
-        if search.limit(name) > 0
+        for iterations in iterations_of(name)
+        if search.limit(kind := Kind(name, precision, backend, iterations)) > 0
     ]
     judged, reaching, fewest = 0, 0, []
     with progress_bar(progress) as bar:
         for kind in bar.track(kinds, description="brute force"):
-            limit = search.limit(kind.integrator)
+            limit = search.limit(kind)
             least = LEAST_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
             errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
             able = [steps for steps, error in errors.items() if error <= advice.error]
             judged, reaching = judged + len(errors), reaching + len(able)
             if able:
                 fewest.append((kind, min(able), errors[min(able)]))
-    advised = (Kind(best.integrator, best.precision, best.backend), best.steps, best.error)
+    advised = (Kind(best.integrator, best.precision, best.backend, best.iterations), best.steps, best.error)
     timed = search.time([advised, *(entry for entry in fewest if entry != advised)])
-    mine = next(c for c in timed if (c.integrator, c.precision, c.backend, c.steps) == (*_key(advised[0]), best.steps))
+    key = (best.integrator, best.precision, best.backend, best.iterations, best.steps)
+    mine = next(c for c in timed if (c.integrator, c.precision, c.backend, c.iterations, c.steps) == key)
     return Check(judged, reaching, mine, tuple(choice for choice in timed if choice is not mine))
-
-
-def _key(kind: Kind) -> tuple[str, str, str]:
-    return kind.integrator, kind.precision, kind.backend

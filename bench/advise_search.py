@@ -7,22 +7,24 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite, log, sqrt
+from typing import Any
 
 import numpy as np
 
 from bench.accuracy import Case, copy_seconds, make_case
-from bench.accuracy_points import COPY
+from bench.accuracy_points import COPY, method_words
 from bench.advice import Choice
 from bench.growth import Growth
 from bench.judgement import ERROR, judge
 from bench.machine import gpu_simulated
+from bench.methods import changes, order_of, sweeps
 from bench.reference.cache import Converged
 from bench.reference.mass_spring import start
 from bench.results import Timing, measures, timings
 from bench.store import Store, configuration_hash
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from model.errors import Diverged, SoftlabError
-from model.integrators import INTEGRATORS, stability_limit
+from model.integrators import stability_limit
 from model.scene import Scene
 from model.simulation import State
 
@@ -44,12 +46,31 @@ Tried = tuple[int, float]  # steps, error [spacings]
 class Kind:
     """What is searched for a step size."""
 
-    integrator: str
+    integrator: str  # the method's name
     precision: str
     backend: str
+    iterations: int | None = None  # of a position-based one
 
     def __str__(self) -> str:
-        return f"{self.integrator}, {self.precision}, {self.backend}"
+        return f"{self.method}, {self.precision}, {self.backend}"
+
+    @property
+    def method(self) -> str:
+        """In words."""
+        return method_words(self.integrator, self.iterations)
+
+    @property
+    def sweeps(self) -> int:
+        """What a step of it costs in force evaluations, or as much."""
+        return sweeps(self.integrator, self.iterations or 1)
+
+    @property
+    def order(self) -> int:
+        return order_of(self.integrator)
+
+    def changes(self, dt: float) -> dict[str, Any]:
+        """The fields of a scene that make it be solved so."""
+        return changes(self.integrator, self.iterations or 1) | {"method.dt": dt}
 
 
 @dataclass(frozen=True)
@@ -111,28 +132,28 @@ class Search:
 
     def case(self, kind: Kind, steps: int) -> Case:
         """The configuration, described with the time it is judged at, which is no part of the scene."""
-        changes = {"method.integrator": kind.integrator, "method.dt": self.task.end / steps}
-        made = make_case("", self.task.scene.replace(changes), kind.backend, kind.precision)
+        scene = self.task.scene.replace(kind.changes(self.task.end / steps))
+        made = make_case("", scene, kind.backend, kind.precision)
         return replace(made, description=made.description | {"end": self.task.end})
 
-    def limit(self, integrator: str) -> float:
-        return stability_limit(self.task.scene.replace({"method.integrator": integrator}))
+    def limit(self, kind: Kind) -> float:
+        return stability_limit(self.task.scene.replace(kind.changes(self.task.end)))
 
     def find(self, kind: Kind) -> None:
         """Add the kind to `reached` with the fewest steps that do, or to `beaten` with the reason."""
-        limit = self.limit(kind.integrator)
+        limit = self.limit(kind)
         if limit == 0:
-            self._leave(kind.integrator, "unstable at every step size here")
+            self._leave(kind.method, "unstable at every step size here")
             return
         least = max(LEAST_STEPS if limit == inf else 1, ceil(self.task.end / limit * (1 - 1e-12)))
-        forces = INTEGRATORS[kind.integrator].forces
-        best = min((n * INTEGRATORS[k.integrator].forces for k, (n, _) in self.reached.items()), default=None)
+        forces = kind.sweeps
+        best = min((n * k.sweeps for k, (n, _) in self.reached.items()), default=None)
         if best is not None and least * forces > HOPELESS * best:
-            self._leave(kind.integrator, f"its stability limit of {limit:.3g} s alone makes it {least * forces / best:.0f} "
+            self._leave(kind.method, f"its stability limit of {limit:.3g} s alone makes it {least * forces / best:.0f} "
                         "times as many forces as the best")  # fmt: skip
             return
         most = None if best is None else int(HOPELESS * best / forces)
-        same = [n for k, (n, _) in self.reached.items() if k.integrator == kind.integrator]
+        same = [n for k, (n, _) in self.reached.items() if k.method == kind.method]
         try:
             self._close_in(kind, least, most, same[0] if same else None)
         except _OutOfTime:
@@ -145,7 +166,7 @@ class Search:
             self.beaten.append((name, reason))
 
     def _close_in(self, kind: Kind, least: int, most: int | None, seed: int | None) -> None:
-        order = INTEGRATORS[kind.integrator].order
+        order = kind.order
         low: Tried | None = None  # most steps that miss the error
         high: Tried | None = None  # fewest that reach it
         steps = max(least, seed or least)
@@ -163,7 +184,7 @@ class Search:
                 break
             steps = next_steps(low, high, self.task.error, order, least, turn)
             if most is not None and high is None and steps > most:
-                needed = steps * INTEGRATORS[kind.integrator].forces
+                needed = steps * kind.sweeps
                 self._leave(
                     str(kind), f"would need about {needed} forces a run, over {HOPELESS} times those of the best"
                 )
@@ -233,7 +254,7 @@ class Search:
                 Choice(
                     kind.integrator, dt, kind.precision, kind.backend, case.math, timing.kernel, timing.threads, steps,
                     error, timing.low / dt, timing.median / dt, copies.get(key) or 0.0,
-                    self.limit(kind.integrator), "; ".join(timing.suspect) or None,
+                    self.limit(kind), "; ".join(timing.suspect) or None, kind.iterations,
                 )
             )  # fmt: skip
         return sorted(choices, key=lambda choice: choice.seconds)
@@ -280,7 +301,8 @@ class Search:
     def notes(self) -> list[str]:
         """What to know beside the answer."""
         task = self.task
-        moved = np.hypot(*(task.newton.position - start(task.scene)[0]).T).max() / task.scene.grid.spacing
+        way = np.linalg.norm(task.newton.position - start(task.scene)[0], axis=1)
+        moved = way.max() / task.scene.grid.spacing
         if moved < task.error:
             return [f"nothing moves by more than {moved:.1e} spacings until then, so any method is right"]
         return []

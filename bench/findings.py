@@ -156,7 +156,9 @@ def _sources(backend: str | None) -> str:
 
 
 def _experiments(store: Store, backend: str) -> list[Experiment]:
-    return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend)]
+    from bench.discretisation import experiments  # which is made of what is here
+
+    return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend), *experiments(backend)]
 
 
 # ---------------------------------------------------------------------- what an explicit damper costs

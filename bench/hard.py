@@ -1,4 +1,4 @@
-"""Where it breaks: the hard cases, each under every integrator, on every backend, in both precisions.
+"""Where it breaks: the hard cases, each under every method that it is for, on every backend, in both precisions.
 
 A run ends in a verdict (bench/hard_results.py) and the measured quantities beside their bounds, which go into the store as
 soon as they are had: Ctrl-C loses none, and what is held of these sources is not run again. An integrator whose limit is
@@ -19,25 +19,26 @@ from typing import Any
 
 import numpy as np
 
-from bench import hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial
+from bench import hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd
 from bench.choice import chosen
 from bench.hard_cases import CASES, HardCase
 from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, rows_of
 from bench.hard_trial import Check, Endless, SilentNaN, Trial
 from bench.machine import enter_machine, source_revision
+from bench.methods import METHODS, changes
 from bench.progress import progress_bar
 from bench.results import configuration, measures
 from bench.store import Store, configuration_hash
 from bench.sweep import backends_here, source_hash
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
 from model.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
-from model.integrators import INTEGRATORS, stability_limit
+from model.integrators import stability_limit
 from model.scene import Scene, load_scene
 from model.simulation import PRECISIONS
 
 SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
 QUICK = ("lab", "velocity-verlet")
-DRAWN = ("lab", "velocity-verlet")  # integrators whose end states are drawn, besides all that failed
+DRAWN = ("lab", "velocity-verlet", "xpbd gauss-seidel")  # methods whose end states are drawn, besides all that failed
 
 
 @dataclass(frozen=True)
@@ -52,25 +53,26 @@ class Outcome:
     time: float = 0.0
 
 
-def case_scene(case: HardCase, integrator: str) -> tuple[Scene, str]:
-    """The scene of a case under an integrator, and what is to be said of its step size."""
-    scene = load_scene(case.scene).replace({**case.changes, "method.integrator": integrator})
+def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
+    """The scene of a case under a method, and what is to be said of its step size."""
+    base = load_scene(case.scene)
+    own = base.method.position_based  # then substeps and iterations are the scene's
+    solved = {"method.ordering": method.split()[-1]} if own else changes(method)
+    scene = base.replace({**solved, **case.changes})
     limit, dt = stability_limit(scene), scene.method.dt
     if not case.own_step or dt <= limit or limit <= 0:
         return scene, ""
-    own = float(f"{SAFE * limit:.3g}")
-    return scene.replace({"method.dt": own}), f"at dt {own:g} s; {dt:g} s is over the limit of {limit:.4g} s"
+    held = float(f"{SAFE * limit:.3g}")
+    return scene.replace({"method.dt": held}), f"at dt {held:g} s; {dt:g} s is over the limit of {limit:.4g} s"
 
 
-def judge_case(
-    case: HardCase, integrator: str, backend: str = "cpu", precision: str = "float64", **how: Any
-) -> Outcome:
+def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
     """Run one case and judge it. `how`: options of a Trial. Never raises but for Ctrl-C: a crash is a verdict, too."""
-    scene, note = case_scene(case, integrator)
+    scene, note = case_scene(case, method)
     trial = Trial(scene, backend, precision, **how)
 
     def outcome(verdict: str, diagnosis: str, checks: Sequence[Check] = ()) -> Outcome:
-        known = case.known_failure(integrator, precision)
+        known = case.known_failure(method, precision)
         if verdict == "fail" and known:
             verdict, diagnosis = "known", known
         return Outcome(verdict, diagnosis, list(checks), trial.end, trial.end_time)
@@ -108,26 +110,26 @@ class _Work:
     """One run to do, and the description and source hash by which the store knows it."""
 
     case: HardCase
-    integrator: str
+    method: str
     backend: str
     precision: str
     description: dict[str, Any]
     sources: str
 
     def __str__(self) -> str:
-        return f"{self.case.name} {self.integrator} {self.precision} {self.backend}"
+        return f"{self.case.name} {self.method} {self.precision} {self.backend}"
 
 
 def _digest() -> str:
     """A hash of the laws: a case that judges otherwise is run anew."""
     digest = hashlib.sha256()
-    for module in (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial):
+    for module in (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd):
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()[:16]
 
 
 def _work(
-    cases: Sequence[HardCase], integrators: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
+    cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
     """All runs, those that share machine code one after another."""
     laws, found = _digest(), []
@@ -137,12 +139,14 @@ def _work(
             host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
         sources = f"{source_hash(backend)}-{laws}"
         for precision in precisions:
-            for integrator in integrators:
+            for method in methods:
                 for case in cases:
-                    scene, _ = case_scene(case, integrator)
+                    if method not in case.methods:
+                        continue
+                    scene, _ = case_scene(case, method)
                     description = configuration(scene, backend=backend, precision=precision, **host)
                     entry = description | {"hard": case.name}
-                    found.append(_Work(case, integrator, backend, precision, entry, sources))
+                    found.append(_Work(case, method, backend, precision, entry, sources))
     return found
 
 
@@ -160,14 +164,15 @@ def run_hard(
 ) -> HardSummary:
     """Judge what the store lacks of the hard cases, and return all verdicts.
 
-    `cases`: names or rows (`B5`); None: all. `quick`: the hand-out's step and velocity Verlet alone. `backends`: cpu, gpu
+    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all. `quick`: of them the hand-out's step and
+    velocity Verlet alone. `backends`: cpu, gpu
     (None: all that are here). `pictures`: end states as PNG into the folder `hard` beside the store, where OpenGL is.
 
     Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
     """
     begin = time.perf_counter()
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
-    names = chosen(integrators or (QUICK if quick else None), list(INTEGRATORS), "--integrator")
+    names = chosen(integrators or (QUICK if quick else None), METHODS, "--integrator", rows=True)
     accurate = chosen(precisions, list(PRECISIONS), "--precision")
     here, revision = backends_here(backends), source_revision()
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
@@ -195,10 +200,10 @@ def _judge_all(
         task = bar.add_task("hard cases", total=len(missing))
         for work in missing:
             bar.update(task, description=str(work))
-            outcome = judge_case(work.case, work.integrator, work.backend, work.precision)
+            outcome = judge_case(work.case, work.method, work.backend, work.precision)
             drawn = outcome.end is not None and (
                 outcome.verdict in ("fail", "known")
-                or (work.backend == first and work.precision == "float64" and work.integrator in DRAWN)
+                or (work.backend == first and work.precision == "float64" and work.method in DRAWN)
             )
             _keep(store, summary.run, work, outcome, drawn)
             if drawn:
@@ -218,7 +223,7 @@ def _keep(store: Store, run: str, work: _Work, outcome: Outcome, drawn: bool) ->
             value = None if np.isnan(check.value) else check.value
             add(f"{CHECK}{place:02d} {check.name}", value, check.unit, check.bound_text)
         if drawn:
-            grid = case_scene(work.case, work.integrator)[0].grid
+            grid = case_scene(work.case, work.method)[0].grid
             add(SHAPE, None, "m", as_text(outcome.end, grid.rows, grid.columns))
         add(VERDICT, CODES[outcome.verdict], "", outcome.diagnosis)
 
@@ -236,9 +241,9 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
     folder.mkdir(exist_ok=True)
     with progress_bar(show) as bar:
         for work, outcome in bar.track(ends, description="pictures"):
-            scene, _ = case_scene(work.case, work.integrator)
-            words = [work.case.name.replace(" ", "-"), work.integrator, work.precision, work.backend]
-            caption = f"{work.case.name}: {work.case.title}, {work.integrator}: {outcome.verdict}"
+            scene, _ = case_scene(work.case, work.method)
+            words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
+            caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
             picture = folder / f"{'-'.join(words)}.png"
             render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1

@@ -17,8 +17,8 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from bench.hard_cases import CASES, NOT_YET
+from bench.methods import METHODS, name_of
 from bench.results import Measure
-from model.integrators import INTEGRATORS
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
 AIM = "aim <="
@@ -57,8 +57,9 @@ class Shape:
 
 @dataclass(frozen=True)
 class HardRow:
-    """One case under one integrator, backend and precision. `dt` [s] that it ran at; `verdict`: of CODES; `diagnosis`:
-    why, empty for a plain pass; `checks`: the telling one first; `shape`: where the run was one that is drawn."""
+    """One case under one method (`integrator`: its name), backend and precision. `dt` [s] that it ran at; `verdict`: of
+    CODES; `diagnosis`: why, empty for a plain pass; `checks`: the telling one first; `shape`: where the run was one that
+    is drawn."""
 
     case: str
     integrator: str
@@ -101,7 +102,7 @@ def rows_of(measures: Iterable[Measure]) -> list[HardRow]:
         if measure.description.get("hard") is not None and measure.name.startswith("hard_"):
             gathered.setdefault(measure.configuration, []).append(measure)
     rows = [_row(named) for named in gathered.values()]
-    names = list(INTEGRATORS)
+    names = list(METHODS)
     return sorted(
         (row for row in rows if row is not None),
         key=lambda r: (
@@ -124,7 +125,7 @@ def _row(found: list[Measure]) -> HardRow | None:
     shape = next((m.reason for m in named if m.name == SHAPE and m.reason), None)
     return HardRow(
         case=description["hard"],
-        integrator=kinds["method"]["integrator"],
+        integrator=name_of(kinds["method"]),
         backend=description["backend"],
         precision=description["precision"],
         dt=kinds["method"]["dt"],
@@ -179,7 +180,7 @@ def cell(rows: Sequence[HardRow]) -> tuple[str, str]:
 
 def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, str, list[tuple[str, str]]]]]:
     """(integrators, lines) of the verdict table; a line: case, title, what is judged, and a `cell` per integrator."""
-    names = [name for name in INTEGRATORS if any(row.integrator == name for row in rows)]
+    names = [name for name in METHODS if any(row.integrator == name for row in rows)]
     lines = []
     for case in dict.fromkeys(row.case for row in rows):
         mine = [row for row in rows if row.case == case]

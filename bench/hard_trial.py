@@ -1,4 +1,4 @@
-"""One hard case under one integrator, backend and precision: opening, running and judging it without ever hanging or
+"""One hard case under one method, backend and precision: opening, running and judging it without ever hanging or
 handing out a broken state.
 
 A case's law returns `Check`s, each a measured number beside its bound. What a run may do instead is refuse to start
@@ -16,6 +16,8 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.reference import mass_spring as reference
+from bench.reference import xpbd
+from bench.solver_error import ORDERINGS
 from model.build import build
 from model.errors import Diverged, SoftlabError
 from model.integrators import stability_limit
@@ -100,7 +102,7 @@ class Trial:
     @property
     def is_lab(self) -> bool:
         """Whether it runs the hand-out's step, which moves as if masses were double, and so settles half as fast."""
-        return self.scene.method.integrator == "lab"
+        return self.scene.method.name == "lab"
 
     def steps(self, seconds: float) -> int:
         """Whole steps [1] in `seconds` [s]."""
@@ -109,6 +111,17 @@ class Trial:
     def rest(self) -> np.ndarray:
         """The drawn sheet (rows, columns, dimensions) float64 [m]."""
         return reference.rest(self.scene).astype(np.float64)
+
+    def expected(self, steps: int, initial: State | None = None) -> np.ndarray:
+        """The reference's positions (particles, dimensions) [m] after `steps` steps of the scene's method (None: from its
+        own start)."""
+        scene, method = self.scene, self.scene.method
+        begin = (None, None) if initial is None else (initial.position, initial.velocity)
+        if not method.position_based:
+            return reference.simulate(scene, steps, *begin)[0]
+        ordering = ORDERINGS.get(method.ordering, method.ordering)
+        how = {"substeps": method.substeps, "iterations": method.iterations, "ordering": ordering}
+        return xpbd.simulate(scene, steps, *begin, **how)[0]  # type: ignore[arg-type]
 
     def start(self, position: np.ndarray, velocity: np.ndarray | None = None) -> State:
         """A state at time 0; `position` [m] and `velocity` [m/s] (None: at rest) of any shape, a number an axis a mass."""

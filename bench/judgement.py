@@ -25,6 +25,8 @@ ENERGY, ENERGY_OFF = "accuracy_energy", "accuracy_energy_off"
 STRAIN, STRAIN_OFF = "accuracy_strain", "accuracy_strain_off"
 MEAN_OFF, MOMENTUM_OFF = "accuracy_mean_off", "accuracy_momentum_off"
 GROWTH = "accuracy_growth"
+SOLVER = "accuracy_solver_error"  # of bench/solver_error.py, as the two residuals
+CONSTRAINT, BALANCE = "accuracy_residual_constraint", "accuracy_residual_balance"
 UNRESOLVED, ESTIMATE = "unresolved", "reference_estimate"
 
 RESOLVED = 10  # an error under so many times the reference's own is not resolved
@@ -70,7 +72,7 @@ def judge(
     numbers[ERROR] = (error, "spacing", note + ("; not resolved by it" if unresolved else ""))
     numbers[LARGEST] = (largest, "spacing", None)
     numbers[UNRESOLVED] = (float(unresolved), "", None)
-    if half is not None and scene.method.integrator == "lab":
+    if half is not None and scene.method.name == "lab":
         numbers[HALF] = (distance(outcome.position, half.position, free, spacing)[0], "spacing", "x'' = a / 2")
     return numbers
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.methods import name_of
 from bench.store import DEFAULT_PATH, Store, canonical, configuration_hash
 from model.errors import SoftlabError
 from model.plans import scene_plan
@@ -247,7 +248,7 @@ def _timing(
         rows=grid["rows"],
         columns=grid["columns"],
         particles=grid["rows"] * grid["columns"],
-        integrator=method["integrator"],
+        integrator=name_of(method) if "solver" in method else method["integrator"],
         dt=method["dt"],
         stage=stage,
         steps=samples[-1][1],

@@ -8,6 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from cpu_backend.cloth_implicit import ImplicitSteps
 from cpu_backend.cloth_kernels import PIN_ROWS, PLANES, make_cloth_advance
 from cpu_backend.cloth_normals import make_normals
 from cpu_backend.cloth_rk4 import make_cloth_rk4
@@ -20,8 +21,9 @@ from cpu_backend.simulation import CpuSimulation
 from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import cloth_plan, kicks_meet
-from model.cloth_record import body_rows
+from model.cloth_record import C_DT, body_rows, pin_velocity
 from model.errors import SceneError
+from model.integrators import IMPLICIT
 from model.plan import Executor
 from model.scene import Scene
 from model.simulation import Options
@@ -29,21 +31,26 @@ from model.simulation import Options
 KERNELS = ("fused", "stages")
 
 
-def choose_kernel(wanted: str | None) -> str:
+def choose_kernel(wanted: str | None, integrator: str = "") -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    if wanted == "stages" and integrator in IMPLICIT:
+        raise SceneError("--kernel", wanted, f"must be fused for {integrator}, whose stages repeat until they are done")
     if wanted is not None and wanted not in KERNELS:
         raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a cloth on the cpu")
     return wanted or "fused"
 
 
 class ClothMassSpring(CpuSimulation):
-    """See model/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """See model/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number. `implicit`: what implicit Euler
+    needs besides, else None."""
+
+    implicit: ImplicitSteps | None = None
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options)
         self.threads = thread_count(threads)
         self.device = processor_name()
-        self.kernel = choose_kernel(options.kernel)
+        self.kernel = choose_kernel(options.kernel, scene.method.integrator)
         self.plan = cloth_plan(scene, options.live)
         rows, columns = self.body.rows, self.body.columns
         self.record = self._record
@@ -74,6 +81,9 @@ class ClothMassSpring(CpuSimulation):
             self._kernel = make_cloth_rk4(self.real, self.options.math, self.plan.parts)
             return Executor(self.plan, {}, self._advance_rk4)
         integrator = self.scene.method.integrator
+        if integrator in IMPLICIT:
+            self.implicit = ImplicitSteps(self)
+            return Executor(self.plan, {}, self.implicit.advance)
         self._kernel = make_cloth_advance(self.real, self.options.math, integrator, self.plan.parts)
         return Executor(self.plan, {}, self._advance_fused)
 
@@ -98,6 +108,17 @@ class ClothMassSpring(CpuSimulation):
 
     def _advance_rk4(self, step: int, steps: int) -> None:
         self._kernel(steps, step, self._states, *self._given())
+
+    def _parameters_changed(self) -> None:
+        super()._parameters_changed()
+        if self.implicit is not None:
+            self.implicit.renew()
+
+    def _pin_velocity(self, step: int) -> Any:
+        if "motion" not in self.plan.parts:
+            return 0
+        time = self.real(step) * self._record[C_DT]
+        return pin_velocity(self.bodies, int(self.integers[PIN_ROWS]), len(self.body.pinned), time)
 
     def _read_normal(self, into: Any) -> Any:
         out = np.empty((self.body.rows * self.body.columns, AXES), self.real)

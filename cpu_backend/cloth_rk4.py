@@ -34,7 +34,11 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     update = make_rk4_rows(compiler, real)
     _, damped = springs.make(real, compiled)
     has_wind, has_damping, a_close = "wind" in parts, "damping" in parts, forces.a_close
-    has_motion, instant, middle = "motion" in parts, cloth.make(real, compiled).instant, motion.make(real, compiled).middle
+    has_motion, instant, middle = (
+        "motion" in parts,
+        cloth.make(real, compiled).instant,
+        motion.make(real, compiled).middle,
+    )
     triples, block = triples_of(parts)["count"], block_of(real)
     zero, half, one = real(0), real(0.5), real(1)
 

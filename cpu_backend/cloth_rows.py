@@ -97,12 +97,14 @@ def make_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, 
     return compiler.compiled(pulls)
 
 
-def make_reach(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
+def make_reach(
+    compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_pulls
+) -> Any:
     """reach(i, across, blocks, layout, source, record, scratch, width): the pulls of the springs that lead from row `i`
-    down and, if `across`, to the right. Those that would lead out of the sheet are 0."""
+    down and, if `across`, to the right. Those that would lead out of the sheet are 0. `make`: of what pulls."""
     at = triples_of(parts)
     forget, place = scratches.forget, scratches.place
-    structural, shear, bending = (make_pulls(compiler, real, parts, kind, place) for kind in CONSTANTS)
+    structural, shear, bending = (make(compiler, real, parts, kind, place) for kind in CONSTANTS)
     has_structural, has_shear, has_bending = (kind in parts for kind in CONSTANTS)
     a_across, a_down, a_right = at.get("across", 0), at.get("down", 0), at.get("right", 0)
     a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)

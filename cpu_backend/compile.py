@@ -18,9 +18,13 @@ from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
 import model.cloth_record
+import model.contact_record
 import model.formulas
+import model.implicit_record
 import model.record
-from model.digest import source_digest
+import model.xpbd_plan
+import model.xpbd_record
+from model.digest import file_name, source_digest
 
 # What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
 # a diverging state must stay visible.
@@ -30,11 +34,11 @@ FAST = frozenset({"contract", "arcp", "afn", "nsz"})
 @cache
 def backend_digest() -> str:
     """A hash of the sources that this backend's machine code is made from."""
+    records = (
+        model.record, model.cloth_record, model.contact_record, model.implicit_record, model.xpbd_record, model.xpbd_plan
+    )  # fmt: skip
     return source_digest(
-        Path(model.formulas.__file__).parent,
-        Path(model.record.__file__),
-        Path(model.cloth_record.__file__),
-        Path(__file__).parent,
+        Path(model.formulas.__file__).parent, *(Path(str(m.__file__)) for m in records), Path(__file__).parent
     )
 
 
@@ -59,7 +63,7 @@ class _RowPipeline(NumbaCompiler):
 
 def named(function: Callable, variant: str) -> Callable:
     """The function under a name that holds its variant, so that no two variants share a symbol or a cache file."""
-    function.__name__ = f"{function.__name__}_{variant}"
+    function.__name__ = file_name(f"{function.__name__}_{variant}")
     function.__qualname__ = function.__name__
     return function
 

@@ -1,8 +1,9 @@
 """The mass-spring cloth on CUDA, one thread per mass, the state on the device throughout.
 
 Kernels, a ladder: `stages` (stage by stage), `launch` (one pass over the sheet a step, launched from Python), `graph` (the
-same passes captured once as a CUDA graph and replayed) and `one-block` (a small sheet in one block); cloth_choice.py says
-which is taken when. In `exact` math all give the same bits, and the CPU's. Memory is taken with plain allocations.
+same passes captured once as a CUDA graph and replayed), `tiles` (several steps a pass), `resident` (the sheet kept on the
+chip) and `one-block` (a small sheet in one block); cloth_choice.py says which is taken when. In `exact` math all give the
+same bits, and the CPU's. Memory is taken with plain allocations.
 """
 
 from __future__ import annotations
@@ -13,8 +14,12 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.cloth_block import block_bytes, block_threads, make_cloth_block
-from gpu_backend.cloth_choice import cloth_kernel
+from gpu_backend.cloth_choice import cloth_kernel, cloth_tile
+from gpu_backend.cloth_implicit import THREADS as IMPLICIT_THREADS
+from gpu_backend.cloth_implicit import ImplicitSteps, implicit_kernel
 from gpu_backend.cloth_kernels import make_cloth_passes, make_cloth_rk4_stages, make_cloth_tools
+from gpu_backend.cloth_launch import ClothTiles
+from gpu_backend.cloth_pins import pin_marks
 from gpu_backend.cloth_point import (
     BOXES,
     CAPSULES,
@@ -32,8 +37,9 @@ from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN
 from gpu_backend.quads import SIZE
 from gpu_backend.simulation import NOTHING_BAD, CudaSimulation
 from model.cloth_plan import cloth_plan, kicks_meet
-from model.cloth_record import collider_rows
+from model.cloth_record import C_DT, body_rows, pin_velocity
 from model.errors import SceneError
+from model.integrators import IMPLICIT
 from model.memory import require
 from model.plan import Executor
 from model.scene import Scene
@@ -41,17 +47,28 @@ from model.simulation import Options
 
 
 class ClothMassSpring(CudaSimulation):
-    """See model/simulation.py for the contract. `threads` is the number of threads a block."""
+    """See model/simulation.py for the contract. `threads` is the number of threads a block. `implicit`: what implicit Euler
+    needs besides, else None."""
+
+    implicit: ImplicitSteps | None = None
+    _tiles: ClothTiles | None = None
 
     def __init__(self, scene: Scene, options: Options):
         self.device = require_gpu()
         super().__init__(scene, options)
         self.plan = cloth_plan(scene, options.live)
-        self.kernel = cloth_kernel(scene, self.real, self.plan.parts, options.kernel)
+        self._is_implicit = scene.method.integrator in IMPLICIT
+        choose = implicit_kernel if self._is_implicit else cloth_kernel
+        self.kernel = choose(scene, self.real, self.plan.parts, options.kernel)
+        self.tile = cloth_tile(scene, self.real, self.plan.parts, self.kernel, options.kernel)
         rows, columns = self.body.rows, self.body.columns
         self.particle_count = rows * columns
         self.threads = block_threads(self.particle_count) if self.kernel == "one-block" else BLOCK[0] * BLOCK[1]
-        arrays = 12 if self._is_rk4 else 6
+        if self._is_implicit:
+            self.threads = IMPLICIT_THREADS
+        elif self.tile:
+            self.threads = self.tile.threads
+        arrays = 15 if self._is_implicit else 12 if self._is_rk4 else 12 if self.kernel == "resident" else 6
         needed = arrays * self.particle_count * SIZE * np.dtype(self.real).itemsize
         if not simulated():
             require(needed, memory_info()[0], "cloth.rows x cloth.columns", f"{rows} x {columns}", "GPU memory")
@@ -90,19 +107,22 @@ class ClothMassSpring(CudaSimulation):
         for place, kind in ((PLANES, "plane"), (SPHERES, "sphere"), (CAPSULES, "capsule"), (BOXES, "box")):
             self._integers[place] = kinds.count(kind)
         self.integers = cuda.to_device(self._integers, stream=self.stream)
-        rows = collider_rows(scene, self.real).reshape(-1)
-        self.bodies = cuda.to_device(rows if kinds else np.zeros(1, self.real), stream=self.stream)
+        self._rows, self._first_pin = body_rows(scene, self.body, self.real)
+        self.bodies = cuda.to_device(self._rows if len(self._rows) else np.zeros(1, self.real), stream=self.stream)
         self._counter = cuda.to_device(np.zeros(1, np.int64), stream=self.stream)
         self._bad = cuda.to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
-        self._pinned = (self.body.inverse_mass == 0).astype(self.real)
+        self._pinned = pin_marks(self.body, self._rows, self._first_pin)
         self.shape = (np.int32(self.body.rows), np.int32(self.body.columns))
         self._counts = knows_time(self.plan.parts)
-        self._normals: Any = None
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
         self._tools = make_cloth_tools(self.real)
         variant = self.real, self.options.math, self.scene.method.integrator, self.plan.parts
+        if self._is_implicit:
+            self.implicit = ImplicitSteps(self)
+            self._executor = Executor(self.plan, {}, self.implicit.advance)
+            return
         if self.kernel == "stages":
             self._executor = Executor(self.plan, bind_cloth_stages(self))
             return
@@ -116,6 +136,8 @@ class ClothMassSpring(CudaSimulation):
             verlet, meet = "middle" in self._passes, kicks_meet(self.plan.parts)
             self._launch = self._launch_passes if meet or not verlet else self._launch_pairs
             fused = self._advance_verlet if meet and verlet else self._advance_steps
+        if self.tile:
+            self._tiles = ClothTiles(self, self.kernel, self.tile)
         if self.kernel == "one-block":
             self._block = make_cloth_block(*variant, self.threads)
             self._shared = block_bytes(self.real, self.plan.parts, self.particle_count)
@@ -126,6 +148,9 @@ class ClothMassSpring(CudaSimulation):
             cuda.synchronize()
         if self.kernel == "graph":
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
+        elif self.kernel == "tiles" and self._tiles is not None and not simulated():
+            halo = self._tiles.tile.halo
+            self._graphs = Graphs(self.stream, self._tiles.launch_many, lambda many: self._count_on(many * halo))
 
     # ------------------------------------------------------------------ passes
 
@@ -177,12 +202,21 @@ class ClothMassSpring(CudaSimulation):
 
     def _many(self, count: int) -> None:
         """`count` equal passes (steps of RK4), by the kernel's own way."""
-        if self.kernel != "one-block":
+        tiles = self._tiles
+        if self.kernel == "tiles" and tiles is not None:
+            launches, count = divmod(count, tiles.tile.halo)
+            self._repeat(launches, tiles.launch_many, tiles.tile.halo)
+        elif tiles is None and self.kernel != "one-block":
             self._repeat(count, self._launch, 1)
-        elif count:
+            return
+        if not count:
+            return
+        if tiles is not None:
+            tiles.launch(0, count)
+        else:
             self._block[1, self.threads, self.stream, self._shared](*self._block_arguments(count))
             self._current = 1 - self._current
-            self._count_on(count)
+        self._count_on(count)
 
     def _advance_steps(self, step: int, steps: int) -> None:
         self._set_counter(step)
@@ -197,10 +231,26 @@ class ClothMassSpring(CudaSimulation):
 
     # ------------------------------------------------------------------ the contract
 
+    def _first_bad(self) -> int:
+        if self._tiles is not None:
+            self._tiles.require_exchange()
+        return super()._first_bad()
+
     def _to_host(self, array: Any) -> np.ndarray:
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
         return np.ascontiguousarray(host.reshape(-1, SIZE)[:, :3])
+
+    def _parameters_changed(self) -> None:
+        super()._parameters_changed()
+        if self.implicit is not None:
+            self.implicit.renew()
+
+    def _pin_velocity(self, step: int) -> Any:
+        if "motion" not in self.plan.parts:
+            return 0
+        time = self.real(step) * self._record[C_DT]
+        return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), time)
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         for array, values, spare in (
@@ -210,20 +260,3 @@ class ClothMassSpring(CudaSimulation):
             quads = np.concatenate([values, spare[:, None]], axis=1).astype(self.real, copy=False)
             array.copy_to_device(np.ascontiguousarray(quads).reshape(-1), stream=self.stream)
         self.synchronize()
-
-    def _read_normal(self, into: Any) -> Any:
-        """Unit vertex normals (particles, 3), computed on the device: see `write_normal` in cloth_kernels.py."""
-        on_device = into is not None and hasattr(into, "__cuda_array_interface__")
-        if not on_device and self._normals is None:
-            self._normals = cuda.to_device(np.zeros((self.particle_count, 3), self.real), stream=self.stream)
-        out = cuda.as_cuda_array(into) if on_device else self._normals
-        self._tools.write_normal[self._flat](self.position[self._current], out, *self.shape)
-        self.synchronize()
-        if on_device:
-            return into
-        host = out.copy_to_host(stream=self.stream)
-        self.synchronize()
-        if into is None:
-            return host
-        into[...] = host
-        return into

@@ -1,6 +1,6 @@
 """CUDA kernels of the cloth: one thread a mass, one pass over the sheet a launch, as in mass_spring_kernels.py.
 
-Position and velocity are quads (see quads.py); the spare number of a position is 1 where the mass is pinned. The air's
+Position and velocity are quads (see quads.py); the spare number of a position tells pinned masses (cloth_pins.py). The air's
 velocity, the same for all masses, is computed by one thread of each block where it gusts.
 """
 

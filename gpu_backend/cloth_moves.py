@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.cloth_contact import make_collide
+from gpu_backend.cloth_pins import make_pins
 from gpu_backend.cloth_point import make_cloth_forces
 from gpu_backend.formulas import device_formulas
 from gpu_backend.strips import inlined
@@ -28,18 +29,15 @@ RK4_TOTAL = (C_SIXTH_DT, C_THIRD_DT, C_THIRD_DT, C_SIXTH_DT)
 
 
 @cache
-def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """Device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is move(position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air) ->
-    (px, py, pz, vx, vy, vz): of mass k in row i and column j, found at `place` of the arrays of quads that its
-    neighbours are read from, itself at p and moving at v. `step` is the number of the step that begins.
-
-    Velocity Verlet's two kicks between steps are one pass with one force, `middle`, where no force depends on velocities
-    (model/cloth_plan.kicks_meet); else a step is `opening` and `closing`.
+    Each is kick(ax, ay, az, k, p, v, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and
+    moving at v (quads), which springs, gravity and wind accelerate by a. `step` is the number of the step that begins.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
-    steady, add_external, add_poke, damp = forces.steady, forces.add_external, forces.add_poke, forces.damp
+    hold = make_pins(real, math, parts).hold
+    add_external, add_poke, damp = forces.add_external, forces.add_poke, forces.damp
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
@@ -50,18 +48,15 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 
     @inline
     def settle(p, px, py, pz, vx, vy, vz, record, bodies, integers, step):
-        """Colliders, then pins: a pinned mass stays where it was."""
+        """Colliders, then pins: a pinned mass stays where it was, or follows its motion."""
         px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, record, bodies, integers, step)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = p[0], p[1], p[2], zero, zero, zero
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record[C_DT], bodies)
         return px, py, pz, vx, vy, vz
 
     @inline
-    def step_mass(
-        position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
-    ):  # fmt: skip
-        ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
+    def step_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
         ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
         ax, ay, az = add_poke(ax, ay, az, k, record, integers)
         ax, ay, az = damp(ax, ay, az, v, record)
@@ -90,33 +85,24 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
         )
 
     @inline
-    def opening_mass(
-        position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
-    ):  # fmt: skip
-        ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
+    def opening_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
         ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
         ax, ay, az = add_poke(ax, ay, az, k, record, integers)
         return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, record, bodies, integers, step)
 
     @inline
-    def closing_mass(
-        position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
-    ):  # fmt: skip
-        ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
+    def closing_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
         ax, ay, az = add_external(ax, ay, az, k, record, integers, step - one)
         ax, ay, az = add_poke(ax, ay, az, k, record, integers)
         vx, vy, vz = second_kick(v, ax, ay, az, record)
         if has_pins:
-            if p[3] != zero:
-                vx, vy, vz = zero, zero, zero
+            if p[3] != zero:  # one that follows a motion was given its velocity with its place
+                vx, vy, vz = v[0], v[1], v[2]
         return p[0], p[1], p[2], vx, vy, vz
 
     @inline
-    def middle_mass(
-        position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
-    ):  # fmt: skip
+    def middle_mass(bx, by, bz, k, p, v, record, bodies, integers, step):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        bx, by, bz = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
         ax, ay, az = add_external(bx, by, bz, k, record, integers, step - one)
         ax, ay, az = add_poke(ax, ay, az, k, record, integers)
         if has_external:
@@ -133,6 +119,31 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 
 
 @cache
+def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+    """The functions of make_cloth_kicks with the forces before them.
+
+    Each is move(position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air) ->
+    (px, py, pz, vx, vy, vz): of mass k in row i and column j, found at `place` of the arrays of quads that its
+    neighbours are read from, itself at p and moving at v.
+
+    Velocity Verlet's two kicks between steps are one pass with one force, `middle`, where no force depends on velocities
+    (model/cloth_plan.kicks_meet); else a step is `opening` and `closing`.
+    """
+    steady = make_cloth_forces(real, math, parts).steady
+    inline = inlined(math)
+
+    def make_move(kick: Any) -> Any:
+        @inline
+        def move(position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air):
+            ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
+            return kick(ax, ay, az, k, p, v, record, bodies, integers, step)
+
+        return move
+
+    return {name: make_move(kick) for name, kick in make_cloth_kicks(real, math, integrator, parts).items()}
+
+
+@cache
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> Any:
     """One of the four stages of RK4 (0 to 3), a device function:
 
@@ -141,6 +152,10 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
     of the last stage p', v' are the new state, which has met the colliders. The first stage reads no total.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
+    hold, half_way = (
+        make_pins(real, math, parts).hold,
+        stage < 2,
+    )  # where a stage leads to: half of the step, or all of it
     steady, add_external, add_poke, damp = forces.steady, forces.add_external, forces.add_poke, forces.damp
     rk4_stage = device_formulas(integrators.make, real, math).rk4_stage
     k_derivative, k_total, last = RK4_DERIVATIVE[stage], RK4_TOTAL[stage], stage == 3
@@ -175,7 +190,8 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
             new_p, new_v = (px, py, pz), (vx, vy, vz)
         if has_pins:
             if p[3] != zero:
-                new_p, new_v = (p[0], p[1], p[2]), (zero, zero, zero)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, record[C_DT], bodies)
+                new_p, new_v = (px, py, pz), (vx, vy, vz)
         return new_p, new_v, sum_p, sum_v
 
     return rk4_mass

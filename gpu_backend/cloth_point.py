@@ -36,7 +36,7 @@ from model.cloth_record import (
     C_WIND_Y,
     C_WIND_Z,
 )  # fmt: skip
-from model.formulas import cloth, cloth_springs, manufactured, random, springs, wind
+from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
 
 # Numbers of the integer record, all uint64:
 EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES = range(7)  # POKED: 1 + the particle, 0 for none
@@ -46,15 +46,23 @@ COLLIDERS = frozenset({"plane", "sphere", "capsule", "box"})
 
 def knows_time(parts: frozenset[str]) -> bool:
     """Whether anything depends on the number of the step."""
-    return bool(parts & {"external", "gust"} or parts & COLLIDERS)
+    return bool(parts & {"external", "gust", "motion"} or parts & COLLIDERS)
 
 
 @cache
-def make_cloth_springs(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
     """spring_sum(position, velocity, place, i, j, rows, columns, p, v, record): the pulls of all springs over mass
-    [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads)."""
+    [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads).
+
+    `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
+    `product` for what its matrix makes of the vector that `velocity` then is.
+    """
     pulls = device_formulas(cloth_springs.make, real, math)
     spring_pull_3d, damped_pull_3d = pulls.spring_pull_3d, pulls.damped_pull_3d
+    system_pulls, at_end = device_formulas(implicit.make, real, math), system == "end"
+    end_pull_3d = system_pulls.end_pull_3d
+    if system == "product":
+        damped_pull_3d = system_pulls.product_3d
     inline = inlined(math)
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     zero, one, two = real(0), np.int32(1), np.int32(2)
@@ -70,6 +78,11 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str]) -> Any:
             stiffness, rest = record[first], record[rest_place]
             if has_damper:
                 w = load_quad(velocity, other)
+                if at_end:
+                    return end_pull_3d(
+                        dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place],
+                        record[C_DT],
+                    )  # fmt: skip
                 return damped_pull_3d(
                     dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place]
                 )  # fmt: skip
@@ -77,9 +90,9 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str]) -> Any:
 
         return pull
 
-    structural_pull = make_pull(C_STRUCTURAL, "structural-damping" in parts)
-    shear_pull = make_pull(C_SHEAR, "shear-damping" in parts)
-    bending_pull = make_pull(C_BENDING, "bending-damping" in parts)
+    structural_pull = make_pull(C_STRUCTURAL, system != "" or "structural-damping" in parts)
+    shear_pull = make_pull(C_SHEAR, system != "" or "shear-damping" in parts)
+    bending_pull = make_pull(C_BENDING, system != "" or "bending-damping" in parts)
 
     @inline
     def paired(a, b, c, d):
@@ -160,44 +173,46 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return x, y, z
 
     @inline
-    def corner(a, b, c, va, vb, vc, record, air):
-        """Wind on each corner of the triangle a, b, c."""
+    def corner(a, b, c, record, air):
+        """Wind on each corner of the triangle a, b, c, each (x, y, z, vx, vy, vz)."""
         return triangle_wind(
             b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
-            air[0] - mean(va[0], vb[0], vc[0]), air[1] - mean(va[1], vb[1], vc[1]), air[2] - mean(va[2], vb[2], vc[2]),
+            air[0] - mean(a[3], b[3], c[3]), air[1] - mean(a[4], b[4], c[4]), air[2] - mean(a[5], b[5], c[5]),
             record[C_DRAG], record[C_LIFT],
         )  # fmt: skip
 
     @inline
-    def wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air):
-        # Of a cell outside the sheet one corner, the one that both edges need, is replaced by the mass itself: two
-        # corners then coincide, an edge is 0, and so is the normal, in any rounding.
-        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
-        at_right, at_below = place if last else place + one, place if bottom else place + columns
-        at_left = place if first or bottom else place - one
-        at_above = place if top or last else place - columns
-        at_below_right = place if bottom or last else place + columns + one
-        at_above_left = place if top or first else place - columns - one
-        near_left, near_above = place if first else place - one, place if top else place - columns
-        right, v_right = load_quad(position, at_right), load_quad(velocity, at_right)
-        below, v_below = load_quad(position, at_below), load_quad(velocity, at_below)
-        left, v_left = load_quad(position, at_left), load_quad(velocity, at_left)
-        above, v_above = load_quad(position, at_above), load_quad(velocity, at_above)
-        corner_p, corner_v = load_quad(position, at_below_right), load_quad(velocity, at_below_right)
-        a = corner(p, below, corner_p, v, v_below, corner_v, record, air)
-        b = corner(p, corner_p, right, v, corner_v, v_right, record, air)
+    def wind_of(p, right, below, left, above, below_right, near_left, near_above, above_left, record, air):
+        """The wind on the mass p, all as (x, y, z, vx, vy, vz). Of a cell outside the sheet one corner, the one that both
+        edges need, is the mass itself: two corners then coincide, an edge is 0, and so is the normal, in any rounding.
+        That makes two of the neighbour to the left and of the one above: by the cells below, right, and by the others."""
+        a, b = corner(p, below, below_right, record, air), corner(p, below_right, right, record, air)
         x, y, z = a[0] + b[0], a[1] + b[1], a[2] + b[2]
-        a = corner(left, below, p, v_left, v_below, v, record, air)
-        b = corner(above, p, right, v_above, v, v_right, record, air)
+        a, b = corner(left, below, p, record, air), corner(above, p, right, record, air)
         x, y, z = x + (a[0] + b[0]), y + (a[1] + b[1]), z + (a[2] + b[2])
-        left, v_left = load_quad(position, near_left), load_quad(velocity, near_left)
-        above, v_above = load_quad(position, near_above), load_quad(velocity, near_above)
-        corner_p, corner_v = load_quad(position, at_above_left), load_quad(velocity, at_above_left)
-        a = corner(corner_p, left, p, corner_v, v_left, v, record, air)
-        b = corner(corner_p, p, above, corner_v, v, v_above, record, air)
+        a, b = corner(above_left, near_left, p, record, air), corner(above_left, p, near_above, record, air)
         return x + (a[0] + b[0]), y + (a[1] + b[1]), z + (a[2] + b[2])
 
-    return SimpleNamespace(air_now=air_now, wind_sum=wind_sum)
+    @inline
+    def state_at(position, velocity, place):
+        p, v = load_quad(position, place), load_quad(velocity, place)
+        return p[0], p[1], p[2], v[0], v[1], v[2]
+
+    @inline
+    def wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air):
+        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
+        right = state_at(position, velocity, place if last else place + one)
+        below = state_at(position, velocity, place if bottom else place + columns)
+        left = state_at(position, velocity, place if first or bottom else place - one)
+        above = state_at(position, velocity, place if top or last else place - columns)
+        below_right = state_at(position, velocity, place if bottom or last else place + columns + one)
+        near_left = state_at(position, velocity, place if first else place - one)
+        near_above = state_at(position, velocity, place if top else place - columns)
+        above_left = state_at(position, velocity, place if top or first else place - columns - one)
+        here = (p[0], p[1], p[2], v[0], v[1], v[2])
+        return wind_of(here, right, below, left, above, below_right, near_left, near_above, above_left, record, air)
+
+    return SimpleNamespace(air_now=air_now, wind_sum=wind_sum, wind_of=wind_of)
 
 
 @cache

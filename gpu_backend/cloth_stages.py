@@ -16,6 +16,7 @@ from numba import cuda
 
 from gpu_backend.cloth_contact import make_collide
 from gpu_backend.cloth_kernels import make_block_air
+from gpu_backend.cloth_pins import make_pins
 from gpu_backend.cloth_point import make_cloth_forces
 from gpu_backend.compile import make_kernel, variant_name
 from gpu_backend.formulas import device_formulas
@@ -120,7 +121,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
-    collide_point = make_collide(real, math, parts)
+    collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
     zero = real(0)
     jit = _jit(real, math, integrator, parts)
 
@@ -196,9 +197,19 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
                 store_quad(position, k, h[0], h[1], h[2], h[3])
                 store_quad(velocity, k, zero, zero, zero, zero)
 
+    @jit
+    def moving_pins(position, velocity, record, bodies, step, half_way):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p = load_quad(position, k)
+            if p[3] != zero:
+                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, record[C_DT], bodies)
+                store_quad(position, k, x, y, z, p[3])
+                store_quad(velocity, k, vx, vy, vz, zero)
+
     return SimpleNamespace(
         integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate, collide=collide,
-        pins=pins,
+        pins=pins, moving_pins=moving_pins,
     )  # fmt: skip
 
 
@@ -250,6 +261,13 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
 
         return run
 
+    def pins(step: int, offset: float) -> None:
+        motion.pins[flat](sim.kept_position, at["position"], at["velocity"])
+        if "motion" in sim.plan.parts:
+            motion.moving_pins[flat](
+                at["position"], at["velocity"], record, sim.bodies, np.int64(step), np.int32(offset < 1)
+            )
+
     return {
         "spring forces": spring_forces,
         "no forces": lambda step, offset: force.no_forces[flat](a),
@@ -265,5 +283,5 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         "collide": lambda step, offset: motion.collide[flat](
             before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(step)
         ),
-        "pins": lambda step, offset: motion.pins[flat](sim.kept_position, at["position"], at["velocity"]),
+        "pins": pins,
     }

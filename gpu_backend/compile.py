@@ -17,10 +17,14 @@ import numpy as np
 from numba import cuda
 
 import model.cloth_record
+import model.contact_record
 import model.formulas
+import model.implicit_record
 import model.record
+import model.xpbd_plan
+import model.xpbd_record
 from gpu_backend.device import simulated
-from model.digest import source_digest
+from model.digest import file_name, source_digest
 
 
 def variant_name(real: Any, *words: object) -> str:
@@ -34,7 +38,12 @@ def variant_name(real: Any, *words: object) -> str:
 @cache
 def _digest() -> str:
     here = Path(__file__).parent
-    records = Path(model.record.__file__), Path(model.cloth_record.__file__)
+    records = (
+        Path(str(m.__file__))
+        for m in (
+            model.record, model.cloth_record, model.contact_record, model.implicit_record, model.xpbd_record, model.xpbd_plan
+        )
+    )
     return source_digest(Path(model.formulas.__file__).parent, *records, here)
 
 
@@ -46,7 +55,7 @@ def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
     """
     if simulated():
         return cuda.jit(function)
-    function.__name__ = function.__qualname__ = f"{function.__name__}_{variant}"
+    function.__name__ = function.__qualname__ = file_name(f"{function.__name__}_{variant}")
     kernel = cuda.jit(**options)(function)
     with suppress(RuntimeError, ImportError):
         kernel._cache = _variant_cache()(function)

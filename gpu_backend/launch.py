@@ -48,12 +48,16 @@ class Graphs:
         """Run as many of `count` passes as fill even chunks; the rest (0 or 1) is returned."""
         for chunk in CHUNKS:
             while count >= chunk:
-                key = (parity, chunk)
-                if key not in self._graphs:
-                    self._graphs[key] = self._capture(parity, chunk)
-                _checked(self._runtime.cudaGraphLaunch(self._graphs[key], self._handle()))
+                self.replay(parity, chunk)
                 count -= chunk
         return count
+
+    def replay(self, parity: int, count: int) -> None:
+        """Run `count` passes as one graph, captured the first time."""
+        key = (parity, count)
+        if key not in self._graphs:
+            self._graphs[key] = self._capture(parity, count)
+        _checked(self._runtime.cudaGraphLaunch(self._graphs[key], self._handle()))
 
     def _handle(self) -> Any:
         handle = self._stream.handle  # an integer-like object of cuda.bindings, or a ctypes pointer of older versions

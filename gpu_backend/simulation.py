@@ -42,6 +42,7 @@ class CudaSimulation(Simulation):
     _tools: Any
     _executor: Executor
     _graphs: Graphs | None = None
+    _normals: Any = None
 
     @property
     def _is_rk4(self) -> bool:
@@ -116,6 +117,27 @@ class CudaSimulation(Simulation):
         if into is None:
             return position
         into[...] = position
+        return into
+
+    def _normal_arguments(self) -> tuple[Any, ...]:
+        """What `write_normal` wants to know of the sheet besides positions."""
+        return np.int32(self.body.rows), np.int32(self.body.columns)
+
+    def _read_normal(self, into: Any) -> Any:
+        """Unit vertex normals (particles, 3) of a cloth, computed on the device: see `write_normal` in cloth_kernels.py."""
+        on_device = into is not None and hasattr(into, "__cuda_array_interface__")
+        if not on_device and self._normals is None:
+            self._normals = cuda.to_device(np.zeros(self.body.position.shape, self.real), stream=self.stream)
+        out = cuda.as_cuda_array(into) if on_device else self._normals
+        self._tools.write_normal[self._flat](self.position[self._current], out, *self._normal_arguments())
+        self.synchronize()
+        if on_device:
+            return into
+        host = out.copy_to_host(stream=self.stream)
+        self.synchronize()
+        if into is None:
+            return host
+        into[...] = host
         return into
 
     def synchronize(self) -> None:

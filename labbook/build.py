@@ -24,6 +24,7 @@ from labbook import (
     claims,
     cloth_claims,
     comparison_claims,
+    convergence_claims,
     costs_claims,
     findings_claims,
     hard_claims,
@@ -56,7 +57,7 @@ CHAPTERS = (
 CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
-        claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims,
+        claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
         stability_claims, hard_claims, ablation_claims, cloth_claims,
     )
     for name, claim in module.CLAIMS.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from bench.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
 from bench.projections import ProjectionPoint, beside_published, newton_ratios
 from labbook import words
 from labbook.claims import Claim
@@ -105,9 +106,29 @@ def newton(results: Results) -> Claim:
     return Claim("No GPU was timed beside what was reported of Newton.")
 
 
+def discretisation(results: Results) -> Claim:
+    """What cutting a sheet along one diagonal, or along alternating ones, does to it."""
+    for source in (*results.featured, *results.background):
+        told = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
+        found = {(m.description["diagonals"], m.name): m.value for m in reversed(told)}
+        if {(way, name) for way in WAYS for name in (BIAS, RATIO)} <= set(found):
+            one, both = (found[way, BIAS] or 0.0 for way in WAYS)
+            ratios = [found[way, RATIO] or 0.0 for way in WAYS]
+            exact = [words.number(exact_ratio(way)) for way in WAYS]
+            return Claim(
+                f"A square sheet held at its corners sags to its own mirror image. Cut along one diagonal it lies "
+                f"{words.number(one, 2)} spacings off its mirror image, with alternating diagonals {words.number(both, 2)}; "
+                f"against a stretch along the diagonals it is {words.times(ratios[0])} as stiff as across them (exact: "
+                f"{exact[0]}), with alternating ones {words.times(ratios[1])} (exact: {exact[1]}).",
+                {"one": one, "alternating": both, "ratio one": ratios[0], "ratio alternating": ratios[1]}, one > both,
+            )  # fmt: skip
+    return Claim("What the way of cutting a sheet into triangles does was not measured.")
+
+
 CLAIMS: dict[str, Callable[[Results], Claim]] = {
     "projection-rates": rates,
     "projection-orderings": per_projection,
     "projection-published": published,
     "projection-newton": newton,
+    "discretisation": discretisation,
 }

@@ -58,10 +58,12 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from bench.ablate import ablate
     from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
+    from bench.convergence import run_convergence
     from bench.findings import run_findings
     from bench.findings_costs import run_costs
     from bench.hard import run_hard
     from bench.hard_results import print_hard
+    from bench.projections import run_projections
     from bench.stability import run_stability
     from bench.store import Store
     from bench.sweep import run_sweep
@@ -81,6 +83,8 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
             console.rule("findings: the small experiments")
             _told(console, run_findings(store, command=command))
             _told(console, run_costs(store, command=command))
+            _told(console, run_convergence(store, command=command))
+            _told(console, run_projections(store, command=command))
         console.rule("stability: where it breaks")
         _told(console, run_stability(store, quick=quick, command=command))
         if not quick:

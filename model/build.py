@@ -7,10 +7,13 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from model.cloth_parts import Cloth
+from model.cloth_parts import Cloth, Fold
 from model.errors import SceneError
 from model.memory import available_bytes, require
+from model.mesh_parts import Mesh
+from model.pins import pin_indices
 from model.scene import Grid, Scene
+from model.topology import mesh_of, pinned_vertices, vertex_masses
 
 MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
@@ -34,26 +37,16 @@ class Body:
 
 def pinned_indices(grid: Grid) -> np.ndarray:
     """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
-    rows, columns, pinned = grid.rows, grid.columns, grid.pinned
-    if isinstance(pinned, list):
-        return np.unique(np.array([row * columns + column for row, column in pinned], dtype=np.int64))
-    if pinned == "none":
-        return np.zeros(0, dtype=np.int64)
-    if pinned == "top":
-        return np.arange(columns, dtype=np.int64)
-    if pinned == "top-corners":
-        return np.unique(np.array([0, columns - 1], dtype=np.int64))
-    if pinned == "left":
-        return np.arange(rows, dtype=np.int64) * columns
-    if pinned == "edges":
-        index = np.arange(rows * columns, dtype=np.int64).reshape(rows, columns)
-        return np.unique(np.concatenate([index[0], index[-1], index[:, 0], index[:, -1]]))
-    return np.arange(0, columns, int(pinned.removeprefix("every:")), dtype=np.int64)
+    if isinstance(grid, Mesh) and grid.file is not None:
+        return pinned_vertices(grid)
+    return pin_indices(grid.pinned, grid.rows, grid.columns)
 
 
 def rest_positions(grid: Grid) -> np.ndarray:
     """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
-    z = const where it hangs, along +z instead of -y where it lies."""
+    z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
+    if isinstance(grid, Mesh):
+        return mesh_of(grid).position + grid.origin
     cloth = grid if isinstance(grid, Cloth) else None
     position = np.zeros((grid.rows, grid.columns, 3 if cloth else 2))
     position[:, :, 0] = np.arange(grid.columns) * grid.spacing
@@ -65,6 +58,20 @@ def rest_positions(grid: Grid) -> np.ndarray:
     if cloth:
         position += cloth.origin
     return position.reshape(grid.particle_count, -1)
+
+
+def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
+    """(particles, 3) float64 [m]: `rest_positions` with the rows laid along a zig-zag line."""
+    long = fold.rows - 1
+    layer, place = np.divmod(np.arange(cloth.rows), long + fold.apart)
+    along = np.minimum(place, long)
+    along = np.where(layer % 2 == 1, long - along, along) * cloth.spacing
+    across = (layer * fold.apart + np.maximum(place - long, 0)) * cloth.spacing
+    position = rest_positions(cloth).reshape(cloth.rows, cloth.columns, 3)
+    flat = cloth.placement == "flat"
+    position[:, :, 2] = (along if flat else across)[:, None] + cloth.origin[2]
+    position[:, :, 1] = (across if flat else -along)[:, None] + cloth.origin[1]
+    return position.reshape(-1, 3)
 
 
 def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
@@ -103,10 +110,11 @@ def _build(scene: Scene) -> Body:
             f"{grid.rows} x {grid.columns}",
             f"at most {MOST_PARTICLES} masses (32-bit indices)",
         )
-    position = rest_positions(grid)
+    cloth, fold = scene.cloth, scene.fold
+    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
     velocity = np.zeros_like(position)
     pinned = pinned_indices(grid)
-    inverse_mass = np.full(count, 1 / grid.mass)
+    inverse_mass = 1 / vertex_masses(grid) if isinstance(grid, Mesh) else np.full(count, 1 / grid.mass)
     for load in scene.loads.values():
         inverse_mass[load.at[0] * grid.columns + load.at[1]] = 1 / load.mass
     inverse_mass[pinned] = 0
@@ -121,5 +129,5 @@ def _build(scene: Scene) -> Body:
         velocity[:, 1] = -3 * amplitude * np.sin(0.6 * i - 1.3 * j)
         velocity[pinned] = 0
     rest_length = scene.springs.rest_length if scene.springs else 0.0
-    size = max(grid.rows, grid.columns) * max(grid.spacing, rest_length)
+    size = max(grid.extent, max(grid.rows, grid.columns) * rest_length)
     return Body(grid.rows, grid.columns, position, velocity, inverse_mass, pinned, size)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from model.formulas import cloth_springs, colliders, wind
+from model.formulas import cloth_springs, colliders, implicit, wind
 from model.formulas import integrators as integrator_formulas
 from model.formulas import random as random_formulas
+from model.integrators import IMPLICIT
 from model.motion import motions_of_pins
 from model.plan import Node, Plan, Stage
 from model.scene import Scene
 
 SPRINGS_EACH = 4  # of a kind, on a mass inside
 TRIANGLES_EACH = 6  # that a mass is a corner of
+PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler
 
 
 def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -96,6 +98,9 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     def pins(offset: float) -> tuple[Stage, ...]:
         return (Stage("pins", 0, 0, 0, offset),) if "pins" in parts else ()
 
+    if integrator in IMPLICIT:
+        own = tuple(stage for stage in forces(0.0) if stage.name not in ("spring forces", "no forces", "damping"))
+        return _implicit_plan(integrator, parts, own, operations, len(springs), (*touch, *pins(1.0)))
     per_axis = integrator_formulas.OPERATIONS[integrator]
     if verlet:
         children: tuple[Node | Stage, ...] = (
@@ -120,3 +125,34 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         children = (*forces(0.0), Stage(f"integrate ({integrator})", 3, 2, 3 * per_axis), *touch, *pins(1.0))
         scalars = 4
     return Plan(Node("step", children), scalars, parts, dimensions=3)
+
+
+def _implicit_plan(
+    integrator: str, parts: frozenset[str], own: tuple[Stage, ...], pulls: int, kinds: int, last: tuple[Stage, ...]
+) -> Plan:
+    """The plan of implicit Euler. `own`: the forces at the step's start; `pulls`: operations of all springs of a mass;
+    `kinds`: of springs; `last`: what follows the new state.
+
+    How often its two inner nodes run is decided by residuals while it runs: bytes and operations are of one each.
+    """
+    product = SPRINGS_EACH * kinds * (implicit.OPERATIONS_PRODUCT + 3) + 6 + 2 * implicit.OPERATIONS_DOT
+    solve = Node(
+        "conjugate gradients, until the residual is small enough",
+        (
+            Stage(PRODUCT_STAGE, 2, 1, product),
+            Stage("update of the solution", 5, 4, 3 * implicit.OPERATIONS_UPDATE),
+        ),
+    )
+    residual = Stage("spring forces at the step's end, residual", 4, 1, pulls + 15 + 4 * implicit.OPERATIONS_DOT, 1.0)
+    once = integrator == "implicit-euler-linear"
+    newton = Node(
+        "one linearised step (Baraff and Witkin)"
+        if once
+        else "Newton's method, until the residual is 1e-8 of the first",
+        (residual, solve, Stage("move", 3, 2, 12)),
+    )
+    children: tuple[Node | Stage, ...] = (
+        Node("forces at the start, but springs and dampers", own), Stage("begin", 3, 3, 6), newton,
+        Stage("take over", 2, 2, 0), *last,
+    )  # fmt: skip
+    return Plan(Node("step", children), 5 + 5 + 3 + 9 + 5 + 5, parts, dimensions=3)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.mesh_constraints import edges_of, mesh_energy
 from model.scene import Scene
+from model.topology import vertex_masses
 
 WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
     "structural": ((0, 1), (1, 0)),
@@ -21,8 +23,13 @@ def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.
     return sheet[:rows, first : first + columns], sheet[down : down + rows, other : other + columns]
 
 
-def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.ndarray, float]:
-    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m])."""
+def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.ndarray, float | np.ndarray]:
+    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m]). Of a mesh
+    in the order of `edges_of`, with a rest length for each."""
+    if scene.mesh:
+        pairs, rest = edges_of(scene, kind)
+        p = np.asarray(position, dtype=np.float64)
+        return np.linalg.norm(p[pairs[:, 1]] - p[pairs[:, 0]], axis=1), rest
     sheet = np.asarray(position, dtype=np.float64).reshape(scene.grid.rows, scene.grid.columns, 3)
     ends = [_both_ends(sheet, way) for way in WAYS[kind]]
     lengths = [np.linalg.norm(other - first, axis=-1).ravel() for first, other in ends]
@@ -76,6 +83,8 @@ def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def masses(scene: Scene) -> np.ndarray | float:
     """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same."""
+    if scene.mesh and scene.mesh.density is not None:
+        return vertex_masses(scene.mesh)[:, None]
     if not scene.loads:
         return scene.grid.mass
     mass = np.full((scene.grid.particle_count, 1), scene.grid.mass)
@@ -102,6 +111,9 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
             spring += 0.5 * float(np.sum(stiffness * (length - springs.rest_length) ** 2))
     by_kind = {}
     for kind, part in scene.cloth_springs.items():
+        if scene.mesh:
+            by_kind[kind] = mesh_energy(scene, position, kind)
+            continue
         lengths, rest = cloth_lengths(scene, position, kind)
         by_kind[kind] = 0.5 * part.storing_stiffness * float(np.sum((lengths - rest) ** 2))
     spring += sum(by_kind.values())

@@ -73,8 +73,9 @@ def _rk4_limit(w: float, gamma: float) -> float:
 
 @dataclass(frozen=True)
 class Integrator:
-    """`order`: of the error at a fixed time against Newton's law. `forces`: evaluations per step. `limit(w, gamma)`:
-    the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma = coefficient / mass [1/s]."""
+    """`order`: of the error at a fixed time against Newton's law. `forces`: evaluations per step, 0 where the state decides.
+    `limit(w, gamma)`: the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma = coefficient / mass
+    [1/s]."""
 
     name: str
     order: int
@@ -83,7 +84,7 @@ class Integrator:
     note: str
 
 
-INTEGRATORS = {
+INTEGRATORS = {  # of every sheet
     entry.name: entry
     for entry in (
         Integrator("lab", 0, 1, _lab_limit, "the hand-out's step: half the acceleration, order 1 against that"),
@@ -94,6 +95,27 @@ INTEGRATORS = {
         Integrator("taylor", 1, 1, lambda w, g: _explicit_limit(w, g, True), "the compute-shader cloth's step"),
     )
 }
+
+
+def _no_limit(w: float, gamma: float) -> float:
+    """No eigenvalue of the step is beyond 1 at any dt, w and gamma."""
+    return inf
+
+
+IMPLICIT = {  # of cloths
+    entry.name: entry
+    for entry in (
+        Integrator("implicit-euler", 1, 0, _no_limit, "Newton's method to 1e-8; loses energy; wind and poke explicit"),
+        Integrator(
+            "implicit-euler-linear", 1, 0, _no_limit, "one linearised step (Baraff and Witkin 1998); loses energy"
+        ),
+    )
+}
+
+
+def integrators_for(scene: Scene) -> dict[str, Integrator]:
+    """The integrators that the scene's sheet can be stepped by, by name."""
+    return INTEGRATORS | IMPLICIT if scene.cloth else INTEGRATORS
 
 
 def amplification_matrix(integrator: str, dt: float, w: float, gamma: float) -> np.ndarray:
@@ -118,6 +140,9 @@ def amplification_matrix(integrator: str, dt: float, w: float, gamma: float) -> 
         half = v + dt / 2 * a
         new_x = x + dt * half
         new_v = (half - dt / 2 * w * w * new_x) / (1 + dt * gamma / 2)
+    elif integrator in IMPLICIT:
+        new_v = (v - dt * w * w * x) / (1 + dt * gamma + dt * dt * w * w)
+        new_x = x + dt * new_v
     elif integrator == "rk4":
         matrix = dt * np.array([[0.0, 1.0], [-w * w, -gamma]])
         power, result = np.eye(2), np.eye(2)
@@ -163,7 +188,7 @@ def stability_limit(scene: Scene, frequency: float | None = None) -> float:
 
     `frequency` [1/s]: what no vibration exceeds, where more is known of it than `frequency_bound`.
 
-    Dampers along springs are evaluated at the step's start by every integrator, velocity Verlet too, which then is
+    Dampers along springs are evaluated at the step's start by every explicit integrator, velocity Verlet too, which then is
     semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
     it only damps, weakly for cloth that is heavier than the air it moves in a step.
 
@@ -173,7 +198,7 @@ def stability_limit(scene: Scene, frequency: float | None = None) -> float:
     if scene.method.position_based:
         return 2 * scene.method.substeps / gamma if gamma else inf
     w = frequency_bound(scene) if frequency is None else frequency
-    limit = INTEGRATORS[name].limit
+    limit = integrators_for(scene)[name].limit
     along = spring_damping_bound(scene) if scene.cloth else 0.0
     if along == 0:
         return limit(w, gamma)

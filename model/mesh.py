@@ -24,7 +24,7 @@ LARGEST = 1e9  # m: products of four lengths, as in squared areas, stay inside f
 MOST_VERTICES = 2**31 // 6  # indices of half edges are 32-bit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TriangleMesh:
     """A surface of triangles whose neighbours have the same outer side (their corners run the same way round).
 

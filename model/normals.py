@@ -1,8 +1,11 @@
-"""Vertex normals of a cloth, for whatever draws it."""
+"""Vertex normals of a cloth or a mesh, for whatever draws it."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from model.scene import Scene
+from model.topology import triangles_of
 
 
 def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
@@ -23,3 +26,21 @@ def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
     length = np.linalg.norm(normal, axis=2, keepdims=True)
     unit = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
     return unit.reshape(-1, 3)
+
+
+def mesh_normals(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(vertices, 3) float64: the same of any `triangles` (n, 3) between vertices at `position` (vertices, 3)."""
+    p = np.asarray(position, dtype=np.float64)
+    a, b, c = (p[corner] for corner in triangles.T)
+    each = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    corner = triangles.ravel()
+    normal = np.stack([np.bincount(corner, each[:, axis], len(p)) for axis in range(3)], axis=1)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+
+
+def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(particles, 3) float64: of the scene's cloth or mesh."""
+    if scene.mesh:
+        return mesh_normals(position, triangles_of(scene))
+    return vertex_normals(position, scene.grid.rows, scene.grid.columns)

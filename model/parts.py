@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -16,7 +15,12 @@ from pydantic import (
     model_validator,
 )
 
-IntegratorName = Literal["lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor"]
+from model.pins import Pins, checked_pins
+
+IntegratorName = Literal[
+    "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
+    "implicit-euler-linear",
+]  # fmt: skip
 SolverName = Literal["mass-spring", "xpbd", "pbd"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd")
@@ -44,26 +48,12 @@ class Grid(Part):
     columns: Count  # masses
     spacing: Positive = 1.0  # m
     mass: Positive = 0.01  # kg, each
-    pinned: str | list[tuple[int, int]] = "none"
+    pinned: Pins = "none"
 
     @field_validator("pinned", mode="before")
     @classmethod
     def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
-        if isinstance(value, str):
-            every = re.fullmatch(r"every:([1-9][0-9]*)", value)
-            if value not in PIN_WORDS and not every:
-                raise ValueError(PIN_RULE)
-            return value
-        if not isinstance(value, list | tuple):
-            raise ValueError(PIN_RULE)
-        for pair in value:
-            if (
-                not isinstance(pair, list | tuple)
-                or len(pair) != 2
-                or not all(isinstance(k, int) and not isinstance(k, bool) for k in pair)
-            ):
-                raise ValueError(PIN_RULE)
-        return [tuple(pair) for pair in value]
+        return checked_pins(value)
 
     @model_validator(mode="after")
     def _pins_lie_inside(self) -> Grid:
@@ -81,12 +71,13 @@ class Grid(Part):
         return self.rows * self.columns
 
     @property
+    def extent(self) -> float:
+        """Its longest side [m], roughly."""
+        return max(self.rows, self.columns) * self.spacing
+
+    @property
     def spring_count(self) -> int:
         return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
-
-
-PIN_WORDS = ("none", "top", "top-corners", "left", "edges")
-PIN_RULE = "none, top, top-corners, left, edges, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
 
 
 class Elastic(Part):
@@ -134,9 +125,13 @@ class Elastic(Part):
             del fields["compliance"]
         else:
             del fields["stiffness"]
-        if fields.get("stiffness_ratio") == 1:
-            del fields["stiffness_ratio"]
+        for name, idle in IDLE.items():
+            if fields.get(name) == idle:
+                del fields[name]
         return fields
+
+
+IDLE = {"stiffness_ratio": 1, "model": "distance"}  # what fields that came later mean where they are not given
 
 
 class Springs(Elastic):

@@ -16,9 +16,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Wind
+from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Fold, Wind
 from model.errors import InputError, SceneError
-from model.motion import Motion
+from model.mesh_parts import CONTRADICTIONS, MESH_KINDS, Mesh
+from model.motion import Motion, motions_of_pins
 from model.parts import (
     FIELDS_OF_SOLVER,
     GRID_KINDS,
@@ -33,10 +34,12 @@ from model.parts import (
     Perturbation,
     Springs,
 )
+from model.self_collision import SelfCollision, check_self_collision
 from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
-KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | XPBD_KINDS
-SHEETS = ("grid", "cloth")  # a scene has one of them
+KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | MESH_KINDS | XPBD_KINDS
+SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
+NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
 ELASTIC_KINDS = ("springs", *SPRING_KINDS)
 SEVERAL = (
@@ -87,7 +90,7 @@ class Scene:
         sheets = [n for n, k in self.kinds.items() if k in SHEETS]
         if len(sheets) != 1:
             raise SceneError(
-                "grid", sheets or None, "a scene needs one part of kind grid or cloth, with rows and columns"
+                "grid", sheets or None, "a scene needs one part of kind grid or cloth, with rows and columns, or mesh"
             )
         self._check_fit()
         if self._one("method") is None:
@@ -96,7 +99,7 @@ class Scene:
 
     def _check_fit(self) -> None:
         """Raise SceneError for a part that belongs to the other kind of sheet."""
-        wrong = GRID_ONLY if self.cloth else tuple(kind for kind in CLOTH_KINDS if kind != "cloth")
+        wrong = GRID_ONLY if self.cloth else (*(kind for kind in CLOTH_KINDS if kind != "cloth"), "self_collision")
         for name, kind in self.kinds.items():
             if kind in wrong:
                 raise SceneError(
@@ -108,7 +111,11 @@ class Scene:
 
     def _check_solver(self) -> None:
         """Raise SceneError for a part that the scene's solver does not know."""
-        solver = self.method.solver
+        solver, integrator = self.method.solver, self.method.integrator
+        if not self.cloth and not self.method.position_based and integrator.startswith("implicit-euler"):
+            raise SceneError(
+                "method.integrator", integrator, "is for a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
+            )  # fmt: skip
         for name, kind in self.kinds.items():
             part = self.parts[name]
             if self.method.position_based:
@@ -123,6 +130,8 @@ class Scene:
                     f"{name}.compliance", 0.0,
                     "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
                 )  # fmt: skip
+        if self.motions:
+            motions_of_pins(self)  # refuses those of masses that are not pinned
         for name, load in self.loads.items():
             row, column = load.at
             if row >= self.grid.rows or column >= self.grid.columns:
@@ -131,17 +140,45 @@ class Scene:
                     f"lies outside the sheet; rows are 0 to {self.grid.rows - 1}, columns 0 to {self.grid.columns - 1}",
                 )  # fmt: skip
 
+        check_self_collision(self)
+        self._check_mesh()
+
+    def _check_mesh(self) -> None:
+        """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
+        bending = next((name for name, kind in self.kinds.items() if kind == "bending"), "bending")
+        model = getattr(self.cloth_springs.get("bending"), "model", "distance")
+        if self.mesh is None:
+            if model != "distance":
+                raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
+            return
+        if not self.method.position_based:
+            raise SceneError("method.solver", self.method.solver, "must be xpbd or pbd for a mesh")
+        if self.method.ordering != "gauss-seidel":
+            raise SceneError("method.ordering", self.method.ordering, "must be gauss-seidel for a mesh")
+        for name, kind in self.kinds.items():
+            if kind in NOT_OF_MESHES:
+                why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
+                raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
+        if model != "distance" and self.cloth_springs["bending"].damping > 0:
+            raise SceneError(
+                f"{bending}.damping", self.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
+            )  # fmt: skip
+
     def _one(self, kind: str) -> Any:
         return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
 
     @property
     def grid(self) -> Grid:
-        """The sheet of masses: a grid, or the cloth, which is one in space."""
+        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh."""
         return self.cloth or self._one("grid")
 
     @property
     def cloth(self) -> Cloth | None:
-        return self._one("cloth")
+        return self._one("cloth") or self.mesh
+
+    @property
+    def mesh(self) -> Mesh | None:
+        return self._one("mesh")
 
     @property
     def dimensions(self) -> int:
@@ -178,6 +215,14 @@ class Scene:
     @property
     def attachments(self) -> Attachments | None:
         return self._one("attachments")
+
+    @property
+    def self_collision(self) -> SelfCollision | None:
+        return self._one("self_collision")
+
+    @property
+    def fold(self) -> Fold | None:
+        return self._one("fold")
 
     @property
     def springs(self) -> Springs | None:
@@ -249,6 +294,8 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
     from the other, and a solver has its own fields."""
     if kind in ELASTIC_KINDS and field in OTHER_MATERIAL:
         return [OTHER_MATERIAL[field]]
+    if kind == "mesh":
+        return list(CONTRADICTIONS.get(field, ()))
     if kind == "method" and field == "solver" and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
     return []

@@ -156,9 +156,9 @@ class Simulation(ABC):
     def _read_normal(self, into: Any) -> Any:
         """A cloth's normals into `into` (None: a new host array, in the simulation's precision). Computed on the host in
         float64; a backend overrides this to compute them where the state is."""
-        from model.normals import vertex_normals
+        from model.normals import scene_normals
 
-        normal = vertex_normals(self._read_position(None), self.body.rows, self.body.columns)
+        normal = scene_normals(self.scene, self._read_position(None))
         if into is None:
             return normal.astype(self.real)
         into[...] = normal
@@ -286,10 +286,16 @@ class Simulation(ABC):
         same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
-        arrays["velocity"][self.body.pinned] = 0
+        if len(self.body.pinned):
+            arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
+            arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
         self.step, self.time = int(state.step), float(state.time)
         self._put_aside()
+
+    def _pin_velocity(self, step: int) -> Any:
+        """Of the pinned masses [m/s] when step `step` begins: 0, or what their motions say."""
+        return 0
 
     def reset(self) -> None:
         """Back to the scene's start."""

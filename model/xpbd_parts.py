@@ -1,4 +1,4 @@
-"""Parts that only position-based solvers know: masses of their own, and ropes to the nearest anchors."""
+"""Parts that only position-based solvers know: masses of their own, ropes to anchors, a cloth that meets itself."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from model.parts import NotNegative, Part, Positive
+from model.self_collision import SelfCollision
 
 
 class Load(Part):
@@ -27,4 +28,4 @@ class Attachments(Part):
     slack: NotNegative = 0.0
 
 
-XPBD_KINDS: dict[str, type[Part]] = {"load": Load, "attachments": Attachments}
+XPBD_KINDS: dict[str, type[Part]] = {"load": Load, "attachments": Attachments, "self_collision": SelfCollision}

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from model.cloth_plan import TRIANGLES_EACH, cloth_parts
-from model.formulas import colliders, distance, wind
+from model.formulas import colliders, contact, distance, wind
 from model.formulas import random as random_formulas
 from model.plan import Node, Plan, Stage
 from model.scene import Scene
+
+LOOKED_AT = 4  # triangles that a mass of a cloth in a few layers is held against
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
 
     `structural-compliance` (and so on): the constraints have multipliers; `structural-damping`: dampers along them;
     `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
-    reciprocals are not constants; `pins`, `attachments`.
+    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `rubbing` where that has friction.
     """
     parts = set(cloth_parts(scene, live))
     method = scene.method
@@ -63,6 +65,10 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
         parts.add("load")
     if scene.attachments and "pins" in parts:
         parts.add("attachments")
+    if scene.self_collision:
+        parts.add("self_collision")
+        if scene.self_collision.static_friction > 0:
+            parts.add("rubbing")
     parts.add(method.ordering)
     return frozenset(parts)
 
@@ -118,10 +124,14 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         colours = (Stage("project all", 1, 1, operations),) if operations else ()
     if "attachments" in parts and scene.attachments:
         colours += (Stage("attachments", 1, 1, scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT),)
+    search: tuple[Stage, ...] = ()
+    if scene.self_collision:
+        search = (Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST),)
+        sweep = Stage("project contacts", 2, 1, scene.self_collision.sweeps * contact.OPERATIONS_CONTACT)
+        colours += (sweep,)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
-    substep = Node(
-        "substep", (*outside, predict, Node("iteration", colours, method.iterations), update, *touch), method.substeps
-    )
+    iteration = Node("iteration", colours, method.iterations)
+    substep = Node("substep", (*outside, predict, *search, iteration, update, *touch), method.substeps)
     return Plan(Node("step", (substep,)), 4 * method.substeps, parts, dimensions=axes)

@@ -7,7 +7,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.accuracy_points import CLOTHS, COPY, COST, ERROR, GROWTH, HALF, REFUSED, SCENES, UNRESOLVED, end_of
+from bench.accuracy_points import (
+    CLOTHS,
+    COPY,
+    COST,
+    ERROR,
+    GROWTH,
+    HALF,
+    REFUSED,
+    SCENES,
+    SOLVER,
+    UNRESOLVED,
+    end_of,
+    method_words,
+)
+from bench.methods import efforts, name_of
 from bench.results import Measure
 from model.scene import load_scene
 from plots.data import Source
@@ -19,10 +33,12 @@ SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have i
 
 @dataclass(frozen=True)
 class Point:
-    """One accuracy run. `scene`: S1, S2, S4, or S1-16 at 16 x 16 masses; `error` in spacings against Newton's law, infinite
-    when it diverged or was `refused` (chaotic by then); `half`: against the half-acceleration equation, where that was
-    asked; `seconds`: wall seconds a simulated second, None if untimed; `copied`: with the state's copy to the host;
-    `low`, `high`: the least and greatest of its repeats, where they are known; `growth`: of a disturbance up to then."""
+    """One accuracy run. `scene`: S1, S2, S4, S5, or S1-16 at 16 x 16 masses; `integrator`: the method's name; `error` in
+    spacings against Newton's law, infinite when it diverged or was `refused` (chaotic by then); `half`: against the
+    half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed; `copied`:
+    with the state's copy to the host; `low`, `high`: the least and greatest of its repeats, where they are known; `growth`:
+    of a disturbance up to then. Of position-based methods alone: `iterations` of a substep, and `solver`, the error to the
+    same scheme with its iterations converged."""
 
     scene: str
     integrator: str
@@ -39,6 +55,8 @@ class Point:
     copied: float | None = None
     growth: float | None = None
     refused: bool = False
+    iterations: int | None = None
+    solver: float | None = None
 
     @property
     def diverged(self) -> bool:
@@ -46,20 +64,21 @@ class Point:
 
     @property
     def name(self) -> str:
-        """`rk4, 5 ms, float64, CPU`."""
+        """`rk4, 5 ms, float64, CPU`; `xpbd jacobi, 4 iterations, 5 ms, ...`."""
         exact = "" if self.math == "fast" else f", {self.math}"
-        return f"{self.integrator}, {1000 * self.dt:g} ms, {self.precision}{exact}, {self.backend.upper()}"
+        method = method_words(self.integrator, self.iterations)
+        return f"{method}, {1000 * self.dt:g} ms, {self.precision}{exact}, {self.backend.upper()}"
 
 
 def points(source: Source, scene: str | None = None, math: str = "fast") -> list[Point]:
     """The accuracy runs of one machine in one math, of one scene (`S1`, `S2`, `S1-16`) or all, largest step first."""
     gathered: dict[str, dict[str, Measure]] = {}
     for measure in source.measures:
-        if measure.name in (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH):
+        if measure.name in (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER):
             gathered.setdefault(measure.configuration, {})[measure.name] = measure
     found = [_point(source, named) for named in gathered.values() if ERROR in named]
     result = [p for p in found if p is not None and scene in (None, p.scene) and p.math == math]
-    return sorted(result, key=lambda p: (p.scene, p.integrator, p.backend, p.precision, -p.dt))
+    return sorted(result, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
 
 
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:
@@ -70,12 +89,13 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     label = _label(tables, kinds) if "end" not in description else None  # `softlab advise` judges at times of its own
     if error.value is None or label is None:
         return None
-    half, cost, unresolved, copy, growth = (named.get(name) for name in (HALF, COST, UNRESOLVED, COPY, GROWTH))
+    wanted = (HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER)
+    half, cost, unresolved, copy, growth, solver = (named.get(name) for name in wanted)
     repeats = source.costs.get(error.configuration)
     dt = kinds["method"]["dt"]
     return Point(
         scene=label,
-        integrator=kinds["method"]["integrator"],
+        integrator=name_of(kinds["method"]),
         dt=dt,
         precision=description["precision"],
         backend=description["backend"],
@@ -91,6 +111,8 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
         else None,
         growth=growth.value if growth else None,
         refused=(error.reason or "").startswith(REFUSED),
+        iterations=efforts(kinds["method"])[0],
+        solver=solver.value if solver else None,
     )
 
 

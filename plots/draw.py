@@ -14,6 +14,7 @@ from model.errors import InputError
 from plots import (
     ablation,
     bandwidth,
+    convergence,
     findings_damping,
     findings_determinism,
     findings_dissipation,
@@ -61,6 +62,7 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "findings-exact": findings_exact.draw,
     "findings-looks": findings_looks.draw,
     "findings-determinism": findings_determinism.draw,
+    "convergence": convergence.draw,
     "ablation": ablation.draw,
     "projections": projections.draw,
     "published": projections.draw_published,
@@ -89,6 +91,7 @@ TITLES = {
     "findings-exact": findings_exact.TITLE,
     "findings-looks": findings_looks.TITLE,
     "findings-determinism": findings_determinism.TITLE,
+    "convergence": convergence.TITLE,
     "ablation": ablation.TITLE,
     "projections": projections.TITLE,
     "published": projections.PUBLISHED_TITLE,

@@ -18,7 +18,7 @@ ACROSS = 6  # panels a line of the contact sheet
 PANEL = 1.2  # inch, high
 LINE = 0.19  # inch: a line of the verdict table
 POINT = 1e-12  # m: a shape that is smaller is drawn as a point
-PREFERRED = ("velocity-verlet", "lab")  # whose end states are shown
+PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
 COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 
@@ -43,14 +43,15 @@ def draw_states(results: Results) -> Drawing | str:
         _draw_shape(ax, row)
     words = "; ".join(dict.fromkeys(f"{row.case}: {row.title}" for row in shown))
     caption = (
-        f"The last state of each hard case, of {PREFERRED[0]} in float64, and one for each reason to fail; large grids are "
-        f"thinned, each panel to its own scale, the first row of masses orange; cloths from the right and above. {words}."
+        f"The last state of each hard case, of {PREFERRED[0]} in float64, or of {PREFERRED[-1]} where constraints "
+        "are the case, and one for each reason to fail; large grids are thinned, each panel to its own scale, the first row "
+        f"of masses orange; cloths from the right and above. {words}."
     )
     return Drawing(figure, STATES_TITLE, caption, sources)
 
 
 def draw_verdicts(results: Results) -> Drawing | str:
-    """The verdict table, a line a case and a column an integrator, or why there is none."""
+    """The verdict table, a line a case and a column a method, or why there is none."""
     rows, sources = hard_rows(results)
     if not rows:
         return "the hard cases were not run"
@@ -69,7 +70,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
                     color=COLOURS[verdict], alpha=0.35, linewidth=0)  # fmt: skip
             ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
     for x, name in enumerate(names):
-        ax.text(x + 0.5, -0.15, name, ha="center", va="bottom", fontsize=7)
+        ax.text(x + 0.5, -0.15, name.replace(" ", "\n"), ha="center", va="bottom", fontsize=7)
     ran = sorted({row.backend.upper() for row in rows})
     caption = (
         f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "

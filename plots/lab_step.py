@@ -7,8 +7,8 @@ from typing import Any
 
 from plots.accuracy_points import Point, order_points, points
 from plots.data import Results
-from plots.style import GREY, VERMILLION, Drawing, legend_below, new_figure
-from plots.work_precision import INTEGRATORS, SCENES, accurate_source
+from plots.style import GREY, VERMILLION, Drawing, legend_below
+from plots.work_precision import INTEGRATORS, SCENES, accurate_source, scene_panels
 
 TITLE = "What the hand-out's step converges to"
 
@@ -21,11 +21,12 @@ def draw(results: Results) -> Drawing | str:
     here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
     if not here:
         return "the hand-out's step was not among the accuracy runs in float64"
-    figure, axes = new_figure(len(here), 3.8)
+    figure, axes = scene_panels(len(here), 3.8)
     for ax, scene in zip(axes, here, strict=True):
         _draw_panel(ax, points(source, scene))
         ax.set_title(scene)
-    axes[0].set_ylabel("error / spacings")
+    for ax in axes[::2]:
+        ax.set_ylabel("error / spacings")
     legend_below(figure, axes, columns=3)
     caption = (
         "Error in float64 against step size: of every integrator against the solution of Newton's law, and of the "

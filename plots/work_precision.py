@@ -1,4 +1,4 @@
-"""Speed against error: what a simulated second costs with each integrator, precision and backend."""
+"""Speed against error: what a simulated second costs with each method, precision and backend."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from plots.style import (
     PURPLE,
     SKY,
     VERMILLION,
+    WIDTH,
     Drawing,
     legend_below,
     new_figure,
 )
 
 TITLE = "Speed against error"
-SCENES = ("S1", "S2")
+BROWN, PINK = "#7A5230", "#B0305C"
+SCENES = ("S1", "S2", "S4", "S5")
 INTEGRATORS = {  # colour, marker
     "lab": (VERMILLION, "X"),
     "semi-implicit-euler": (ORANGE, "s"),
@@ -31,7 +33,14 @@ INTEGRATORS = {  # colour, marker
     "explicit-euler": (PURPLE, "v"),
     "taylor": (SKY, "P"),
 }
+XPBD = {  # the same; in the speed diagram the markers are the iterations
+    "xpbd gauss-seidel": (BLACK, "o"),
+    "xpbd jacobi": (BROWN, "s"),
+    "xpbd averaged-jacobi": (PINK, "X"),
+}
+DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
 LINES = {("cpu", "float32"): "-", ("cpu", "float64"): "--", ("gpu", "float32"): "-.", ("gpu", "float64"): ":"}
+ACROSS = 2  # panels in a row
 FLAT = 0.3  # an observed order under it: the error does not fall with the step size
 EDGE = 3.0  # times the largest finite error: where diverged runs are put
 
@@ -44,20 +53,37 @@ def draw(results: Results) -> Drawing | str:
     here = [scene for scene in SCENES if any(p.seconds for p in points(source, scene))]
     if not here:
         return "the accuracy runs were not timed"
-    figure, axes = new_figure(len(here), 4.4)
+    figure, axes = scene_panels(len(here), 4.4)
     for ax, scene in zip(axes, here, strict=True):
         _draw_panel(ax, [p for p in points(source, scene) if p.seconds is not None], scene)
-    axes[0].set_ylabel("wall time per simulated second / s")
+    for ax in axes[::ACROSS]:
+        ax.set_ylabel("wall time per simulated second / s")
     _add_line_keys(axes[0], [p for scene in here for p in points(source, scene) if p.seconds is not None])
     legend_below(figure, axes, columns=4)
     caption = (
-        "Cost of a simulated second against the error of its end state (root mean square over the free masses, in "
-        "spacings, against the converged reference), one line an integrator, precision and backend, a marker a step "
-        "size. Grey: the Pareto front. Hollow: below what the reference resolves. At the right edge: runs that "
-        "diverged. Bars: least to greatest repeat. The hand-out's step (lab) solves the equation with half the "
-        "acceleration."
+        "Cost of a simulated second against the error of its end state (root mean square over the free masses, in spacings, "
+        "against the converged reference), one line a method, precision and backend, a marker a step size; of position-based "
+        "methods the marker is the number of iterations. Grey: the Pareto front. Hollow: below what the reference resolves. "
+        "At the right edge: runs that diverged. Bars: least to greatest repeat. The hand-out's step (lab) solves the "
+        "equation with half the acceleration."
     )
     return Drawing(figure, TITLE, caption, (source,))
+
+
+def scene_panels(count: int, height: float) -> tuple[Any, list[Any]]:
+    """A figure with a panel for each scene, ACROSS in a row, each row of such a `height` [inch]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if count <= ACROSS:
+        return new_figure(count, height)
+    rows = -(-count // ACROSS)
+    figure = Figure(figsize=(WIDTH, 0.8 * rows * height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = list(figure.subplots(rows, ACROSS, squeeze=False).ravel())
+    for ax in axes[count:]:
+        ax.remove()
+    return figure, axes[:count]
 
 
 def accurate_source(results: Results) -> Source | None:
@@ -68,9 +94,10 @@ def accurate_source(results: Results) -> Source | None:
 def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
     finite = [p.error for p in found if not p.diverged and p.error > 0]
     edge = EDGE * max(finite, default=1.0)
-    for name, (colour, marker) in INTEGRATORS.items():
+    for name, iterations, colour, marker in _curves(found):
         for (backend, precision), line in LINES.items():
-            mine = [p for p in found if (p.integrator, p.backend, p.precision) == (name, backend, precision)]
+            mine = [p for p in found if (p.integrator, p.iterations) == (name, iterations)
+                    and (p.backend, p.precision) == (backend, precision)]  # fmt: skip
             if not mine:
                 continue
             sound = [p for p in mine if not p.diverged and p.error > 0]
@@ -81,8 +108,8 @@ def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
                 if p.low is not None and p.high is not None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2)
                 ax.plot([x], [p.seconds], marker, color=colour, markerfacecolor=face, zorder=3, clip_on=False)
-        if any(p.integrator == name for p in found):
-            ax.plot([], [], marker, color=colour, label=name)
+        if iterations in (None, min((p.iterations or 0 for p in found if p.integrator == name), default=None)):
+            ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
     front = pareto_front(found)
     ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
     if front:
@@ -102,6 +129,18 @@ def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
         ax.margins(y=0.14)
     ax.set_title(scene)
     ax.set_xlabel("error / spacings")
+
+
+def _curves(found: list[Point]) -> list[tuple[str, int | None, str, str]]:
+    """(method, iterations, colour, marker) of each curve of a panel; integrators have no iterations."""
+    held = {p.integrator for p in found}
+    curves: list[tuple[str, int | None, str, str]] = [
+        (name, None, colour, marker) for name, (colour, marker) in INTEGRATORS.items() if name in held
+    ]
+    for name in DRAWN_XPBD:
+        counts = sorted({p.iterations for p in found if p.integrator == name and p.iterations})
+        curves += [(name, n, XPBD[name][0], f"${n}$") for n in counts]
+    return curves
 
 
 def _add_line_keys(ax: Any, found: list[Point]) -> None:

@@ -42,6 +42,15 @@ BODIES = {
     "block": {"kind": "box", "center": [0.45, -0.1, 0.05], "half_size": [0.1, 0.04, 0.048], "velocity": [0.0, 0.0, -1.0]},
 }  # fmt: skip
 
+# Pins of the sheet: one that begins and ends to move within a few steps, one that does both all the while; a third rests.
+MOTIONS = {
+    "jerk": {
+        "kind": "motion", "pins": [[0, 0]], "velocity": [0.3, 0.0, -2.0], "axis": [1.0, 2.0, 0.5], "angular_velocity": -7.0,
+        "center": [0.05, 0.1, -0.2], "start": 0.00076, "duration": 0.0051,
+    },
+    "spin": {"kind": "motion", "pins": [[3, 2]], "axis": [0.0, 0.0, 2.0], "angular_velocity": 40.0},
+}  # fmt: skip
+
 PARTS: dict[str, dict[str, Any]] = {
     "springs": SHEET,
     "damped": SHEET | DAMPED,
@@ -49,6 +58,9 @@ PARTS: dict[str, dict[str, Any]] = {
     "air": SHEET | AIR,
     "bodies": SHEET | BODIES,
     "everything": SHEET | DAMPED | AIR | BODIES,
+    "moving": SHEET | {"cloth": SHEET["cloth"] | {"pinned": [[0, 0], [3, 2], [6, 5]]}} | MOTIONS,
+    "damped moving": SHEET | DAMPED | MOTIONS | {"ball": BODIES["ball"]},
+    "everything moving": SHEET | DAMPED | AIR | BODIES | MOTIONS,
     "bare": {"cloth": {"rows": 4, "columns": 3, "spacing": 0.1}, "gravity": {}, "method": {"dt": 0.0005}},
 }
 POKE = (8, (0.05, -0.02, 0.1))  # particle, N

@@ -36,10 +36,12 @@ extern "C" void run(int across, int down, int columns, int rows, void **a) {
 """
 
 
-def compile_for_host(source: Path, types: tuple[str, ...], folder: Path, compiler: str) -> ctypes.CDLL:
-    """grid.cu with its loops, as a library."""
+def compile_for_host(
+    source: Path, types: tuple[str, ...], folder: Path, compiler: str, shim_text: str = SHIM
+) -> ctypes.CDLL:
+    """grid.cu with its loops, or another source with `shim_text`, as a library."""
     shim, library = folder / "shim.cpp", folder / f"{types[1].partition('=')[2]}.so"
-    shim.write_text(SHIM, encoding="utf-8")
+    shim.write_text(shim_text, encoding="utf-8")
     command = [compiler, "-O1", "-shared", "-fPIC", *types, f"-I{source.parent}", str(shim), "-o", str(library)]
     subprocess.run(command, check=True)
     return ctypes.CDLL(str(library))

@@ -12,7 +12,7 @@ SPRINGS = frozenset({"structural", "shear", "bending"})
 PLAIN = SPRINGS | {"damping", "gravity", "pins"}
 AIR = frozenset({"wind", "gust", "external"})
 BODIES = frozenset({"plane", "sphere", "capsule", "box", "friction"})
-EVERYTHING = PLAIN | {f"{kind}-damping" for kind in SPRINGS} | AIR | BODIES | {"poke"}
+EVERYTHING = PLAIN | {f"{kind}-damping" for kind in SPRINGS} | AIR | BODIES | {"poke", "motion"}
 
 
 @pytest.fixture(autouse=True)
@@ -155,6 +155,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
         (motion.accumulate, (types.int32, *(quads,) * 5)),
         (motion.collide, (*(quads,) * 5, words, step)),
         (motion.pins, (quads,) * 3),
+        (motion.moving_pins, (*(quads,) * 4, step, types.int32)),
     ):
         text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0))
         text = text[text.index(".entry") :]

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 import bench.hard as hard
-from bench.hard_cases import CASES, NOT_YET, HardCase
+from bench.hard_cases import CASES, FORCES, NOT_YET, HardCase
 from bench.hard_laws import far_away
 from bench.hard_results import CODES, as_text, disagreements, print_hard, rounding_differences, rows_of
 from bench.hard_trial import Check, SilentNaN, Trial
@@ -26,6 +26,8 @@ from model.simulation import State
 from plots.data import Results, load
 from plots.hard import draw_states, draw_verdicts
 from plots.style import settings
+
+OF_FORCES = [case for case in CASES if set(FORCES) <= set(case.methods)]
 
 
 def case_with(law, **fields) -> HardCase:
@@ -54,7 +56,7 @@ def test_scenes_of_hard_cases_are_in_the_catalogue_under_a_name():
         load_scene("hard/b88")
 
 
-@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+@pytest.mark.parametrize("case", OF_FORCES, ids=[case.name for case in OF_FORCES])
 def test_step_sizes_hold_or_are_the_point(case):
     """An integrator that the scene's dt is too large for gets one under its limit, except where dt is the point."""
     for name in ("lab", "explicit-euler"):
@@ -233,7 +235,7 @@ def test_figures_show_every_case(results):
             assert not isinstance(drawing, str)
             drawing.figure.canvas.draw()
             text = " ".join(item.get_text() for ax in drawing.figure.axes for item in (ax.title, *ax.texts))
-            for case in CASES:
+            for case in OF_FORCES:
                 assert case.name in text or case.expect == "refused"
             assert drawing.sources and drawing.caption
 
@@ -251,7 +253,7 @@ def test_nothing_measured_is_said_and_not_drawn():
 def test_claims_follow_the_verdicts(results):
     claims = {name: claim(results) for name, claim in hard_claims.CLAIMS.items()}
     assert not claims["hard-verdicts"].supported and "bug of this lab: B6." in claims["hard-verdicts"].sentence
-    assert claims["hard-verdicts"].numbers["runs"] == 4 * len(CASES)
+    assert claims["hard-verdicts"].numbers["runs"] == 4 * len(OF_FORCES)
     assert "CPU alone" in claims["hard-backends"].sentence
     assert claims["hard-far"].numbers == {"velocity-verlet": 3.0, "lab": 700.0}
     for claim in claims.values():

@@ -56,7 +56,7 @@ def test_every_package_is_in_the_order():
 )
 def test_no_heavy_import_at_the_door(statement):
     """`softlab --help` and test collection need no GPU, display or driver."""
-    code = f"{statement}; import sys; print([m for m in ('pyglet', 'matplotlib', 'numba.cuda') if m in sys.modules])"
+    code = f"{statement}; import sys; print([m for m in ('pyglet', 'matplotlib', 'numba.cuda', 'trimesh') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "[]"
@@ -71,7 +71,7 @@ def test_a_whole_run_on_the_cpu_loads_no_cuda():
         "scene = load_scene('lab-curtain').replace({'grid.rows': 4, 'grid.columns': 4})\n"
         "with open_simulation(scene, kernel='stages', math='exact', precision='float64') as simulation:\n"
         "    simulation.advance(1)\n"
-        "print([m for m in ('pyglet', 'matplotlib', 'numba.cuda') if m in sys.modules])\n"
+        "print([m for m in ('pyglet', 'matplotlib', 'numba.cuda', 'trimesh') if m in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

@@ -20,10 +20,11 @@ from app.collider_shapes import (
     with_colliders,
 )
 from app.scenery import KEY
-from app.surface import drawn_kinds, drawn_strain, triangles
+from app.surface import drawn_kinds, drawn_strain
 from model.build import rest_positions
 from model.normals import vertex_normals
 from model.scene import Scene
+from model.topology import sheet_triangles as triangles
 
 HANGING: dict[str, Any] = {
     "cloth": {"rows": 7, "columns": 9, "spacing": 0.25, "pinned": "top-corners"},

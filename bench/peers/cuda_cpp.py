@@ -43,28 +43,33 @@ def _checked(result: tuple, what: str) -> Any:
 
 @cache
 def compile_grid(precision: str, architecture: str) -> bytes:
-    """Machine code (cubin) of grid.cu for a real architecture such as `sm_90`: by NVRTC, else by nvcc.
+    """Machine code of grid.cu, see `compile_source`."""
+    return compile_source(SOURCE, TYPES[precision], architecture)
+
+
+def compile_source(source: Path, definitions: tuple[str, ...], architecture: str) -> bytes:
+    """Machine code (cubin) of a source for a real architecture such as `sm_90`: by NVRTC, else by nvcc.
 
     Raises PeerError where neither is here or the source does not compile. Needs no GPU.
     """
-    options = [*OPTIONS, *TYPES[precision], f"--gpu-architecture={architecture}"]
+    options = [*OPTIONS, *definitions, f"--gpu-architecture={architecture}"]
     try:
         from cuda.bindings import nvrtc
 
         program = _checked(
-            nvrtc.nvrtcCreateProgram(SOURCE.read_bytes(), SOURCE.name.encode(), 0, [], []), "nvrtcCreateProgram"
+            nvrtc.nvrtcCreateProgram(source.read_bytes(), source.name.encode(), 0, [], []), "nvrtcCreateProgram"
         )
     except PeerError:
         raise
     except Exception as error:  # a missing library shows as one of several kinds of exception
-        return _compile_with_nvcc(options, f"NVRTC is not here ({error})")
+        return _compile_with_nvcc(source, options, f"NVRTC is not here ({error})")
     try:
         status = nvrtc.nvrtcCompileProgram(program, len(options), [option.encode() for option in options])
         if int(status[0]) != 0:
             size = _checked(nvrtc.nvrtcGetProgramLogSize(program), "nvrtcGetProgramLogSize")
             log = b" " * size
             nvrtc.nvrtcGetProgramLog(program, log)
-            raise PeerError(f"NVRTC refuses grid.cu: {log.decode(errors='replace').strip()}")
+            raise PeerError(f"NVRTC refuses {source.name}: {log.decode(errors='replace').strip()}")
         size = _checked(nvrtc.nvrtcGetCUBINSize(program), "nvrtcGetCUBINSize")
         code = b" " * size
         _checked(nvrtc.nvrtcGetCUBIN(program, code), "nvrtcGetCUBIN")
@@ -73,20 +78,20 @@ def compile_grid(precision: str, architecture: str) -> bytes:
         nvrtc.nvrtcDestroyProgram(program)
 
 
-def _compile_with_nvcc(options: list[str], reason: str) -> bytes:
+def _compile_with_nvcc(source: Path, options: list[str], reason: str) -> bytes:
     nvcc = shutil.which("nvcc")
     if nvcc is None:
         raise PeerError(f"{reason}, nor is nvcc; {REMEDY}")
     with tempfile.TemporaryDirectory(prefix="softlab-peers-") as work:
-        target = Path(work) / "grid.cubin"
+        target = Path(work) / "code.cubin"
         try:
             done = subprocess.run(
-                [nvcc, "--cubin", *options, str(SOURCE), "-o", str(target)], capture_output=True, text=True, timeout=300
+                [nvcc, "--cubin", *options, str(source), "-o", str(target)], capture_output=True, text=True, timeout=300
             )
         except (OSError, subprocess.SubprocessError) as error:
             raise PeerError(f"{reason}, and nvcc does not run: {error}") from None
         if done.returncode:
-            raise PeerError(f"{reason}, and nvcc refuses grid.cu: {(done.stderr or done.stdout).strip()}")
+            raise PeerError(f"{reason}, and nvcc refuses {source.name}: {(done.stderr or done.stdout).strip()}")
         return target.read_bytes()
 
 
@@ -103,17 +108,17 @@ class CudaCpp(Peer):
             _checked(driver.cuInit(0), "cuInit")
             if not _checked(driver.cuDeviceGetCount(), "cuDeviceGetCount"):
                 return False, "no CUDA device"
-            compile_grid("float32", _architecture())
+            compile_grid("float32", architecture())
         except Exception as error:  # no driver and no library show as several kinds of exception
             text = str(error).splitlines()[0] if str(error) else type(error).__name__
             return False, f"CUDA C++ cannot run here: {text}"
         return True, "cuda.bindings"
 
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
-        return _Grid(GridConstants(scene, precision), precision)
+        return _Grid(_Constants(scene, precision), precision)
 
 
-def _architecture() -> str:
+def architecture() -> str:
     """`sm_90`: of the first device."""
     driver = _driver()
     device = _checked(driver.cuDeviceGet(0), "cuDeviceGet")
@@ -128,10 +133,15 @@ def _architecture() -> str:
     return f"sm_{parts[0]}{parts[1]}"
 
 
-class _Grid(Opened):
-    kernel = f"graph of {CHUNKS[0]} steps"
+class Sheet(Opened):
+    """A sheet of masses in two buffers that swap at every step. Subclasses: `vector`, the numbers of a mass in an array;
+    `function`, the kernel's name; `_compiled`, its machine code; `_constants`, what it reads besides the buffers."""
 
-    def __init__(self, constants: GridConstants, precision: str):
+    kernel = f"graph of {CHUNKS[0]} steps"
+    function: bytes
+    vector: int
+
+    def __init__(self, constants: Any, precision: str):
         self.constants = constants
         self._memory: list[Any] = []
         self._graphs: dict[tuple[int, int], Any] = {}
@@ -155,26 +165,33 @@ class _Grid(Opened):
 
     def _build(self, precision: str) -> None:
         constants, driver = self.constants, self._driver
-        self._code = np.frombuffer(compile_grid(precision, _architecture()), np.uint8)
+        self._code = np.frombuffer(self._compiled(precision), np.uint8)
         self._module = _checked(driver.cuModuleLoadData(self._code.ctypes.data), "cuModuleLoadData")
-        self._function = _checked(driver.cuModuleGetFunction(self._module, b"grid_step"), "cuModuleGetFunction")
+        self._function = _checked(driver.cuModuleGetFunction(self._module, self.function), "cuModuleGetFunction")
         flag = driver.CUstream_flags.CU_STREAM_NON_BLOCKING
         self._stream = _checked(driver.cuStreamCreate(int(flag)), "cuStreamCreate")
         blocks_across, blocks_down = (-(-constants.columns // BLOCK[0]), -(-constants.rows // BLOCK[1]))
         if blocks_down > MOST_BLOCKS_DOWN:
             raise PeerError(f"at most {MOST_BLOCKS_DOWN * BLOCK[1]} rows")
         self._blocks = (blocks_across, blocks_down)
-        self._bytes = constants.count * 2 * np.dtype(constants.real).itemsize
+        self._bytes = constants.count * self.vector * np.dtype(constants.real).itemsize
         self._position = [self._allocate(self._bytes) for _ in range(2)]
         self._velocity = [self._allocate(self._bytes) for _ in range(2)]
-        pinned = np.zeros(constants.count, np.uint8)
-        pinned[constants.pinned] = 1
-        rows_pinned = np.ascontiguousarray(pinned.reshape(constants.rows, -1).max(axis=1))
-        self._pinned, self._pinned_row = self._allocate(pinned.nbytes), self._allocate(rows_pinned.nbytes)
-        self._upload(self._pinned, pinned)
-        self._upload(self._pinned_row, rows_pinned)
+        self._more = self._pins()
         self._arguments = [self._argument_list(0), self._argument_list(1)]
         self._current = 0
+
+    def _compiled(self, precision: str) -> bytes:
+        """Machine code for the first device."""
+        raise NotImplementedError
+
+    def _pins(self) -> list[Any]:
+        """Device arrays that the kernel takes after the buffers."""
+        return []
+
+    def _packed(self, array: np.ndarray, is_position: bool) -> np.ndarray:
+        """(particles, dimensions) as the kernel wants it."""
+        return np.ascontiguousarray(array, self.constants.real)
 
     def _allocate(self, size: int) -> Any:
         memory = _checked(self._driver.cuMemAlloc(size), "cuMemAlloc")
@@ -189,12 +206,11 @@ class _Grid(Opened):
         constants = self.constants
         pointers = [
             self._position[source], self._velocity[source], self._position[1 - source], self._velocity[1 - source],
-            self._pinned_row, self._pinned,
+            *self._more,
         ]  # fmt: skip
-        inverse_dt = 1 / constants.dt
         held = [np.array([int(pointer)], np.uint64) for pointer in pointers]
         held += [np.array([number], np.int32) for number in (constants.rows, constants.columns)]
-        held.append(np.array([*constants.in_order, inverse_dt], constants.real))  # struct Constants
+        held.append(np.array(constants.in_order, constants.real))  # struct Constants
         return np.array([array.ctypes.data for array in held], np.uint64), held
 
     def _enter(self) -> None:
@@ -245,16 +261,16 @@ class _Grid(Opened):
         self.synchronize()
         self._current = 0
         for target, array in ((self._position, position), (self._velocity, velocity)):
-            self._upload(target[self._current], np.ascontiguousarray(array, self.constants.real))
+            self._upload(target[self._current], self._packed(array, array is position))
         _checked(self._driver.cuCtxSynchronize(), "cuCtxSynchronize")
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
         self.synchronize()
         arrays = []
         for source in (self._position, self._velocity):
-            array = np.empty((self.constants.count, 2), self.constants.real)
+            array = np.empty((self.constants.count, self.vector), self.constants.real)
             _checked(self._driver.cuMemcpyDtoH(array.ctypes.data, source[self._current], array.nbytes), "cuMemcpyDtoH")
-            arrays.append(array)
+            arrays.append(np.ascontiguousarray(array[:, : self.constants.position.shape[1]]))
         return arrays[0], arrays[1]
 
     def close(self) -> None:
@@ -273,3 +289,27 @@ class _Grid(Opened):
             driver.cuModuleUnload(self._module)
         driver.cuDevicePrimaryCtxRelease(self._device)
         self._graphs, self._memory, self._context = {}, [], None
+
+
+class _Constants(GridConstants):
+    @property
+    def in_order(self) -> tuple[float, ...]:
+        return (*super().in_order, 1 / self.dt)
+
+
+class _Grid(Sheet):
+    function = b"grid_step"
+    vector = 2
+
+    def _compiled(self, precision: str) -> bytes:
+        return compile_grid(precision, architecture())
+
+    def _pins(self) -> list[Any]:
+        constants = self.constants
+        pinned = np.zeros(constants.count, np.uint8)
+        pinned[constants.pinned] = 1
+        arrays = np.ascontiguousarray(pinned.reshape(constants.rows, -1).max(axis=1)), pinned
+        memory = [self._allocate(array.nbytes) for array in arrays]
+        for target, array in zip(memory, arrays, strict=True):
+            self._upload(target, array)
+        return memory

@@ -6,7 +6,8 @@ per mass m,
     m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
 
 with d the way to the neighbour and w its velocity less one's own; a spring of length zero pulls nowhere. Pinned masses
-never move. Colliders act once a step, on the new position.
+never move, or follow a motion: whenever forces are asked for they are where it has them then. Colliders act once a step, on
+the new position.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from bench.reference.philox import random_directions
-from bench.reference.steps import Poke, pinned_mask
+from bench.reference.steps import Poke, named_mask, pinned_mask
+from model.errors import SceneError
 from model.scene import Scene
 
 # (rows, columns) from one end of a spring to the other, by kind
@@ -28,10 +30,27 @@ def rest(scene: Scene) -> np.ndarray:
     """(rows, columns, 3) [m] before any perturbation: row 0 on top (hanging) or behind (flat), y up."""
     cloth = scene.cloth
     assert cloth is not None
+    if scene.mesh:
+        raise SceneError("mesh", scene.name, "has no reference to be judged by; choose a scene with a grid or a cloth")
     row, column = np.mgrid[: cloth.rows, : cloth.columns]
     zero = np.zeros_like(row)
-    plane = (column, zero, row) if cloth.placement == "flat" else (column, -row, zero)
+    flat = cloth.placement == "flat"
+    if scene.fold:
+        along, across = (a[:, None] + zero for a in _zigzag(cloth.rows, scene.fold.rows - 1, scene.fold.apart))
+        plane = (column, across, along) if flat else (column, -along, across)
+    else:
+        plane = (column, zero, row) if flat else (column, -row, zero)
     return np.array(cloth.origin) + cloth.spacing * np.stack(plane, axis=-1)
+
+
+def _zigzag(rows: int, long: int, apart: int) -> tuple[np.ndarray, np.ndarray]:
+    """(along, across) (rows,) in spacings: `long` steps one way, `apart` steps across, `long` back, and so on."""
+    ways: list[tuple[int, int]] = []
+    while len(ways) < rows:
+        for turn in (1, -1):
+            ways += [(turn, 0)] * long + [(0, 1)] * apart
+    along, across = np.cumsum([(0, 0), *ways], axis=0)[:rows].T
+    return along, across
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -43,6 +62,30 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         position[free] += scene.perturbation.amplitude * np.stack(waves, axis=-1)[free]
     position = position.reshape(-1, 3)
     return position, np.zeros_like(position)
+
+
+def follow(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """(position, velocity) (rows, columns, 3) with the pins that follow a motion where it has them at `time` [s].
+
+    By its matrix R = cos I + sin [u] + (1 - cos) u u^T, [u] a = u x a, and v + w x R a.
+    """
+    if not scene.motions:
+        return position, velocity
+    position, velocity, at_rest = position.copy(), velocity.copy(), start(scene)[0].reshape(position.shape)
+    for motion in scene.motions.values():
+        mask = named_mask(motion.pins, scene.grid.rows, scene.grid.columns)
+        since = time - motion.start
+        passed = min(max(since, 0.0), motion.duration)
+        unit = np.array(motion.axis) / sqrt(sum(n * n for n in motion.axis))
+        angle = motion.angular_velocity * passed
+        cross = np.cross(unit, np.eye(3)).T
+        matrix = np.cos(angle) * np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * np.outer(unit, unit)
+        turned = (at_rest[mask] - motion.center) @ matrix.T
+        position[mask] = np.array(motion.center) + turned + np.array(motion.velocity) * passed
+        moving = 0 <= since < motion.duration
+        speed = np.array(motion.velocity) + np.cross(motion.angular_velocity * unit, turned)
+        velocity[mask] = speed if moving else 0.0
+    return position, velocity
 
 
 def ends(array: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -126,6 +169,7 @@ def forces(
     scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float, step: int, poke: Poke | None = None
 ) -> np.ndarray:
     """(rows, columns, 3) [N] at such positions and velocities: all forces but the damper of the masses."""
+    position, velocity = follow(scene, position, velocity, time)
     force = spring_forces(scene, position, velocity)
     if scene.gravity and scene.gravity.enabled:
         force[..., 1] -= scene.grid.mass * scene.gravity.acceleration

@@ -16,7 +16,7 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from bench.reference import cloth
+from bench.reference import cloth, implicit
 from bench.reference.philox import random_directions
 from bench.reference.richardson import refine
 from bench.reference.steps import EXPLICIT_DAMPING_VERLET as EXPLICIT_DAMPING_VERLET
@@ -129,6 +129,9 @@ def simulate(
     x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1). Nothing is checked for divergence.
     """
     grid, dt = scene.grid, scene.method.dt
+    method = integrator or scene.method.integrator
+    if method in implicit.NAMES:
+        return implicit.simulate(scene, steps, position, velocity, first_step, poke, linear=method == implicit.NAMES[1])
     shape = (grid.rows, grid.columns, scene.dimensions)
     begin_position, begin_velocity = start(scene)
     p = np.array(begin_position if position is None else position, dtype=np.float64).reshape(shape)
@@ -137,7 +140,6 @@ def simulate(
     v *= free
     mass = inertia * grid.mass
     gamma = (scene.damping.coefficient if scene.damping else 0.0) / mass
-    method = integrator or scene.method.integrator
     with np.errstate(over="ignore", invalid="ignore"):  # over its limit an explicit scheme does overflow
         for step in range(first_step, first_step + steps):
 
@@ -153,6 +155,8 @@ def simulate(
                 return cloth.collide(scene, before, p, v, step) if scene.cloth else (p, v)
 
             p, v = one_step(method, p, v, step * dt, dt, whole, undamped, gamma, settle)
+            if scene.cloth:
+                p, v = cloth.follow(scene, p, v, (step + 1) * dt)
     return p.reshape(-1, scene.dimensions), v.reshape(-1, scene.dimensions)
 
 
@@ -176,7 +180,7 @@ def converged(
 
 def smooth(scene: Scene) -> bool:
     """Whether forces and motion have all derivatives that RK4's order takes, coincident masses aside."""
-    return not (scene.wind or scene.colliders)
+    return not (scene.wind or scene.colliders or scene.motions)
 
 
 def _fastest(scene: Scene) -> float:

@@ -18,22 +18,27 @@ EXPLICIT_DAMPING_VERLET = "velocity-verlet-explicit-damping"  # not a scene's in
 
 def pinned_mask(scene: Scene) -> np.ndarray:
     """(rows, columns) bool: the masses that `grid.pinned` holds."""
-    grid = scene.grid
-    mask = np.zeros((grid.rows, grid.columns), dtype=bool)
-    if isinstance(grid.pinned, list):
-        for row, column in grid.pinned:
+    return named_mask(scene.grid.pinned, scene.grid.rows, scene.grid.columns)
+
+
+def named_mask(pins: str | list[tuple[int, int]], rows: int, columns: int) -> np.ndarray:
+    """(rows, columns) bool: the masses of a sheet that `pins` names."""
+    mask = np.zeros((rows, columns), dtype=bool)
+    if isinstance(pins, list):
+        for row, column in pins:
             mask[row, column] = True
-    elif grid.pinned == "top":
-        mask[0] = True
-    elif grid.pinned == "top-corners":
+    elif pins == "top-corners":
         mask[0, 0] = mask[0, -1] = True
-    elif grid.pinned == "left":
+    elif pins.startswith("every:"):
+        mask[0, :: int(pins.removeprefix("every:"))] = True
+    if pins in ("top", "top-bottom", "edges"):
+        mask[0] = True
+    if pins in ("bottom", "top-bottom", "edges"):
+        mask[-1] = True
+    if pins in ("left", "left-right", "edges"):
         mask[:, 0] = True
-    elif grid.pinned == "edges":
-        mask[[0, -1]] = True
-        mask[:, [0, -1]] = True
-    elif grid.pinned.startswith("every:"):
-        mask[0, :: int(grid.pinned.removeprefix("every:"))] = True
+    if pins in ("right", "left-right", "edges"):
+        mask[:, -1] = True
     return mask
 
 

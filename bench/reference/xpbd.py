@@ -260,7 +260,7 @@ def step(
     return state
 
 
-def _accelerations(
+def accelerations(
     scene: Scene, p: np.ndarray, v: np.ndarray, time: float, frame: int, poke: Poke | None, mass: np.ndarray
 ) -> np.ndarray:
     """(particles, dimensions) [m/s^2]: everything but constraints and the masses' damper, at such positions."""
@@ -314,7 +314,7 @@ def simulate(
 
         def accelerate(p: np.ndarray, v: np.ndarray, number: int, frame: int = frame) -> np.ndarray:
             time = (frame * substeps + number) * (dt / substeps)
-            return _accelerations(scene, p, v, time, frame, poke, mass)
+            return accelerations(scene, p, v, time, frame, poke, mass)
 
         def settle(number: int, frame: int = frame) -> Settle:
             def collide(before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

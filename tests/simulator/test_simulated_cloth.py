@@ -143,7 +143,7 @@ def test_live_changes_and_a_rewind() -> None:
 
 @pytest.mark.parametrize(
     "kernel,integrator,what",
-    [("graph", "lab", "simulator"), ("one-block", "rk4", "rk4"), ("tiles", "lab", "one-block")],
+    [("graph", "lab", "simulator"), ("one-block", "rk4", "rk4"), ("blocks", "lab", "one-block")],
 )
 def test_a_kernel_that_cannot_run_is_refused_with_the_reason(kernel: str, integrator: str, what: str) -> None:
     with pytest.raises(SceneError, match=what):

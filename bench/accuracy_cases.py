@@ -1,0 +1,107 @@
+"""What the accuracy runs judge: the grid of scenes, methods, step sizes, iterations, precisions and backends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.driver import open_simulation
+from bench.accuracy_points import CLOTHS, SCENES, SIZES, end_of
+from bench.methods import XPBD, changes, position_based
+from bench.reference import cache
+from bench.results import configuration
+from bench.sweep import source_hash
+from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from model.digest import source_digest
+from model.integrators import INTEGRATORS
+from model.scene import Scene, load_scene
+from model.simulation import PRECISIONS, Simulation
+
+STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
+CLOTH_STEP_SIZES = (0.004, 0.002, 0.001, 0.0005)  # s
+XPBD_STEP_SIZES = (0.01, 0.0025, 0.000625)  # s
+ITERATIONS = (1, 4, 20)
+QUICK_XPBD, QUICK_ITERATIONS = XPBD[:1], ITERATIONS[:2]
+WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")  # of exact math and other sizes: what holds at these steps
+
+
+@dataclass(frozen=True)
+class Case:
+    """One configuration to judge, and the description and source hash by which the store knows it."""
+
+    label: str
+    scene: Scene
+    backend: str
+    precision: str
+    math: str
+    description: dict[str, Any]
+    sources: str
+
+    @property
+    def steps(self) -> int:
+        return round(end_of(self.label) / self.scene.method.dt)
+
+    def __str__(self) -> str:
+        method = self.scene.method
+        effort = f" x {method.iterations}" if method.position_based else ""
+        return f"{self.label} {method.name}{effort} dt {method.dt:g} {self.precision} {self.math} {self.backend}"
+
+    def open(self) -> Simulation:
+        return open_simulation(self.scene, self.backend, precision=self.precision, math=self.math, allow_unstable=True)
+
+
+def cases(
+    scenes: Sequence[str],
+    backends: Sequence[str],
+    wide: bool = False,
+    methods: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
+) -> list[Case]:
+    """Each scene x backend x precision x method x step size (x iterations), in the order they are measured (None: all).
+
+    `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE; and, where no methods are named, all
+    orderings of xpbd and all ITERATIONS.
+    """
+    found = []
+    names = methods or (*INTEGRATORS, *(XPBD if wide else QUICK_XPBD))
+    iterations = ITERATIONS if wide or methods else QUICK_ITERATIONS
+    few = tuple(name for name in WIDE if methods is None or name in methods)
+    for label in scenes:
+        base = load_scene((SCENES | CLOTHS)[label])
+        kinds: list[tuple[str, Scene, Sequence[str], str]] = [(label, base, names, "fast")]
+        if wide and label == "S1":
+            kinds.append((label, base, few, "exact"))
+            for name, (_, n) in SIZES.items():
+                kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), few, "fast"))
+        found += [
+            make_case(name, sized.replace(change), backend, precision, math)
+            for name, sized, used, math in kinds
+            for backend in backends
+            for precision in precisions or PRECISIONS
+            for method in used
+            for change in _variants(label, method, iterations)
+        ]
+    return found
+
+
+def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[str, Any]]:
+    """What is changed in a scene for each step size and number of iterations of a method."""
+    if position_based(method):
+        return [changes(method, n) | {"method.dt": dt} for n in iterations for dt in XPBD_STEP_SIZES]
+    return [changes(method) | {"method.dt": dt} for dt in (CLOTH_STEP_SIZES if label in CLOTHS else STEP_SIZES)]
+
+
+def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
+    """One configuration, described as the store holds it."""
+    host: dict[str, Any] = {}
+    if backend == "cpu":
+        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
+    description = configuration(scene, backend=backend, precision=precision, math=math, **host)
+    return Case(label, scene, backend, precision, math, description, judged_sources(backend))
+
+
+def judged_sources(backend: str) -> str:
+    """The hash of what an error depends on: the backend's sources, and the reference's."""
+    return f"{source_hash(backend)}-{source_digest(Path(cache.__file__).parent)}"

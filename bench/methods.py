@@ -1,0 +1,70 @@
+"""The methods that are held against each other: integrators of the springs' forces, and position-based solvers.
+
+A method's name is `Method.name`: an integrator's, or `xpbd jacobi`. A position-based one is a way to solve a scene only with
+its substeps and iterations; what it is held against is the motion of the same scene by Newton's law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from model.errors import SceneError
+from model.integrators import INTEGRATORS
+from model.scene import Scene
+
+XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
+WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges to that is not the scene's
+METHODS = (*INTEGRATORS, *XPBD)
+XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
+
+
+def position_based(name: str) -> bool:
+    """Whether a method of that name has iterations."""
+    return name in XPBD
+
+
+def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
+    """The fields of a scene, by dotted path, that make it be solved so, whichever solver it names itself."""
+    if not position_based(name):
+        return {"method.solver": "mass-spring", "method.integrator": name}
+    solver, ordering = name.split()
+    fields = {"solver": solver, "ordering": ordering, "iterations": iterations, "substeps": substeps}
+    return {f"method.{field}": value for field, value in fields.items()}
+
+
+def name_of(method: Mapping[str, Any]) -> str:
+    """The name of a method from its table, as stores hold it."""
+    return str(method.get("integrator") or f"{method['solver']} {method['ordering']}")
+
+
+def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
+    """(iterations, substeps) of a method's table; None each where it has none."""
+    return method.get("iterations"), method.get("substeps")
+
+
+def has_motion(scene: Scene) -> bool:
+    """Whether Newton's law tells the scene's motion, so that an error can be had: constraints that are springs, of masses
+    that weigh the same. A pbd's stiffness is that of its step size and iterations."""
+    rigid = any(springs.inextensible for springs in (scene.springs, *scene.cloth_springs.values()) if springs)
+    return not (rigid or scene.loads or scene.attachments or scene.method.solver == "pbd")
+
+
+def newton(scene: Scene) -> Scene:
+    """The same scene for the solver mass-spring: what references are made for. Raises SceneError (see `has_motion`)."""
+    if not has_motion(scene):
+        raise SceneError(
+            "method.solver", scene.method.solver, "has no converged reference where constraints do not give, masses differ "
+            "or are tethered, or the stiffness is pbd's; give springs a compliance and leave out loads and attachments"
+        )  # fmt: skip
+    return scene.replace({"method.solver": "mass-spring"}) if scene.method.position_based else scene
+
+
+def sweeps(name: str, iterations: int = 1, substeps: int = 1) -> int:
+    """What a step costs in sweeps over all springs: force evaluations, or iterations."""
+    return substeps * iterations if position_based(name) else INTEGRATORS[name].forces
+
+
+def order_of(name: str) -> int:
+    """Of the error at a fixed time, as far as iterations leave none over."""
+    return XPBD_ORDER if position_based(name) else INTEGRATORS[name].order

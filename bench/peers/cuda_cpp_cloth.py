@@ -1,0 +1,88 @@
+"""The cloth in hand-written CUDA C++ (cloth.cu): compiled, launched and replayed as the grid's (cuda_cpp.py)."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.peers import cuda_cpp
+from bench.peers.base import Opened
+from model.build import build
+from model.cloth_plan import cloth_parts
+from model.cloth_record import CLOTH_PARAMETERS, cloth_record
+from model.scene import Scene
+from model.simulation import PRECISIONS
+
+SOURCE = Path(__file__).with_name("cloth.cu")
+TYPES = {"float32": ("-DReal=float",), "float64": ("-DReal=double",)}
+KNOWN = frozenset({"structural", "shear", "bending", "damping", "gravity", "pins"})
+KINDS = ("structural", "shear", "bending")
+
+
+@cache
+def compile_cloth(precision: str, damped: bool, architecture: str) -> bytes:
+    """Machine code of cloth.cu, see cuda_cpp.compile_source."""
+    return cuda_cpp.compile_source(SOURCE, TYPES[precision] + damped * ("-DDAMPED",), architecture)
+
+
+def cloth_refusal(scene: Scene) -> str | None:
+    """Why a peer of the cloth (springs, dampers, gravity, pins, semi-implicit Euler) cannot run the scene."""
+    if scene.method.solver != "mass-spring":
+        return f"it has no {scene.method.solver} solver"
+    if scene.cloth is None:
+        return "it knows cloth alone"
+    if scene.method.integrator != "semi-implicit-euler":
+        return f"it knows semi-implicit Euler alone, not {scene.method.integrator}"
+    unknown = cloth_parts(scene) - KNOWN - {f"{kind}-damping" for kind in KINDS}
+    return f"it has no {', '.join(sorted(unknown))}" if unknown else None
+
+
+class ClothConstants:
+    """What a step needs, rounded once: the numbers that the lab's own kernels read. See base.GridConstants."""
+
+    def __init__(self, scene: Scene, precision: str):
+        self.real: Any = PRECISIONS[precision]
+        self._record = dict(zip(CLOTH_PARAMETERS, map(float, cloth_record(scene, self.real)), strict=True))
+        self.damped = any(self._record[f"{kind}_damping"] > 0 for kind in KINDS)
+        body = build(scene)
+        self.rows, self.columns, self.count = body.rows, body.columns, len(body.position)
+        self.pinned = body.pinned
+        self.position = body.position.astype(self.real)
+        self.velocity = body.velocity.astype(self.real)
+
+    @property
+    def in_order(self) -> tuple[float, ...]:
+        """Of each kind of springs stiffness, stiffness_rest, damping; then damping, gravity, dt."""
+        springs = [f"{kind}{word}" for kind in KINDS for word in ("", "_rest", "_damping")]
+        return tuple(self._record[name] for name in (*springs, "damping", "gravity", "dt"))
+
+
+class CudaCppCloth(cuda_cpp.CudaCpp):
+    """One thread a mass, one step a launch, the launches in a graph."""
+
+    name = "cuda_cpp_cloth"
+    label = "CUDA C++ in a graph"
+
+    def refusal(self, scene: Scene) -> str | None:
+        return cloth_refusal(scene)
+
+    def open(self, scene: Scene, precision: str, threads: int) -> Opened:
+        return _Cloth(ClothConstants(scene, precision), precision)
+
+
+class _Cloth(cuda_cpp.Sheet):
+    function = b"cloth_step"
+    vector = 4
+
+    def _compiled(self, precision: str) -> bytes:
+        return compile_cloth(precision, self.constants.damped, cuda_cpp.architecture())
+
+    def _packed(self, array: np.ndarray, is_position: bool) -> np.ndarray:
+        quads = np.zeros((self.constants.count, self.vector), self.constants.real)
+        quads[:, :3] = array
+        if is_position:
+            quads[self.constants.pinned, 3] = 1
+        return quads

@@ -1,0 +1,202 @@
+"""A cloth's contacts with itself in slow, plain NumPy float64, every mass against every triangle: the judge of both backends.
+
+From the papers, without model/formulas or a backend. The nearest point of a triangle is the projection into its plane where
+that lies inside, else the nearest point of its three sides. A contact holds n . (p - sum of b_k q_k) >= d with n and the b_k
+as they were when the substep began (C. Lewin, "Cloth Self Collision with Predictive Contacts", GDC 2018); one sweep
+projects all contacts that are too near at once, each divided by the bound of its row in the contacts' system (Gershgorin;
+R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012); friction as in M. Macklin
+et al., "Unified Particle Physics for Real-Time Applications", SIGGRAPH 2014, eq. 24.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.reference import cloth, xpbd
+from bench.reference.steps import pinned_mask
+from model.errors import SceneError
+from model.scene import Scene
+from model.self_collision import SelfCollision
+
+MARGIN, FLAT, COINCIDENT = (
+    0.1,
+    0.0625,
+    1e-3,
+)  # thicknesses: what a contact is made for beyond the predicted motion; ...
+
+
+@dataclass(frozen=True)
+class Found:
+    """Contacts, (n,) each, by mass, then by distance, then by triangle; `corners` and `weights` (n, 3), `normal` (n, 3)."""
+
+    mass: np.ndarray
+    triangle: np.ndarray
+    corners: np.ndarray
+    weights: np.ndarray
+    normal: np.ndarray
+    held: np.ndarray  # m, the distance that is kept
+    distance: np.ndarray  # m, at the substep's beginning
+
+    def kept(self, most: int) -> Found:
+        """The `most` nearest of every mass."""
+        rank = np.arange(len(self.mass)) - np.searchsorted(self.mass, self.mass)
+        return Found(*(getattr(self, name)[rank < most] for name in self.__dataclass_fields__))
+
+
+def triangles(rows: int, columns: int) -> np.ndarray:
+    """(2 (rows - 1) (columns - 1), 3) masses: of a cell A B over C D first (A, C, D), then (A, D, B)."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    return np.stack([np.stack([a, c, d], -1), np.stack([a, d, b], -1)], axis=2).reshape(-1, 3)
+
+
+def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(n, 3) barycentric weights of the point of triangles (n, 3, 3) nearest to (n, 3) points; exactly 0 off a feature."""
+    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
+    gram = np.stack([np.einsum("nk,nk->n", x, y) for x, y in ((u, u), (u, v), (v, v), (r, u), (r, v))])
+    uu, uv, vv, ru, rv = gram
+    determinant = uu * vv - uv * uv
+    with np.errstate(divide="ignore", invalid="ignore"):
+        b, c = (vv * ru - uv * rv) / determinant, (uu * rv - uv * ru) / determinant
+    inside = (b > 0) & (c > 0) & (b + c < 1)  # false for a triangle without an area
+    best = np.where(inside[:, None], np.stack([1 - b - c, b, c], -1), 0.0)
+    least = np.where(inside, 0.0, np.inf)
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        side = q[:, second] - q[:, first]
+        size = np.einsum("nk,nk->n", side, side)
+        part = np.einsum("nk,nk->n", p - q[:, first], side) / np.where(size > 0, size, 1)
+        part = np.clip(part, 0.0, 1.0)
+        distance = np.linalg.norm(p - q[:, first] - part[:, None] * side, axis=1)
+        weights = np.zeros_like(best)
+        weights[:, first], weights[:, second] = 1 - part, part
+        nearer = ~inside & (distance < least)
+        best[nearer], least = weights[nearer], np.where(nearer, distance, least)
+    return best
+
+
+def _answers(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(n,) bool by triangle: whether it is the first of all triangles that have the corners of non-zero weight."""
+    every = triangles(rows, columns)
+    holders: dict[int, set[int]] = {}
+    for number, own in enumerate(every.tolist()):
+        for mass in own:
+            holders.setdefault(mass, set()).add(number)
+    result = np.zeros(len(corners), bool)
+    for n, (own, weight) in enumerate(zip(corners.tolist(), weights, strict=True)):
+        feature = [mass for mass, w in zip(own, weight, strict=True) if w > 0]
+        numbers = set.intersection(*(holders[mass] for mass in feature))
+        result[n] = every[min(numbers)].tolist() == own
+    return result
+
+
+def find(
+    part: SelfCollision, rows: int, columns: int, spacing: float, before: np.ndarray, predicted: np.ndarray, h: float
+) -> Found:
+    """What may touch within a substep of `h` [s] from (particles, 3) `before` to `predicted` [m].
+
+    A triangle that a mass is no corner of, whose nearest point is less than the thickness, a margin, and the largest motion
+    of the mass relative to one of its corners away; of triangles that share the feature with that point only the first.
+    """
+    every = triangles(rows, columns)
+    mass, triangle = (a.ravel() for a in np.meshgrid(np.arange(rows * columns), np.arange(len(every)), indexing="ij"))
+    apart = (every[triangle] != mass[:, None]).all(axis=1)
+    mass, triangle = mass[apart], triangle[apart]
+    corners = every[triangle]
+    weights = nearest_weights(before[mass], before[corners])
+    r = before[mass] - np.einsum("nk,nkd->nd", weights, before[corners])
+    distance = np.linalg.norm(r, axis=1)
+    move = predicted - before
+    motion = np.linalg.norm(move[mass][:, None] - move[corners], axis=2).max(axis=1)
+    near = distance < part.thickness * (1 + MARGIN) + motion
+    near[near] = _answers(rows, columns, corners[near], weights[near])
+    mass, triangle, corners, weights = mass[near], triangle[near], corners[near], weights[near]
+    r, distance = r[near], distance[near]
+    normal = _normals(part.thickness, before, mass, corners, r, distance)
+    place = np.stack(np.divmod(np.arange(rows * columns), columns), -1) * spacing
+    rest = np.linalg.norm(place[mass] - np.einsum("nk,nkd->nd", weights, place[corners]), axis=1)
+    gap = np.einsum("nk,nk->n", normal, r)
+    held = np.minimum(np.minimum(part.thickness, rest), gap + part.separation_speed * h)
+    order = np.lexsort((triangle, distance, mass))
+    return Found(*(a[order] for a in (mass, triangle, corners, weights, normal, held, distance)))
+
+
+def _normals(
+    thickness: float, before: np.ndarray, mass: np.ndarray, corners: np.ndarray, r: np.ndarray, distance: np.ndarray
+) -> np.ndarray:
+    """(n, 3): from the nearest point to the mass; where that is too short to tell, the triangle's normal on the mass's side;
+    where there is no side, up for the mass of a number above the triangle's first corner, down for the others."""
+    q = before[corners]
+    normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+    side = np.einsum("nk,nk->n", normal, r)
+    up = [(y > 0) or (y == 0 and (x > 0 or (x == 0 and z > 0))) for x, y, z in normal]
+    outside = np.where(np.abs(side) <= COINCIDENT * thickness, np.array(up, bool) == (mass > corners[:, 0]), side > 0)
+    normal = np.where(outside[:, None], normal, -normal)
+    far = distance > FLAT * thickness
+    normal[far] = r[far] / distance[far, None]
+    return normal
+
+
+def project(
+    part: SelfCollision, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray
+) -> np.ndarray:
+    """(particles, 3) [m]: `position` after one sweep; `weight` (particles,): inverse masses, 0 where pinned."""
+
+    def offset(p: np.ndarray) -> np.ndarray:
+        return p[found.mass] - np.einsum("nk,nkd->nd", found.weights, p[found.corners])
+
+    now = offset(position)
+    depth = found.held - np.einsum("nk,nk->n", found.normal, now)
+    on = depth > 0
+    load = np.zeros(len(position))
+    np.add.at(load, found.mass[on], 1.0)
+    np.add.at(load, found.corners[on], found.weights[on])
+    bound = weight[found.mass] * load[found.mass]
+    bound = bound + (found.weights * (weight * load)[found.corners]).sum(axis=1)
+    on &= bound > 0
+    slid = now - offset(before)
+    slid -= np.einsum("nk,nk->n", found.normal, slid)[:, None] * found.normal
+    size = np.linalg.norm(slid, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stopped = np.where(size <= part.static_friction * depth, 1.0, part.dynamic_friction * depth / size)
+        push = (depth[:, None] * found.normal - stopped[:, None] * slid) / bound[:, None]
+    moved = np.zeros_like(position)
+    np.add.at(moved, found.mass[on], push[on])
+    np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
+    return position + weight[:, None] * moved
+
+
+def simulate(
+    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position, velocity) (particles, 3) float64 after `steps` steps of a cloth under xpbd with gravity and colliders, its
+    contacts with itself projected in every iteration after the springs. Raises SceneError for what is not known here."""
+    if scene.wind or scene.external or scene.attachments or scene.loads or not scene.self_collision:
+        raise SceneError("scene", scene.name, "the reference of contacts knows springs, gravity, dampers and colliders")
+    grid, method, part = scene.grid, scene.method, scene.self_collision
+    h, shape = method.dt / method.substeps, (grid.rows, grid.columns, 3)
+    constraints = xpbd.of_scene(scene)
+    inverse_mass = np.where(pinned_mask(scene).ravel(), 0.0, 1 / grid.mass)
+    free, fine = (inverse_mass > 0)[:, None], scene.replace({"method.dt": h})
+    drag = (scene.damping.coefficient if scene.damping else 0.0) / grid.mass
+    gravity = np.array([0.0, -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0, 0.0])
+    ordering = {"jacobi": "weighted-jacobi"}.get(method.ordering, method.ordering)
+    p, v = position, velocity
+    for number in range(steps * method.substeps):
+        before = p
+        v = np.where(free, v * (1 - h * drag) + h * gravity, 0.0)
+        p, multipliers = before + h * v, np.zeros(len(constraints.first))
+        found = find(part, grid.rows, grid.columns, grid.spacing, before, p, h).kept(most)
+        for _ in range(method.iterations):
+            p, multipliers = xpbd.iterate(constraints, p, multipliers, before, inverse_mass, h, ordering)
+            for _ in range(part.sweeps):
+                p = project(part, found, before, p, inverse_mass * grid.mass)
+        v = (p - before) / h
+        if scene.colliders:
+            moved = cloth.collide(fine, before.reshape(shape), p.reshape(shape), v.reshape(shape), number)
+            p, v = moved[0].reshape(-1, 3), moved[1].reshape(-1, 3)
+        p, v = np.where(free, p, before), np.where(free, v, 0.0)
+    return p, v

@@ -1,0 +1,211 @@
+"""Implicit Euler on the cloth: passes over the sheet, each by bands of rows, until the residual is small enough.
+
+No matrix is assembled: its product with a vector is taken spring by spring, as forces are. What follows a pass is decided
+from sums over all masses that are taken in one order for any number of threads (cloth_sums.py).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.cloth_implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
+from cpu_backend.cloth_kernels import PLANES
+from cpu_backend.cloth_scratch import AXES, REACH, cloth_variant, triples_of
+from cpu_backend.cloth_sums import make_sums_over_masses
+from cpu_backend.compile import Compiler
+from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
+from model.cloth_record import C_DT
+from model.formulas import cloth, implicit
+from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
+from model.implicit_record import (
+    LANES,
+    S_ROUNDOFF,
+    S_SPRINGS,
+    SEGMENT,
+    SUMS,
+    TREE,
+    segments_of,
+    system_record,
+    without_dampers,
+)  # fmt: skip
+
+COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
+
+
+def factors_of(kind: int) -> int:
+    """How many products of two vectors a pass sums up."""
+    if kind == RESIDUAL:
+        return 3
+    return 2 if kind == PRODUCT else 0
+
+
+def factors(kind: int, n: int) -> tuple[int, int]:
+    """(first plane of one vector, of the other) of the n-th of them, in the order that the formulas ask for."""
+    if kind == PRODUCT:
+        return R, (R if n == 0 else AR)
+    if n == 0:
+        return R, R
+    return (R, S) if n == 1 else (U, U)
+
+
+def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """pass_band(band, kind, first_iteration, step, alpha, beta, source, work, target, ...): one pass on a band's rows."""
+    rows_of = make_row_passes(compiler, real, parts)
+    elsewhere, clear, pull_end, pull_matrix = rows_of.elsewhere, rows_of.clear, rows_of.pull_end, rows_of.pull_matrix
+    walk_else, sum_else, air_now = elsewhere.begin_walk, elsewhere.sum_forces, elsewhere.air_now
+    start_row, leave_row, residual_row = rows_of.start_row, rows_of.leave_row, rows_of.residual_row
+    product_row, update_row, move_row, finish_row = (
+        rows_of.product_row, rows_of.update_row, rows_of.move_row, rows_of.finish_row,
+    )  # fmt: skip
+    settle, add_up = rows_of.settle, rows_of.add_up
+    sums_of, factors_at = compiler.compiled(factors_of), compiler.compiled(factors)
+    instant = cloth.make(real, compiler.compiled).instant
+    has_wind, has_motion = "wind" in parts, "motion" in parts
+    triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
+
+    @compiler.compiled
+    def pass_band(
+        band, kind, first_iteration, step, alpha, beta, source, work, target, layout, record, system, integers, bodies,
+        kinds, pin_start, pin_column, scratches, lanes, sums,
+    ):  # fmt: skip
+        rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        scratch, running = scratches[band], lanes[band]
+        blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
+        count, end, air = rows * segments, zero, (zero, zero, zero)
+        if has_motion:
+            end = instant(step + 1, record[C_DT])
+        if kind == START:
+            if has_wind:
+                air = air_now(record, integers, step, zero)
+            walk_else(first, blocks, layout, source, record, air, scratch, width)
+        springs = kind in (RESIDUAL, PRODUCT)
+        if springs and first < REACH:
+            clear(scratch, width)
+        for i in range(max(first - REACH, 0) if springs else first, last):
+            if kind == RESIDUAL:  # the springs that lead down from the two rows above the first one, too
+                pull_end(i, i >= first, blocks, layout, work, record, scratch, width)
+            elif kind == PRODUCT:
+                pull_matrix(i, i >= first, blocks, layout, row_at(work, X * plane), system, scratch, width)
+            if i < first:
+                continue
+            if kind == START:
+                sum_else(i, step, step, blocks, layout, source, record, integers, air, scratch, width)
+                start_row(i, blocks, layout, source, work, record, scratch, width)
+            elif kind == RESIDUAL:
+                residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width)
+            elif kind == PRODUCT:
+                product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width)
+            elif kind == UPDATE:
+                update_row(i, first_iteration, blocks, layout, work, alpha, beta)
+            elif kind in (MOVE, RETREAT):
+                move_row(i, kind == RETREAT, blocks, layout, source, work, record)
+            else:
+                finish_row(i, step, blocks, layout, source, work, target, record, bodies, kinds)
+            for n in range(sums_of(kind)):
+                one, other = factors_at(kind, n)
+                add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
+            if kind in (START, MOVE, RETREAT, FINISH):
+                into = target if kind == FINISH else row_at(work, X * plane)
+                settle(i, blocks, layout, source, into, pin_start, pin_column, end, bodies, integers)
+            if kind == START:
+                leave_row(i, blocks, layout, work, record)
+
+    return pass_band
+
+
+@cache
+def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
+    """advance(steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start, pin_column,
+    scratches, lanes, sums, tree, done): `steps` steps, ping-pong between the two states of `states` (see layout.py).
+
+    `work`: WORK_PLANES planes; `system`: model/implicit_record.py; `lanes` (bands, LANES), `sums` and `tree`: scratch;
+    `done` (len(COUNTS),) is added to. With `linear` a step ends after its first matrix.
+    """
+    compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
+    pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
+    control = implicit.make(real, compiler.compiled, linear)
+    after_residual, after_product = control.after_residual, control.after_product
+    zero = real(0)
+
+    def advance(
+        steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start, pin_column,
+        scratches, lanes, sums, tree, done,
+    ):  # fmt: skip
+        size = PLANES * layout[L_PLANE]
+        bands, columns = scratches.shape[0], layout[L_COLUMNS]
+        count = layout[L_ROWS] * ((columns + SEGMENT - 1) // SEGMENT)
+        for k in range(steps):
+            now = (current + k) % 2
+            source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
+            kind, counts, values = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
+            running = True
+            while running:
+                first_iteration, alpha, beta = counts[2] == 1, values[5], values[6]
+                for band in prange(bands):
+                    pass_band(
+                        np.int64(band), kind, first_iteration, step + k, alpha, beta, source, work, target, layout, record,
+                        system, integers, bodies, kinds, pin_start, pin_column, scratches, lanes, sums,
+                    )  # fmt: skip
+                if kind == RESIDUAL:
+                    found = (
+                        total(sums, count, tree), total(row_at(sums, count), count, tree),
+                        total(row_at(sums, 2 * count), count, tree),
+                    )  # fmt: skip
+                    kind, counts, values = after_residual(counts, values, found, system[S_SPRINGS], system[S_ROUNDOFF])
+                    done[3] += kind == RETREAT
+                elif kind == PRODUCT:
+                    squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
+                    kind, counts, values = after_product(counts, values, squared, curvature)
+                    done[2] += kind == UPDATE
+                    done[1] += kind != UPDATE
+                elif kind == UPDATE:
+                    kind = PRODUCT
+                elif kind == FINISH:
+                    running = False
+                elif kind == MOVE and linear:
+                    kind = FINISH
+                else:
+                    kind = RESIDUAL
+            done[0] += 1
+
+    return compiler.kernel(advance)
+
+
+class ImplicitSteps:
+    """The steps of one simulation, a cpu_backend.cloth.ClothMassSpring, and what they need besides its state.
+
+    `done`: (steps, matrices, iterations of conjugate gradients, halved Newton steps) so far.
+    """
+
+    def __init__(self, simulation: Any):
+        self.simulation = simulation
+        real, body, scene = simulation.real, simulation.body, simulation.scene
+        bands, plane = simulation._bands, simulation._layout.plane
+        self._work = aligned_zeros(WORK_PLANES * plane, real)
+        self._lanes = aligned_zeros(bands * LANES, real).reshape(bands, LANES)
+        self._sums = np.zeros(SUMS * segments_of(body.rows, body.columns), real)
+        self._tree = aligned_zeros(TREE, real)
+        self.done = np.zeros(len(COUNTS), np.int64)
+        linear = scene.method.integrator == "implicit-euler-linear"
+        parts = without_dampers(simulation.plan.parts)
+        self._kernel = make_cloth_implicit(real, simulation.options.math, linear, parts)
+        self.renew()
+
+    def renew(self) -> None:
+        """Take the scene's fields as they are now."""
+        self._system = system_record(self.simulation.scene, self.simulation.real)
+
+    def advance(self, step: int, steps: int) -> None:
+        sim = self.simulation
+        layout, record, *rest = sim._given()
+        self._kernel(
+            steps, step, sim._states, sim._current, self._work, layout, record, self._system, *rest, self._lanes,
+            self._sums, self._tree, self.done,
+        )  # fmt: skip
+        sim._current = (sim._current + steps) % 2

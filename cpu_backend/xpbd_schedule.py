@@ -1,0 +1,150 @@
+"""In which order Gauss-Seidel goes down the rows: what a thread does in an iteration, one row at a time.
+
+The colours come in an order in which rows meet two at a time: as soon as the constraints between a row and its neighbours
+above and below are projected, those along it may be, then those to the second next rows, and the row is done. So a row is
+predicted, projected and given its velocity while the cache holds it, and every number goes through memory once an iteration.
+
+Each thread has a band of rows that begins where no first colour leads across. What leads across, the lower band does; it
+waits for the upper one's last rows, which that one does first, and gives them back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+# what is done to row i, or between it and one of the next two
+BEGIN, DOWN, ALONG, FAR_DOWN, FAR_ALONG, END = range(6)
+# what is told to and heard from the neighbours: TELL sets the band's own flag, AWAIT_UPPER and AWAIT_LOWER wait for theirs
+TELL, AWAIT_UPPER, AWAIT_LOWER = range(6, 9)
+LAST_PAIR, GIVEN_BACK, LAST_ROW, FAR_GIVEN_BACK = range(1, 5)  # what is told, in this order
+NEWS = 5  # by which flags grow in an iteration
+PHASES = 5  # parts of a band's iteration that wait for nobody, if all bands have done those before
+
+
+def group_of(has_bending: bool) -> int:
+    """Rows between which first colours lead: bands begin at a multiple of it."""
+    return 4 if has_bending else 2
+
+
+@dataclass
+class _Band:
+    """One band's way down, from row `begin` to before `end` of `rows`."""
+
+    begin: int
+    end: int
+    rows: int
+    has_bending: bool
+    steps: list[tuple[int, int, int]] = field(default_factory=list)  # (what, row or news, phase)
+    phase: int = 0
+
+    @property
+    def has_upper(self) -> bool:
+        return self.begin > 0
+
+    @property
+    def has_lower(self) -> bool:
+        return self.end < self.rows
+
+    def do(self, what: int, *numbers: int) -> None:
+        self.steps += [(what, number, self.phase) for number in numbers]
+
+    def open_pair(self, i: int) -> None:
+        """Rows `i` and i + 1, between which the first colours lead."""
+        self.do(BEGIN, *range(i, min(i + 2, self.end)))
+        if i + 1 < self.end:
+            self.do(DOWN, i)
+
+    def met(self, i: int) -> None:
+        """Row `i` has met the rows beside it; rows come here in their order."""
+        self.do(ALONG, i)
+        if not self.has_bending:
+            self.do(END, i)
+        elif i % 4 == 3 or i == self.rows - 1:
+            self.close_group(i // 4 * 4, i)
+
+    def close_group(self, first: int, last: int) -> None:
+        """Rows `first` to `last`, between which bending's first colour leads, have met the rows beside them."""
+        self.far_down(first)
+        if first > self.begin:
+            self.far_down(first - 2)
+            self.leave(first - 2)
+        if first > self.begin or not self.has_upper:
+            self.leave(first, last)
+        if last == self.rows - 1:
+            self.leave(first + 2, last)
+
+    def far_down(self, first: int) -> None:
+        self.do(FAR_DOWN, *(k for k in (first, first + 1) if k + 2 < self.rows))
+
+    def leave(self, first: int, last: int | None = None) -> None:
+        """Both rows from `first` on (to `last` at most) have met those two below and above."""
+        for k in range(first, first + 2):
+            if last is None or k <= last:
+                self.do(FAR_ALONG, k)
+                self.do(END, k)
+
+    def run(self) -> list[tuple[int, int, int]]:
+        """All steps of an iteration."""
+        if self.has_lower:
+            self.open_pair(self.end - 2)
+            self.do(TELL, LAST_PAIR)
+        self.phase = 1
+        for i in range(self.begin, self.end, 2):
+            is_last_pair = i >= self.end - 2
+            if not (self.has_lower and is_last_pair):
+                self.open_pair(i)
+            if i > self.begin:
+                self.do(DOWN, i - 1)
+                self.met(i - 1)
+            elif self.has_upper:
+                self.do(AWAIT_UPPER, LAST_PAIR)
+                self.do(DOWN, i - 1)
+                self.do(TELL, GIVEN_BACK)
+            self.met(i)
+            if is_last_pair and not self.has_lower and i + 1 < self.end:
+                self.met(i + 1)
+        self.phase = 2
+        if self.has_lower:
+            self.do(AWAIT_LOWER, GIVEN_BACK)
+            self.met(self.end - 1)
+            self.do(TELL, LAST_ROW)
+        if self.has_bending:
+            self.bend_across()
+        return self.steps
+
+    def bend_across(self) -> None:
+        """Bending between bands, and what then is left of their rows."""
+        self.phase = 3
+        if self.has_upper:
+            self.do(AWAIT_UPPER, LAST_ROW)
+            self.far_down(self.begin - 2)
+            self.do(TELL, FAR_GIVEN_BACK)
+            self.leave(self.begin, self.end - 1)
+        self.phase = 4
+        if self.has_lower:
+            self.do(AWAIT_LOWER, FAR_GIVEN_BACK)
+            self.leave(self.end - 2)
+
+
+def schedule(rows: int, bands: int, has_bending: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(steps (n, 2) [what, row or news], starts (bands, PHASES + 1), bounds (bands + 1,)): of band b the steps from
+    starts[b, 0] to before starts[b, PHASES] are an iteration, those from starts[b, p] on its phase p; it has the rows from
+    bounds[b] on."""
+    group = group_of(has_bending)
+    groups = -(-rows // group)
+    bounds = [min(groups * k // bands * group, rows) for k in range(bands + 1)]
+    steps: list[tuple[int, int, int]] = []
+    starts = np.zeros((bands, PHASES + 1), np.int64)
+    for band in range(bands):
+        own = _Band(bounds[band], bounds[band + 1], rows, has_bending).run()
+        phases = [phase for _, _, phase in own]
+        starts[band] = len(steps) + np.searchsorted(phases, np.arange(PHASES + 1))
+        steps += own
+    return np.array(steps, np.int64).reshape(-1, 3)[:, :2].copy(), starts, np.array(bounds, np.int64)
+
+
+def most_bands(rows: int, has_bending: bool) -> int:
+    """Bands that a sheet can be cut into."""
+    return -(-rows // group_of(has_bending))

@@ -1,0 +1,177 @@
+"""How well a cloth keeps out of itself in a state: the smallest gaps, and what contacts of masses with triangles do not see.
+
+Not part of a step. float64 on the host, from positions alone: `measure(rows, columns, spacing, position, thickness)`.
+Edges against edges: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.9; edges through triangles: T. Moeller and
+B. Trumbore, "Fast, minimum storage ray/triangle intersection", Journal of Graphics Tools 2 (1997).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.formulas.contact import PRIMES
+
+NEAR = 0.8  # of the thickness: edges nearer than that to one another count as missed
+BATCH = 1 << 20  # pairs looked at together
+
+
+@dataclass(frozen=True)
+class ContactMeasure:
+    """Of pairs that do not belong together: which share no mass, and lie at least the thickness apart in the flat sheet.
+
+    `min_gap` [m]: of a mass and a triangle; `min_edge_gap` [m]: of two edges; both `inf` where there are no such pairs
+    within the thickness. `edge_misses`: pairs of edges nearer than NEAR thicknesses. `crossings`: edges that go through a
+    triangle they share no mass with, however near in the sheet: 0 in a cloth that does not pass through itself.
+    """
+
+    min_gap: float
+    min_edge_gap: float
+    edge_misses: int
+    crossings: int
+
+
+def _cell_pairs(low: np.ndarray, high: np.ndarray, reach: float) -> np.ndarray:
+    """(n, 2) cells of the sheet, first <= second, whose boxes (cells, 3) come within `reach` [m] of each other."""
+    center = (low + high) / 2
+    size = float((high - low).max(initial=0.0)) + reach
+    place = np.floor(center / size).astype(np.int64)
+    code = place[:, 0] * PRIMES[0] ^ place[:, 1] * PRIMES[1] ^ place[:, 2] * PRIMES[2]
+    order = np.argsort(code, kind="stable")
+    codes, found = code[order], []
+    for offset in np.ndindex(3, 3, 3):
+        at = place + np.array(offset) - 1
+        wanted = at[:, 0] * PRIMES[0] ^ at[:, 1] * PRIMES[1] ^ at[:, 2] * PRIMES[2]
+        first, last = np.searchsorted(codes, wanted, "left"), np.searchsorted(codes, wanted, "right")
+        count = last - first
+        cell = np.repeat(np.arange(len(place)), count)
+        entry = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
+        other = order[entry]
+        same = (place[other] == at[cell]).all(axis=1) & (cell <= other)  # cells of space may share a code
+        cell, other = cell[same], other[same]
+        near = (low[cell] < high[other] + reach).all(axis=1) & (low[other] < high[cell] + reach).all(axis=1)
+        found.append(np.stack([cell[near], other[near]], axis=1))
+    return np.concatenate(found)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("nk,nk->n", a, b)
+
+
+def _nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
+    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
+    uu, uv, vv, ru, rv = _dot(u, u), _dot(u, v), _dot(v, v), _dot(r, u), _dot(r, v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        b, c = (vv * ru - uv * rv) / (uu * vv - uv * uv), (uu * rv - uv * ru) / (uu * vv - uv * uv)
+    inside = (b >= 0) & (c >= 0) & (b + c <= 1)
+    best = np.where(inside[:, None], np.stack([1 - b - c, b, c], axis=1), 0.0)
+    least = np.where(inside, -1.0, np.inf)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        side = q[:, j] - q[:, i]
+        square = _dot(side, side)
+        part = np.clip(_dot(p - q[:, i], side) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+        off = p - q[:, i] - part[:, None] * side
+        weights = np.zeros_like(best)
+        weights[:, i], weights[:, j] = 1 - part, part
+        nearer = _dot(off, off) < least
+        best[nearer], least = weights[nearer], np.where(nearer, _dot(off, off), least)
+    return best
+
+
+def _edge_weights(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(s, t) (n,) in [0, 1]: where segments p and q (n, 2, 3) come nearest to each other."""
+    d, e, r = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], p[:, 0] - q[:, 0]
+    dd, ee, de, dr, er = _dot(d, d), _dot(e, e), _dot(d, e), _dot(d, r), _dot(e, r)
+    one = np.ones_like(dd)
+    full = dd * ee - de * de
+    s = np.clip(np.divide(de * er - dr * ee, full, out=np.zeros_like(dd), where=full > 1e-14 * dd * ee), 0, 1)
+    t = np.clip((de * s + er) / np.where(ee > 0, ee, one), 0, 1)
+    return np.clip((de * t - dr) / np.where(dd > 0, dd, one), 0, 1), t
+
+
+def _through(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether segments p (n, 2, 3) go through triangles q (n, 3, 3); touching is not going through."""
+    way, u, v = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
+    h = np.cross(way, v)
+    volume = _dot(u, h)
+    r = p[:, 0] - q[:, 0]
+    k = np.cross(r, u)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        b, c, part = _dot(r, h) / volume, _dot(way, k) / volume, _dot(v, k) / volume
+        inside = b + c < 1
+    return (volume != 0) & inside & (b > 0) & (c > 0) & (part > 0) & (part < 1)
+
+
+class _Sheet:
+    """A sheet's features by its cells: the masses, edges and triangles that each cell answers for."""
+
+    def __init__(self, rows: int, columns: int, spacing: float, position: np.ndarray):
+        number = np.arange(rows * columns).reshape(rows, columns)
+        a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+        self.corners = np.stack([a, b, c, d], axis=1)
+        self.triangles = np.stack([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)], axis=1)
+        # of a cell all its five edges: some belong to two cells, so that pairs are made unique afterwards
+        self.edges = np.stack([np.stack(pair, axis=1) for pair in ((a, b), (a, c), (a, d), (c, d), (b, d))], axis=1)
+        self.position = np.asarray(position, np.float64)
+        self.flat = np.stack(np.divmod(np.arange(rows * columns), columns), axis=1) * spacing
+
+    def gaps(
+        self, first: np.ndarray, second: np.ndarray, s: np.ndarray, t: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(distance now, distance in the flat sheet) [m] of the points with weights s (n, k) of masses `first` (n, k), and t
+        of `second`."""
+        both = []
+        for points in (self.position, self.flat):
+            away = np.einsum("nk,nkd->nd", s, points[first]) - np.einsum("nk,nkd->nd", t, points[second])
+            both.append(np.sqrt(_dot(away, away)))
+        return both[0], both[1]
+
+
+def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) bool: the two have no mass in common."""
+    return (first[:, :, None] != second[:, None, :]).all(axis=(1, 2))
+
+
+def _pairs(cells: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs of a feature of one cell and a feature of the other, both ways, once each, without those that share masses:
+    (n, k), (n, l) masses."""
+    both = np.concatenate([cells, cells[cells[:, 0] != cells[:, 1]][:, ::-1]])
+    left = np.repeat(first[both[:, 0]], second.shape[1], axis=1).reshape(-1, first.shape[2])
+    right = np.tile(second[both[:, 1]], (1, first.shape[1], 1)).reshape(-1, second.shape[2])
+    apart = _apart(left, right)
+    return left[apart], right[apart]
+
+
+def measure(rows: int, columns: int, spacing: float, position: np.ndarray, thickness: float) -> ContactMeasure:
+    """`position` (particles, 3) [m] in builder order; `thickness` [m] of the scene's self_collision. See ContactMeasure."""
+    if min(rows, columns) < 2 or not np.isfinite(position).all():
+        return ContactMeasure(np.inf, np.inf, 0, 0)
+    sheet = _Sheet(rows, columns, spacing, position)
+    where = sheet.position[sheet.corners]
+    cells = _cell_pairs(where.min(axis=1), where.max(axis=1), thickness)
+    gap = edge_gap = np.inf
+    missed: list[np.ndarray] = []
+    crossed: list[np.ndarray] = []
+    for begin in range(0, len(cells), BATCH // 50):  # 25 pairs of edges, both ways
+        some = cells[begin : begin + BATCH // 50]
+        mass, triangle = _pairs(some, sheet.corners[:, :, None], sheet.triangles)
+        weights = _nearest_weights(sheet.position[mass[:, 0]], sheet.position[triangle])
+        now, flat = sheet.gaps(mass, triangle, np.ones((len(mass), 1)), weights)
+        gap = min(gap, float(now[(flat >= thickness) & (now < thickness)].min(initial=np.inf)))
+        edge, triangle = _pairs(some, sheet.edges, sheet.triangles)
+        through = _through(sheet.position[edge], sheet.position[triangle])
+        crossed.append(np.concatenate([edge[through], triangle[through]], axis=1))
+        edge, other = _pairs(some, sheet.edges, sheet.edges)
+        s, t = _edge_weights(sheet.position[edge], sheet.position[other])
+        now, flat = sheet.gaps(edge, other, np.stack([1 - s, s], axis=1), np.stack([1 - t, t], axis=1))
+        near = (flat >= thickness) & (now < thickness)
+        edge_gap = min(edge_gap, float(now[near].min(initial=np.inf)))
+        near &= now < NEAR * thickness
+        pair = np.concatenate([edge[near], other[near]], axis=1)
+        missed.append(np.where((pair[:, :1] < pair[:, 2:3]) | ((pair[:, :1] == pair[:, 2:3]) & (pair[:, 1:2] < pair[:, 3:])),
+                               pair, pair[:, [2, 3, 0, 1]]))  # fmt: skip
+    return ContactMeasure(
+        gap, edge_gap, len(np.unique(np.concatenate(missed), axis=0)), len(np.unique(np.concatenate(crossed), axis=0))
+    )

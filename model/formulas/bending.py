@@ -1,0 +1,134 @@
+"""Bending of two triangles that share an edge: a hinge between a and b, with wings c and d, as position-based constraints.
+
+Triangles are (a, b, c) and (b, a, d), flat where the angle theta between their normals is 0. Both constraints are lengths
+[m] that for small angles are |b - a| theta, so that both have the compliance (A_c + A_d) / (3 B) [m/N], areas at rest, B [N
+m] the stiffness against bending: the energies of E. Grinspun et al., "Discrete Shells", SCA 2003, eq. 2, and of M. Bergou
+et al., "A Quadratic Bending Model for Inextensible Surfaces", SGP 2006, eq. 4 and 5, which agree there.
+
+`isometric`: the vector k = K0 a + K1 b + K2 c + K3 d of the cotangents at rest, which is |b - a| (t_c + t_d) long, t the
+wings' directions away from the edge: 2 |b - a| sin(theta/2) while triangles keep their shape. It is linear, so that its
+energy is quadratic and one projection exact; of a hinge that is bent at rest, only the length of k is held.
+
+`dihedral`: |b - a| (4 tan(theta/4) - the same at rest). It needs no arc function, is smooth from -180 to 180 degrees, where
+it is 4 instead of pi, and has a derivative everywhere, so that a hinge folded flat still opens (2 sin(theta/2) has none
+there). Gradient of theta: R. Bridson, S. Marino, R. Fedkiw, "Simulation of Clothing with Folds and Wrinkles", SCA 2003,
+section 4; PBD's own (M. Mueller et al., "Position Based Dynamics", 2006, appendix A) divides by the sine and has none at 0
+and 180 degrees.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+OPERATIONS_ISOMETRIC = 75  # 21 for the vector, 10 for its length, 12 for the change, 9 for the weight, 24 to apply
+OPERATIONS_DIHEDRAL = 170
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`."""
+    zero, half, one, four = real(0), real(0.5), real(1), real(4)
+    lengths = make_lengths(real, compiled)
+    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
+
+    @compiled
+    def softness(compliance, area):
+        """The hinge's compliance, of no unit. `compliance`: m / (B h^2) [1/m^2]; `area`: (A_c + A_d) / 3 [m^2]."""
+        return compliance * area
+
+    @compiled
+    def curvature(kb, kc, kd, e, f, g):
+        """k [m], one axis; e, f, g: the ways from a to b, c and d, since K adds up to 0."""
+        return (kb * e + kc * f) + kd * g
+
+    @compiled
+    def square_sum(wa, wb, wc, wd, ka, kb, kc, kd):
+        """The sum of weight times coefficient squared."""
+        return (wa * (ka * ka) + wb * (kb * kb)) + (wc * (kc * kc) + wd * (kd * kd))
+
+    @compiled
+    def kept_part(x, y, z, rest):
+        """What is left of k = (x, y, z) [m] after taking `rest` [m] of its length away, over its length."""
+        squared = squared_length(x, y, z)
+        return one - rest * inverse_length(squared) if squared > zero else one
+
+    @compiled
+    def isometric_change(part, k, reciprocal, compliance, multiplier):
+        """Change of the multiplier [m], one axis."""
+        return (-(part * k) - compliance * multiplier) * reciprocal
+
+    @compiled
+    def shifted(position, weight, coefficient, change):
+        """A corner after it, one axis."""
+        return position + weight * (coefficient * change)
+
+    @compiled
+    def cross(ax, ay, az, bx, by, bz):
+        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def quarter_tangent(sine, cosine):
+        """tan(theta/4) in [-1, 1]. The larger of the half angle's sine and cosine is found by the root, the other one by
+        division: neither loses digits."""
+        if cosine >= zero:
+            adjacent = sqrt(half * (one + cosine))
+            opposite = half * sine / adjacent
+        else:
+            opposite = sqrt(half * (one - cosine))
+            adjacent = half * abs(sine) / opposite
+            if sine < zero:
+                opposite = -opposite
+        return opposite / (one + adjacent)
+
+    @compiled
+    def hinge(ex, ey, ez, fx, fy, fz, gx, gy, gz):
+        """(tan(theta/4), gradient of theta [1/m] by c (3), by d (3), where along the edge c and d lie (2)), from a to b
+        (e), c (f) and d (g); all 0 where a triangle has no area. theta > 0: the wings come nearer on the side of the
+        normals."""
+        nx, ny, nz = cross(ex, ey, ez, fx, fy, fz)
+        mx, my, mz = cross(gx, gy, gz, ex, ey, ez)
+        nn, mm, ee = dot(nx, ny, nz, nx, ny, nz), dot(mx, my, mz, mx, my, mz), dot(ex, ey, ez, ex, ey, ez)
+        if not (nn > zero and mm > zero):
+            return zero, zero, zero, zero, zero, zero, zero, zero, zero
+        edge = ee * inverse_length(ee)
+        over_n, over_m = inverse_length(nn), inverse_length(mm)
+        cosine = dot(nx, ny, nz, mx, my, mz) * over_n * over_m
+        sine = dot(gx, gy, gz, nx, ny, nz) * edge * over_n * over_m
+        t = quarter_tangent(sine, cosine)
+        u, v = edge * over_n * over_n, edge * over_m * over_m
+        along_c, along_d = dot(fx, fy, fz, ex, ey, ez) / ee, dot(gx, gy, gz, ex, ey, ez) / ee
+        return t, u * nx, u * ny, u * nz, v * mx, v * my, v * mz, along_c, along_d
+
+    @compiled
+    def by_ends(along_c, along_d, uc, ud):
+        """The gradients by a and by b, one axis, from those by c and d."""
+        return -((one - along_c) * uc) - (one - along_d) * ud, -(along_c * uc) - along_d * ud
+
+    @compiled
+    def steepness(edge, t):
+        """The derivative [m] of the constraint by theta; `edge`: its length at rest."""
+        return edge * (one + t * t)
+
+    @compiled
+    def gradient_sum(steep, wa, wb, wc, wd, aa, bb, cc, dd):
+        """The sum of weight times gradient squared; `aa` and so on: theta's."""
+        return steep * steep * ((wa * aa + wb * bb) + (wc * cc + wd * dd))
+
+    @compiled
+    def dihedral_change(edge, t, rest, steep, reciprocal, compliance, multiplier):
+        """(change of the multiplier [m], the same times the constraint's derivative by theta); `rest`: t at rest."""
+        change = (-(four * edge * (t - rest)) - compliance * multiplier) * reciprocal
+        return change, change * steep
+
+    return SimpleNamespace(
+        softness=softness, curvature=curvature, square_sum=square_sum, kept_part=kept_part,
+        isometric_change=isometric_change, shifted=shifted, dot=dot, quarter_tangent=quarter_tangent, hinge=hinge,
+        by_ends=by_ends, steepness=steepness, gradient_sum=gradient_sum, dihedral_change=dihedral_change,
+    )  # fmt: skip

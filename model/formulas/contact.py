@@ -1,0 +1,233 @@
+"""A cloth that meets itself: a mass against a triangle of the sheet.
+
+The point of a triangle nearest to a mass: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5. The constraint
+n . (p - sum of b_k q_k) >= distance with n and the b_k held for a substep: C. Lewin, "Cloth Self Collision with Predictive
+Contacts", GDC 2018. Friction by a change of position: M. Macklin et al., "Unified Particle Physics for Real-Time
+Applications", SIGGRAPH 2014, eq. 24. Contacts are projected all at once from one state, each for a mass that is split among
+its contacts, so that momentum is kept: R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body Simulation",
+SIGGRAPH 2012; here split by the contacts' gradients, which is Gershgorin's bound of their system (see `stiffness`).
+Hashing: M. Teschner et al., "Optimized Spatial Hashing for Collision Detection of Deformable Objects", VMV 2003.
+
+A sheet's triangles are numbered by twice the cell, plus 1 for the second one: of cell (i, j) with the masses A = (i, j),
+B = (i, j + 1), C = (i + 1, j), D = (i + 1, j + 1) they are (A, C, D) and (A, D, B).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+
+FACE, FIRST, SECOND, THIRD, FIRST_SECOND, FIRST_THIRD, SECOND_THIRD = range(7)  # where a triangle's nearest point lies
+
+OPERATIONS_NEAREST = 75  # the nearest point of one triangle
+OPERATIONS_CONTACT = 90  # one contact of one iteration: its gap, its stiffness, friction, four masses moved
+
+PRIMES = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # Teschner et al. 2003, section 4.1
+KEY_BITS, KEY_BITS_TWICE = np.int64(21), np.int64(42)
+KEY_MASK = np.int64(2**21 - 1)
+ONE, TWO = np.int64(1), np.int64(2)
+
+
+def make_numbers(compiled=plain):
+    """What is whole numbers: `corners`, `owns`, `key`, `bucket`."""
+    prime_x, prime_y, prime_z = PRIMES
+
+    @compiled
+    def corners(triangle, columns):
+        """The three masses of a triangle of a sheet with so many columns of masses."""
+        cell = triangle // TWO
+        i = cell // (columns - ONE)
+        a = i * columns + (cell - i * (columns - ONE))
+        if triangle - cell * TWO == 0:
+            return a, a + columns, a + columns + ONE
+        return a, a + columns + ONE, a + ONE
+
+    @compiled
+    def owns(second, feature, i, j):
+        """Whether a triangle of cell (i, j) is the one that answers for a corner or an edge that it shares: the first of
+        them. `second`: whether it is the cell's second one. The nearest of all triangles is not lost by asking only owners:
+        the owner of the feature on which the nearest point lies is as near."""
+        if feature in (FACE, SECOND_THIRD):
+            return True
+        if second:
+            return feature in (FIRST_THIRD, THIRD) and i == 0
+        if feature in (FIRST_THIRD, THIRD):
+            return True
+        return j == 0 and (feature != FIRST or i == 0)
+
+    @compiled
+    def key(x, y, z):
+        """A number for a cell of space; equal for cells 2^21 apart, which distances tell apart."""
+        return ((x & KEY_MASK) << KEY_BITS_TWICE) | ((y & KEY_MASK) << KEY_BITS) | (z & KEY_MASK)
+
+    @compiled
+    def bucket(x, y, z, mask):
+        """The cell's place in a table of mask + 1 of them, a power of two."""
+        return ((x * prime_x) ^ (y * prime_y) ^ (z * prime_z)) & mask
+
+    return SimpleNamespace(corners=corners, owns=owns, key=key, bucket=bucket)
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`. Vectors are three numbers; b and c are the weights of a triangle's second
+    and third corner, the first one's is 1 - b - c."""
+    zero, one, quarter = real(0), real(1), real(0.25)
+
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def length(x, y, z):
+        return sqrt((x * x + y * y) + z * z)
+
+    @compiled
+    def part(a, b):
+        """a / b of numbers that are not negative; 0 where there is nothing to divide by."""
+        return a / b if b > zero else zero
+
+    @compiled
+    def product_difference(a, b, c, d):
+        return a * b - c * d
+
+    @compiled
+    def middle(a, b, c, d):
+        """Of a cell's four corners, one axis."""
+        return ((a + b) + (c + d)) * quarter
+
+    @compiled
+    def scaled(x, factor):
+        """A coordinate in cells of space, or a distance in spacings."""
+        return x * factor
+
+    @compiled
+    def nearest(ux, uy, uz, vx, vy, vz, px, py, pz):
+        """(feature, b, c) of the triangle's point nearest to p. u, v, p: from the first corner to the others, to the mass."""
+        d1, d2 = dot(ux, uy, uz, px, py, pz), dot(vx, vy, vz, px, py, pz)
+        if d1 <= zero and d2 <= zero:
+            return FIRST, zero, zero
+        qx, qy, qz = px - ux, py - uy, pz - uz
+        d3, d4 = dot(ux, uy, uz, qx, qy, qz), dot(vx, vy, vz, qx, qy, qz)
+        if d3 >= zero and d4 <= d3:
+            return SECOND, one, zero
+        third = product_difference(d1, d4, d3, d2)
+        if third <= zero and d1 >= zero and d3 <= zero:
+            return FIRST_SECOND, part(d1, d1 - d3), zero
+        qx, qy, qz = px - vx, py - vy, pz - vz
+        d5, d6 = dot(ux, uy, uz, qx, qy, qz), dot(vx, vy, vz, qx, qy, qz)
+        if d6 >= zero and d5 <= d6:
+            return THIRD, zero, one
+        second = product_difference(d5, d2, d1, d6)
+        if second <= zero and d2 >= zero and d6 <= zero:
+            return FIRST_THIRD, zero, part(d2, d2 - d6)
+        first = product_difference(d3, d6, d5, d4)
+        if first <= zero and d4 - d3 >= zero and d5 - d6 >= zero:
+            c = part(d4 - d3, (d4 - d3) + (d5 - d6))
+            return SECOND_THIRD, one - c, c
+        whole = (first + second) + third
+        return FACE, part(second, whole), part(third, whole)
+
+    @compiled
+    def away(p, u, v, b, c):
+        """From the nearest point to the mass, one axis."""
+        return p - (b * u + c * v)
+
+    @compiled
+    def rest_distance(row, row_u, row_v, column, column_u, column_v, b, c, spacing):
+        """How far [m] the mass lies from that point of the triangle in the flat sheet; rows and columns as u, v, p."""
+        i, j = row - (b * row_u + c * row_v), column - (b * column_u + c * column_v)
+        return spacing * sqrt(i * i + j * j)
+
+    @compiled
+    def normal(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat, coincident, above):
+        """The unit direction in which the contact holds the mass away from the triangle; 0 where there is none.
+
+        That from the nearest point to the mass (r); nearer than `flat`, where it is rounding, the triangle's normal on the
+        mass's side; nearer than `coincident`, where there is no side, the normal that points up (or else along +x, or +z) if
+        `above`, else the other one: then of two layers in one place the same one ends above wherever one looks.
+        """
+        if distance > flat:
+            return rx / distance, ry / distance, rz / distance
+        nx = product_difference(uy, vz, uz, vy)
+        ny = product_difference(uz, vx, ux, vz)
+        nz = product_difference(ux, vy, uy, vx)
+        size = length(nx, ny, nz)
+        if size <= zero:
+            return zero, zero, zero
+        nx, ny, nz = nx / size, ny / size, nz / size
+        side = dot(nx, ny, nz, rx, ry, rz)
+        outside = side > zero
+        if abs(side) <= coincident:
+            up = ny > zero or (ny == zero and (nx > zero or (nx == zero and nz > zero)))
+            outside = up == above
+        return (nx, ny, nz) if outside else (-nx, -ny, -nz)
+
+    @compiled
+    def held_distance(thickness, rest, gap, push):
+        """What the contact keeps [m]: the thickness, nowhere more than the flat sheet has there (or neighbours would repel
+        each other), and of what began nearer no more than `push` beyond it."""
+        return min(min(thickness, rest), gap + push)
+
+    @compiled
+    def mixed(qa, qb, qc, b, c):
+        """The point of the triangle, one axis."""
+        return (((one - b) - c) * qa + b * qb) + c * qc
+
+    @compiled
+    def first_weight(b, c):
+        return (one - b) - c
+
+    @compiled
+    def stiffness(weight, load, wa, la, wb, lb, wc, lc, b, c):
+        """What a depth is divided by: the sum over the contact's masses of |gradient| weight load, the load of a mass being
+        the sum of the gradients of all its contacts. By Gershgorin the contacts' system is no stiffer, so that all
+        projected at once do not overshoot."""
+        a = (one - b) - c
+        return weight * load + ((a * (wa * la) + b * (wb * lb)) + c * (wc * lc))
+
+    @compiled
+    def inverse(stiffness):
+        """1 over it; 0 where every mass of the contact is pinned."""
+        return one / stiffness if stiffness > zero else zero
+
+    @compiled
+    def slip(sliding, depth, static_friction, dynamic_friction):
+        """The part of the sliding [m] that friction takes back, by the depth [m] that the contact takes."""
+        if sliding <= static_friction * depth:
+            return one
+        return dynamic_friction * depth / sliding
+
+    @compiled
+    def along(d, n, normal_part):
+        """What of a displacement d lies in the contact's plane, one axis."""
+        return d - n * normal_part
+
+    @compiled
+    def correction(depth, n, inverse_stiffness):
+        """How far the contact moves the mass, for a weight of 1, one axis."""
+        return depth * n * inverse_stiffness
+
+    @compiled
+    def rubbed(depth, n, slipping, tangential, inverse_stiffness):
+        """The same with friction."""
+        return (depth * n - slipping * tangential) * inverse_stiffness
+
+    @compiled
+    def taken(total, share, moved):
+        """A sum of displacements less what a corner of this share gets of one, one axis."""
+        return total - share * moved
+
+    @compiled
+    def shifted(position, weight, total):
+        """A mass after all its contacts, one axis."""
+        return position + weight * total
+
+    return SimpleNamespace(
+        dot=dot, length=length, middle=middle, scaled=scaled, nearest=nearest, away=away, rest_distance=rest_distance,
+        normal=normal, held_distance=held_distance, mixed=mixed, first_weight=first_weight, stiffness=stiffness,
+        inverse=inverse, slip=slip, along=along, correction=correction, rubbed=rubbed, taken=taken, shifted=shifted,
+    )  # fmt: skip

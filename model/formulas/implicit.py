@@ -1,0 +1,149 @@
+"""Implicit Euler on springs: the matrix of a Newton step, spring by spring, conjugate gradients, and what comes next.
+
+D. Baraff and A. Witkin, "Large steps in cloth simulation", SIGGRAPH 1998 (the step); K.-J. Choi and H.-S. Ko, "Stable but
+responsive cloth", SIGGRAPH 2002 (a spring pressed together has no stiffness across, which keeps the matrix definite);
+A. Chronopoulos and C. W. Gear, "s-step iterative methods for symmetric linear systems", J. Comput. Appl. Math. 25 (1989)
+(conjugate gradients with one sum over all masses an iteration, instead of two); S. C. Eisenstat and H. F. Walker, "Choosing
+the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17 (1996), choice 2; J. Nocedal and S. Wright,
+"Numerical optimization" (2006), eq. 3.7b, its upper half (when a step is too long).
+
+With the velocities u at the step's end as unknowns, over the mass, no eigenvalue of the matrix A is below 1: the norm of a
+residual bounds the error of the velocity.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+OPERATIONS_PRODUCT = 30  # a spring: 6 differences, 5 for the square, 5 for the speed, 6 for the scales, 8 for the sum
+OPERATIONS_DOT = 6
+OPERATIONS_UPDATE = 8  # per axis
+
+# What a step is made of, one pass over the sheet each. Sums over all masses follow RESIDUAL (r.r, r.s, u.u) and PRODUCT (r.r,
+# r.w).
+START = 0  # v + dt (forces but springs and dampers), x = p, u = 0, where x is without u
+RESIDUAL = 1  # r at x, u
+PRODUCT = 2  # w = A r
+UPDATE = 3  # directions q, A q, the solution s, and r
+MOVE = 4  # u + s, x
+RETREAT = 5  # s / 2; u - s, x
+FINISH = 6  # p, v from x, u; colliders
+
+MOST_NEWTON = 50  # matrices a step
+MOST_ITERATIONS = 5000  # of conjugate gradients, for one matrix
+MOST_HALVINGS = 10  # of a Newton step
+NEWTON_TOLERANCE = 1e-8  # of the step's first residual
+LINEAR_TOLERANCE = 1e-6  # of the residual, where one matrix is all
+LOOSEST = 1e-2  # part of a residual that conjugate gradients may leave to the next Newton step
+FORCING = 0.9
+TURNED = 0.9  # part of the slope that may have changed its sign at a Newton step's end
+
+
+def make(real, compiled=plain, linear=False):
+    """The functions below in the arithmetic `real`; `linear`: one matrix a step, solved to LINEAR_TOLERANCE."""
+    zero, half = real(0), real(0.5)
+    tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
+    least_left, forcing, of_noise, turned = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(TURNED)
+    newton_steps = 1 if linear else MOST_NEWTON
+    lengths = make_lengths(real, compiled)
+    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
+
+    @compiled
+    def product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping):
+        """-B (own - other) of a spring: with w the other end's entry of a vector less one's own and n = d / |d|,
+
+        (dt^2 k [n n^T + max(0, 1 - L0 / |d|) (I - n n^T)] + dt c n n^T) w, all over the mass. `stiffness`: dt^2 k;
+        `stiffness_rest`: dt^2 k L0; `damping`: dt c. Exactly antisymmetric in any rounding.
+        """
+        inverse = inverse_length(squared_length(dx, dy, dz))
+        across = max(zero, stiffness - stiffness_rest * inverse)
+        along = ((stiffness + damping) - across) * ((((wx * dx + wy * dy) + wz * dz) * inverse) * inverse)
+        return across * wx + along * dx, across * wy + along * dy, across * wz + along * dz
+
+    @compiled
+    def end_pull_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
+        """Pull over mass [m/s^2] of a spring with a damper at the step's end: d the way to its other end at the start, w
+        that one's velocity less one's own. From differences: of coordinates far from the origin p + dt u would lose more.
+        """
+        dx, dy, dz = dx + dt * wx, dy + dt * wy, dz + dt * wz
+        inverse = inverse_length(squared_length(dx, dy, dz))
+        speed = ((wx * dx + wy * dy) + wz * dz) * inverse
+        scale = (stiffness - stiffness_rest * inverse) + damping * speed * inverse
+        return scale * dx, scale * dy, scale * dz
+
+    @compiled
+    def residual(begin, velocity, acceleration, dt, dt_rate):
+        """What is missing to u = begin + dt a - dt rate u, one axis [m/s]; `begin`: v + dt (forces at the step's start)."""
+        return ((begin - velocity) + dt * acceleration) - dt_rate * velocity
+
+    @compiled
+    def applied(entry, pulls, own):
+        """A entry, one axis; `pulls`: the sum of `product_3d` over the springs; `own`: 1 + dt rate."""
+        return own * entry - pulls
+
+    @compiled
+    def added(value, factor, other):
+        """value + factor other, one axis."""
+        return value + factor * other
+
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        """Of one mass's entries of two vectors."""
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def noise(velocity_squared, springs_squared, roundoff):
+        """Squared norm [m^2/s^2] of what rounding leaves of a residual: half a unit in the last place of velocities (`u.u`)
+        and of what a mass's springs would give it in a step if they were as long again (`springs_squared`, of all masses).
+        """
+        return roundoff * roundoff * (springs_squared + velocity_squared)
+
+    @compiled
+    def after_residual(counts, values, sums, springs_squared, roundoff):
+        """(what follows, counts, values) once a residual is known. `counts`: matrices so far, halvings, iterations for this
+        matrix; `values`: squared norms of the step's first residual, of the one before, and the one to iterate to; r.s of
+        the last step; of conjugate gradients r.r, alpha and beta.
+
+        A Newton step that went too far is halved. The solution is found once the residual is below NEWTON_TOLERANCE of
+        the step's first or is rounding (`noise`).
+        """
+        newton, halvings, _ = counts
+        first, before, limit, slope, gamma, alpha, beta = values
+        squared, along, velocity_squared = sums
+        if newton > 0 and halvings < MOST_HALVINGS and along < -(turned * slope):
+            return RETREAT, (newton, halvings + 1, 0), (first, before, limit, half * slope, gamma, alpha, beta)
+        left = most_left
+        if newton == 0:
+            first = squared
+        elif squared < before:
+            left = min(most_left, max(least_left, forcing * (squared / before) * (squared / before)))
+        rounding = noise(velocity_squared, springs_squared, roundoff)
+        kind = FINISH
+        if squared > max(tolerance * first, rounding) and newton < newton_steps:
+            kind = PRODUCT
+        limit = max(left * squared, of_noise * rounding)
+        return kind, (newton, 0, 0), (first, squared, limit, zero, zero, zero, zero)
+
+    @compiled
+    def after_product(counts, values, squared, curvature):
+        """(what follows, counts, values) once r.r and r.A r are known: conjugate gradients go on, or their sum is taken."""
+        newton, halvings, iterations = counts
+        first, before, limit, slope, gamma, alpha, beta = values
+        beta, divisor = zero, curvature
+        if iterations > 0:
+            beta = squared / gamma
+            divisor = curvature - beta * squared / alpha
+        if squared > limit and divisor > zero and iterations < MOST_ITERATIONS:
+            alpha = squared / divisor
+            slope = slope + alpha * squared  # r.s of the residual that they began with
+            return UPDATE, (newton, halvings, iterations + 1), (first, before, limit, slope, squared, alpha, beta)
+        kind = FINISH if iterations == 0 else MOVE
+        return kind, (newton + 1, 0, iterations), (first, before, limit, slope, gamma, alpha, beta)
+
+    return SimpleNamespace(
+        product_3d=product_3d, end_pull_3d=end_pull_3d, residual=residual, applied=applied, added=added, dot=dot,
+        after_residual=after_residual, after_product=after_product,
+    )  # fmt: skip

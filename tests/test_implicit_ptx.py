@@ -1,0 +1,40 @@
+"""Implicit Euler's CUDA kernel compiles without a GPU where the compiler is there: no double in float32, no local memory."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+SPRINGS = frozenset({"structural", "shear", "bending"})
+AIR = frozenset({"wind", "gust", "external", "poke", "gravity", "pins", "motion"})
+BODIES = frozenset({"plane", "sphere", "capsule", "box", "friction"})
+EVERYTHING = SPRINGS | {f"{kind}-damping" for kind in SPRINGS} | AIR | BODIES | {"damping"}
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("parts", [SPRINGS | {"gravity", "pins"}, EVERYTHING], ids=["springs", "everything"])
+def test_float32_holds_no_double_and_no_local_memory(monkeypatch: pytest.MonkeyPatch, parts, math) -> None:
+    """Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
+    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
+    import numba.cuda.dispatcher as dispatcher
+    from numba import types
+
+    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
+    try:
+        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
+    except Exception as error:
+        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
+    from gpu_backend.cloth_implicit import make_cloth_implicit
+
+    quads, count = types.float32[::1], types.int64[::1]
+    signature = (
+        *(quads,) * 12, types.int32[::1], count, quads, quads, quads, types.uint64[::1], count, types.int64, types.int32,
+        types.int32,
+    )  # fmt: skip
+    kernel = make_cloth_implicit(np.float32, math, False, parts)
+    text, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=math == "fast")
+    text = text[text.index(".entry") :]
+    assert ".f64" not in text
+    assert ".local" not in text and "call" not in text
