@@ -90,4 +90,6 @@ def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         note, way = f"{tile.strip} masses a thread, all on the chip, borders sent every {tile.halo} steps", 0.0
     elif kernel == "tiles" and tile:
         note, way = f"{tile.strip} masses a thread, {tile.halo} steps for one way through memory", way / tile.halo
-    return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, cloth_passes(plan, np.dtype(real).itemsize, way, note))
+    return BackendPlan(
+        "gpu", device, kernel, tile.name if tile else None, why, cloth_passes(plan, np.dtype(real).itemsize, way, note)
+    )

@@ -15,7 +15,7 @@ from statistics import median
 from typing import Any
 
 from app.driver import open_simulation
-from model.errors import BackendUnavailable
+from model.errors import BackendUnavailable, SceneError
 from model.plan import Stage
 from model.scene import Scene
 from model.simulation import Simulation
@@ -48,6 +48,8 @@ def measure_stages(scene: Scene, backend: str, precision: str, required: bool = 
     except BackendUnavailable as error:
         if required:
             raise
+        return StageTimes(missing=str(error))
+    except SceneError as error:  # a solver without a stage-by-stage kernel
         return StageTimes(missing=str(error))
     with simulation:
         return _stage_times(simulation)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bench.hard_cloth import ball_inside, fast_ball
+from bench.hard_contacts import comes_to_rest_in_layers
 from bench.hard_laws import (
     Law,
     beside_the_limit,
@@ -40,6 +41,7 @@ from model.integrators import INTEGRATORS
 
 ANY = "any"
 FORCES = tuple(INTEGRATORS)
+SEIDEL = XPBD[:1]
 POSITIONS = XPBD[:2]  # averaged-jacobi is another material's
 
 
@@ -125,6 +127,8 @@ CASES = (
     HardCase("B15", "denormal numbers", "hard/b15", denormals),
     HardCase("B16", "a fast ball through a cloth", "hard/b16", fast_ball, own_step=False),
     HardCase("B17", "a ball inside a cloth", "hard/b17", ball_inside, own_step=False),
+    HardCase("B18", "eight layers fall on a floor", "hard/b18", comes_to_rest_in_layers, own_step=False, methods=SEIDEL),
+    HardCase("B19", "two layers in one place", "hard/b19", comes_to_rest_in_layers, own_step=False, methods=SEIDEL),
     HardCase("B23", "a poke, and one iteration", "hard/b10", one_iteration, methods=POSITIONS),
     HardCase("B24 one", "1 x 1 masses", "hard/b24", like_the_reference, methods=FORCES + POSITIONS),
     HardCase("B24 row", "1 x 7 masses", "hard/b24", like_the_reference, {"grid.columns": 7}, methods=FORCES + POSITIONS),
@@ -136,8 +140,6 @@ CASES = (
 )  # fmt: skip
 
 NOT_YET = {
-    "B18": "needs contacts between sheets",
-    "B19": "needs contacts of a sheet with itself",
     "B20": "needs shape matching",
     "B21": "needs tetrahedra",
     "B22": "needs tetrahedra",

@@ -63,6 +63,7 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
     words = parts | {word for word, there in (("several", several), ("together", together)) if there}
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
     compiled, has_wind, apart = compiler.compiled, "wind" in parts, keeps_velocity(parts)
+    damped = any(part.endswith("-damping") for part in parts)
     open_band, iterate_band = make_parts_of_substep(compiler, real, axes, parts, several)
     if has_wind:
         winds = make_wind(compiler, real, parts, 1)
@@ -115,6 +116,9 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
                 news += 1
                 meet(band, bands, news, progress, spins)
                 blow(band, bounds, natural, substep, sheet)
+            elif damped:  # dampers look at the positions before, which the prediction is about to replace
+                news += 1
+                meet(band, bands, news, progress, spins)
             open_band(band, bounds, now, place_of(done, sheet[1]), sheet)
             for k in range(iterations):
                 news += 1

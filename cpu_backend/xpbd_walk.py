@@ -36,8 +36,11 @@ from model.xpbd_record import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
 
 
 def keeps_velocity(parts: frozenset[str]) -> bool:
-    """Whether the position at the substep's beginning needs a place of its own: colliders change velocities."""
-    return not parts.isdisjoint(COLLIDER_KINDS)
+    """Whether the position at the substep's beginning needs a place of its own: colliders change velocities, and by Jacobi a
+    band computes the constraints that lead down to it when the band above may have made velocities of its rows already,
+    which dampers along them must not take for positions."""
+    dampers = any(part.endswith("-damping") for part in parts)
+    return not parts.isdisjoint(COLLIDER_KINDS) or ("gauss-seidel" not in parts and dampers)
 
 
 def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:

@@ -41,7 +41,12 @@ def _digest() -> str:
     records = (
         Path(str(m.__file__))
         for m in (
-            model.record, model.cloth_record, model.contact_record, model.implicit_record, model.xpbd_record, model.xpbd_plan
+            model.record,
+            model.cloth_record,
+            model.contact_record,
+            model.implicit_record,
+            model.xpbd_record,
+            model.xpbd_plan,
         )
     )
     return source_digest(Path(model.formulas.__file__).parent, *records, here)

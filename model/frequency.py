@@ -17,7 +17,7 @@ A cloth, pinned or not, is a part of one without end, whose eigenvalues have a c
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import cos, pi, sin, sqrt
+from math import cos, inf, pi, sin, sqrt
 
 import numpy as np
 
@@ -234,6 +234,8 @@ def frequency_lines(scene: Scene) -> list[str]:
     if not found.converged:
         how += f"; not converged, residual {found.residual:.1g}"
     step = f"{name} holds to dt {limit:.6g} s" if limit > 0 else f"{name} holds at no dt"
+    if limit == inf:
+        step = f"{name} holds at any dt"
     return [
         f"largest frequency {found.estimate:.6g} 1/s of this net ({how}), {frequency_bound(scene):.6g} 1/s of any "
         f"{sheet}; for this net {step}"

@@ -157,7 +157,9 @@ class Scene:
             raise SceneError("method.ordering", self.method.ordering, "must be gauss-seidel for a mesh")
         for name, kind in self.kinds.items():
             if kind in NOT_OF_MESHES:
-                why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
+                why = (
+                    "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
+                )
                 raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
         if model != "distance" and self.cloth_springs["bending"].damping > 0:
             raise SceneError(

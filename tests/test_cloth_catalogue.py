@@ -28,7 +28,16 @@ def limit(name: str, **changes: object) -> float:
 
 
 def test_all_cloths_are_there():
-    asked = {"cloth-compute", "cloth-flag", "cloth-hanging", "cloth-sphere", "cloth-twist", "cloth-warp", "cloth-wind", "rope"}
+    asked = {
+        "cloth-compute",
+        "cloth-flag",
+        "cloth-hanging",
+        "cloth-sphere",
+        "cloth-twist",
+        "cloth-warp",
+        "cloth-wind",
+        "rope",
+    }
     assert asked <= set(CLOTHS)
 
 

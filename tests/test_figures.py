@@ -25,11 +25,8 @@ from plots.energies import draw_energies, read_energies
 from plots.style import BLACK, GREY, settings
 
 # What the made-up stores hold; test_hard.py, test_findings.py and test_ablate.py draw the others.
-MADE_UP = [
-    name
-    for name in FIGURES
-    if not name.startswith(("hard-", "findings-", "ablation", "convergence", "projections", "published"))
-]
+ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "published")
+MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 
 
 @pytest.fixture(scope="module")

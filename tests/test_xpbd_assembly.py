@@ -38,7 +38,9 @@ def test_projections_take_packed_roots_alone(name: str, ordering: str, precision
     (compiled,) = dispatcher.overloads.values()
     text = compiled.library.get_asm_str()
     loops = row_loops(text)
-    assert len(re.findall(PACKED_ROOT, text)) >= 6  # not counted by loops: those of soft constraints have a branch inside
+    assert (
+        len(re.findall(PACKED_ROOT, text)) >= 6
+    )  # not counted by loops: those of soft constraints have a branch inside
     assert not re.search(SCALAR_ROOT, text), "a remainder loop or a scalar version of a row loop"
     if precision == "float32":
         assert not any(re.search(DOUBLE, loop) for loop in loops)

@@ -20,7 +20,8 @@ THREADS = [n for n in (1, 2, 3, 8) if n <= numba.config.NUMBA_NUM_THREADS]
     ("name", "ordering", "precision", "sheets"),
     [
         ("everything", "gauss-seidel", "float64", [(7, 6), (17, 35)]),  # its loads lie in row 6
-        ("everything", "jacobi", "float32", [(7, 6), (17, 35)]),
+        ("everything", "jacobi", "float64", [(7, 6), (17, 35)]),
+        ("damped", "jacobi", "float64", [(7, 6), (17, 35)]),  # dampers look at what neighbours' predictions replace
         ("net", "gauss-seidel", "float32", SHEETS),
         ("alternating", "averaged-jacobi", "float64", SHEETS),
     ],
