@@ -24,8 +24,8 @@ def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.
 
 
 def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.ndarray, float | np.ndarray]:
-    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m]). Of a mesh
-    in the order of `edges_of`, with a rest length for each."""
+    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m]). Of a
+    mesh in the order of `edges_of`, with a rest length for each."""
     if scene.mesh:
         pairs, rest = edges_of(scene, kind)
         p = np.asarray(position, dtype=np.float64)

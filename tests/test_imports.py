@@ -56,7 +56,8 @@ def test_every_package_is_in_the_order():
 )
 def test_no_heavy_import_at_the_door(statement):
     """`softlab --help` and test collection need no GPU, display or driver."""
-    code = f"{statement}; import sys; print([m for m in ('pyglet', 'matplotlib', 'numba.cuda', 'trimesh') if m in sys.modules])"
+    heavy = ("pyglet", "matplotlib", "numba.cuda", "trimesh")
+    code = f"{statement}; import sys; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "[]"
