@@ -19,6 +19,7 @@ from cpu_backend.threads import core_count
 from model.energy import energies, spring_strain
 from model.errors import Diverged, InputError, SceneError
 from model.memory import available_bytes, require
+from model.overlaps import overlap_lines
 from model.scene import Scene
 from model.simulation import LEAST_INTERVAL, Simulation, State
 from model.topology import mesh_lines
@@ -106,7 +107,7 @@ def check_targets(scene: Scene, request: Request, steps: int) -> None:
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    notes = mesh_lines(scene)
+    notes = [*mesh_lines(scene), *overlap_lines(scene)]
     steps = step_count(scene, request, notes)
     check_targets(scene, request, steps)
     initial = read_state(request.initial, scene) if request.initial else None

@@ -8,11 +8,16 @@ from bench.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
 from bench.projections import ProjectionPoint, beside_published, newton_ratios
 from labbook import words
 from labbook.claims import Claim
-from plots.data import Results
-from plots.projections import name_of, panels
+from plots.data import Results, Source
+from plots.projections import panels
 
 SIZE = 256  # rows and columns that rates are told of
 NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}
+
+
+def _where(backend: str, source: Source) -> str:
+    """`the GPU (NVIDIA H200)`."""
+    return f"the {backend.upper()} ({source.gpu if backend == 'gpu' else source.processor})"
 
 
 def _point(found: list[ProjectionPoint], ordering: str, neighbours: int, iterations: int) -> ProjectionPoint | None:
@@ -22,9 +27,8 @@ def _point(found: list[ProjectionPoint], ordering: str, neighbours: int, iterati
 
 
 def _rate(value: float) -> str:
-    """`612 million projections a second`."""
-    unit, name = (1e9, "thousand million") if value >= 1e9 else (1e6, "million")
-    return f"{words.number(value / unit)} {name} projections a second"
+    """`2 420 million projections a second`."""
+    return f"{words.number(value / 1e6)} million projections a second"
 
 
 def rates(results: Results) -> Claim:
@@ -39,7 +43,7 @@ def rates(results: Results) -> Claim:
                 numbers[f"{backend} {ordering}"] = point.rate
                 told.append(f"{name} does {_rate(point.rate)}")
         if told:
-            parts.append(f"{name_of(backend, source).replace(': ', ' (', 1)}): {words.listed(told)}")
+            parts.append(f"on {_where(backend, source)} {words.listed(told)}")
     if not parts:
         return Claim("Projections were not timed at the size that is told of here.")
     size = f"{SIZE}{words.SPACE}{words.TIMES}{words.SPACE}{SIZE}"
@@ -63,7 +67,7 @@ def per_projection(results: Results) -> Claim:
         if ratios:
             numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
             parts.append(
-                f"{words.number(min(ratios), 2)} to {words.times(max(ratios))} as many on {name_of(backend, source)}"
+                f"{words.number(min(ratios), 2)} to {words.times(max(ratios))} as many on {_where(backend, source)}"
             )
     if not parts:
         return Claim("The two orderings were not timed side by side.")
@@ -83,7 +87,7 @@ def published(results: Results) -> Claim:
         if ratios:
             numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
             span = f"{words.number(min(ratios), 2)} to {words.times(max(ratios))}"
-            parts.append(f"{span} the time of a step on {name_of(backend, source)}")
+            parts.append(f"{span} the time of a step on {_where(backend, source)}")
     if not parts:
         return Claim("No published cloth was timed.")
     return Claim(f"The published frames took {words.listed(parts)}.", numbers, True)

@@ -8,7 +8,7 @@ import re
 import numba
 import numpy as np
 import pytest
-from test_cpu_assembly import DOUBLE, PACKED_ROOT, SCALAR_ROOT, row_loops
+from test_cpu_assembly import DOUBLE, PACKED_ROOT, SCALAR_ROOT, row_loops, vector_units  # noqa: F401 - a fixture
 from xpbd_scenes import xpbd_scene
 
 from app.driver import open_simulation

@@ -1,0 +1,38 @@
+"""Pinned masses that begin inside a collider: they stay where they are, and whoever made the scene is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.build import build
+from model.cloth_record import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
+from model.formulas import colliders
+from model.scene import Scene
+
+
+def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray) -> float:
+    """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]."""
+    own: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
+    if kind in ("sphere", "capsule"):
+        own.append(float(row[B_RADIUS]))
+    return float(getattr(formulas, kind)(*d.tolist(), *own)[0])
+
+
+def overlap_lines(scene: Scene) -> list[str]:
+    """A sentence for each collider that has pinned masses in it, or nearer than its thickness, when the scene begins."""
+    body = build(scene)
+    pinned = body.position[body.pinned]
+    if not len(pinned) or not scene.colliders:
+        return []
+    formulas, lines = colliders.make(float), []
+    for (kind, _), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
+        away = (_distance(formulas, kind, p - row[B_X : B_Z + 1], row) for p in pinned)
+        inside = sum(distance < row[B_THICKNESS] for distance in away)
+        if inside:
+            lines.append(
+                f"{inside} of {len(pinned)} pinned masses begin inside a {kind} or nearer than its thickness: they stay, and "
+                "what hangs on them is pushed out beside them"
+            )
+    return lines
