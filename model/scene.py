@@ -298,7 +298,7 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
         return [OTHER_MATERIAL[field]]
     if kind == "mesh":
         return list(CONTRADICTIONS.get(field, ()))
-    if kind == "method" and field == "solver" and value in FIELDS_OF_SOLVER:
+    if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
     return []
 

@@ -86,3 +86,33 @@ def start_at() -> Callable[..., Any]:
         return State(position, velocity, build(scene).inverse_mass, 0.0, 0)
 
     return state
+
+
+# Of the parametrised tests in these files, which compile long for each variant, every n-th variant runs by default.
+THINNED = {
+    "test_simulated_xpbd.py": 4, "test_simulated_cloth_tiles.py": 4, "test_simulated_mesh.py": 2,
+    "test_simulated_contacts.py": 2, "test_simulated_motion.py": 2, "test_motion.py": 3, "test_implicit.py": 3,
+    "test_xpbd_cpu.py": 2, "test_xpbd_cpu_reference.py": 3, "test_xpbd_laws.py": 2, "test_xpbd_mesh_cpu.py": 2,
+    "test_contacts.py": 2, "test_contacts_scenes.py": 2, "test_hard_xpbd.py": 2, "test_accuracy_xpbd.py": 2,
+    "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 2, "test_xpbd_mesh_ptx.py": 2, "test_contacts_ptx.py": 2,
+}  # fmt: skip
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--thorough", action="store_true", help="every variant of every test, half an hour more on two cores"
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    """Skip what THINNED leaves out, but nothing that is for a real GPU, unless --thorough."""
+    if config.getoption("--thorough"):
+        return
+    seen = {}
+    for item in items:
+        every = THINNED.get(item.path.name)
+        if every is None or not hasattr(item, "callspec") or item.get_closest_marker("gpu"):
+            continue
+        place = seen[item.path, item.originalname] = seen.get((item.path, item.originalname), -1) + 1
+        if place % every:
+            item.add_marker(pytest.mark.skip(reason="one of many variants: pytest --thorough runs them all"))

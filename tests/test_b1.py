@@ -321,7 +321,7 @@ def test_the_chain_hangs_by_its_soft_links():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_cases_run_under_their_limit_or_are_refused(name):
-    refused, hangs = [case for case in CASES if case.row == "B1"]
+    refused, hangs = [case for case in CASES if case.row == "B1" and name in case.methods]
     assert case_scene(refused, name)[0].method.dt == 0.01
     scene, note = case_scene(hangs, name)
     assert 0.85 * stability_limit(scene) < scene.method.dt < stability_limit(scene) and "over the limit" in note

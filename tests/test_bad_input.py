@@ -47,7 +47,7 @@ def one_line(error: SoftlabError) -> str:
         *[
             ("grid.pinned", bad)
             for bad in (
-                *("bottom", "every:0", "every:-1", "every:", "every:1.5", "TOP", 3, None, True),
+                *("lowest", "every:0", "every:-1", "every:", "every:1.5", "TOP", 3, None, True),
                 *([[0, 32]], [[32, 0]], [[-1, 0]], [[0]], [0, 1], [[0.5, 1]], [[True, 0]], [[0, 0, 0]], ["top"]),
             )
         ],

@@ -11,7 +11,7 @@ from bench.methods import METHODS
 from bench.results import Measure, configuration
 from model.scene import load_scene
 
-MINE = [case for case in CASES if set(POSITIONS) & set(case.methods)]
+MINE = [case for case in CASES if set(POSITIONS) <= set(case.methods)]
 NAMED = {case.name: case for case in CASES}
 
 

@@ -17,8 +17,7 @@ import numpy as np
 from bench.reference import cloth, xpbd
 from bench.reference.steps import pinned_mask
 from model.errors import SceneError
-from model.scene import Scene
-from model.self_collision import SelfCollision
+from model.scene import Scene, SelfCollision
 
 MARGIN, FLAT, COINCIDENT = (
     0.1,
