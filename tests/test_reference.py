@@ -14,7 +14,7 @@ from model.scene import Scene, load_scene
 
 # Gauss-Seidel is judged in the same order: which edges and hinges a mesh has, at which lengths, and their greedy colours have
 # tests of their own (test_mesh_edges.py, test_colouring.py, test_bending.py).
-SHARED = {"xpbd_mesh.py": {"model.mesh_constraints", "model.topology"}}
+SHARED = {"xpbd_mesh.py": {"model.mesh_constraints", "model.topology", "model.build"}}
 
 
 def test_independent_of_what_it_judges():
