@@ -12,8 +12,7 @@ from bench.accuracy_points import CLOTHS, SCENES, SIZES, end_of
 from bench.methods import XPBD, changes, position_based
 from bench.reference import cache
 from bench.results import configuration
-from bench.sweep import source_hash
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from bench.sweep import host_of, source_hash
 from model.digest import source_digest
 from model.integrators import INTEGRATORS
 from model.scene import Scene, load_scene
@@ -95,10 +94,7 @@ def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[s
 
 def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
     """One configuration, described as the store holds it."""
-    host: dict[str, Any] = {}
-    if backend == "cpu":
-        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
-    description = configuration(scene, backend=backend, precision=precision, math=math, **host)
+    description = configuration(scene, backend=backend, precision=precision, math=math, **host_of(backend))
     return Case(label, scene, backend, precision, math, description, judged_sources(backend))
 
 

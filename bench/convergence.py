@@ -15,7 +15,6 @@ steps.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import Any
@@ -23,12 +22,10 @@ from typing import Any
 import numpy as np
 
 from app.driver import open_simulation
-from bench.costs_timing import FULL, QUICK, RATIO, Effort, Measures, Record, in_turn
+from bench.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
 from bench.findings import FindingsSummary, described
-from bench.findings_costs import Group, cost_sources
-from bench.machine import enter_machine, source_revision
+from bench.findings_costs import Group, cost_sources, measure_groups
 from bench.methods import XPBD, changes
-from bench.progress import progress_bar
 from bench.reference.mass_spring import start
 from bench.store import Store
 from bench.sweep import backends_here
@@ -94,37 +91,10 @@ def run_convergence(
     `quick`: the smallest size alone, fewer and shorter samples. `backends`: None: all that are here.
     Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
     """
-    begin = time.perf_counter()
-    chosen = backends_here(backends)
-    summary = FindingsSummary(enter_machine(store), CONVERGENCE)
     effort = QUICK if quick else FULL
-    try:
-        everything = [group for backend in chosen for group in groups(backend, effort, QUICK_MOST if quick else None)]
-        missing = [
-            g for g in everything if not store.has_measure(g.descriptions[-1], summary.machine, g.sources, RATIO)
-        ]
-        summary.held = len(everything) - len(missing)
-        if missing:
-            summary.run = store.start_run(summary.machine, command, source_revision())
-            _measure(store, summary, missing, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
-
-
-def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Group], show: bool) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task(CONVERGENCE, total=len(missing))
-        for group in missing:
-            bar.update(task, description=group.name)
-            found = group.measure(Record(store, summary.run, group.sources))
-            with store.transaction():
-                for description, numbers in zip(group.descriptions, found, strict=True):
-                    for name, (value, unit, reason) in numbers.items():
-                        store.add_measure(summary.run, description, group.sources, name, value, unit, reason)
-            summary.measured += 1
-            bar.advance(task)
+    most = QUICK_MOST if quick else None
+    everything = [group for backend in backends_here(backends) for group in groups(backend, effort, most)]
+    return measure_groups(store, CONVERGENCE, everything, progress, command)
 
 
 def groups(backend: str, effort: Effort, most: int | None = None) -> list[Group]:

@@ -26,8 +26,7 @@ from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.results import configuration
 from bench.store import Store
-from bench.sweep import backends_here, source_hash
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from bench.sweep import backends_here, host_of, source_hash
 from model.build import build
 from model.digest import source_digest
 from model.errors import Diverged
@@ -144,10 +143,7 @@ def _measure(
 def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
     """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
-    host: dict[str, Any] = {}
-    if backend == "cpu":
-        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
-    return configuration(scene, backend=backend, **host, **known) | {"finding": finding} | how
+    return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
 
 
 def _sources(backend: str | None) -> str:

@@ -73,24 +73,28 @@ def run_costs(
     from bench.findings_determinism import determinism
     from bench.vertex_timing import vertex_groups  # draws: not loaded before it is used
 
-    begin = time.perf_counter()
     chosen = backends_here(backends)
-    summary = FindingsSummary(enter_machine(store), "costs")
     effort = QUICK if quick else FULL
     most = QUICK_MOST if quick else None
+    everything = [g for backend in chosen for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
+    if "gpu" in chosen:
+        everything += vertex_groups(effort, most)
+    return measure_groups(store, "costs", everything, progress, command)
+
+
+def measure_groups(store: Store, what: str, everything: Sequence[Group], show: bool, command: str) -> FindingsSummary:
+    """Measure what the store lacks of the groups, one after another, and say what was done. `what` they are called;
+    `show`: a progress bar. Ctrl-C ends cleanly."""
+    begin = time.perf_counter()
+    summary = FindingsSummary(enter_machine(store), what)
     try:
-        everything = [
-            g for backend in chosen for g in (*looks(backend, effort, most), *determinism(backend, effort, most))
-        ]
-        if "gpu" in chosen:
-            everything += vertex_groups(effort, most)
         missing = [
             g for g in everything if not store.has_measure(g.descriptions[-1], summary.machine, g.sources, RATIO)
         ]
         summary.held = len(everything) - len(missing)
         if missing:
             summary.run = store.start_run(summary.machine, command, source_revision())
-            _measure(store, summary, missing, progress)
+            _measure(store, summary, missing, show)
     except KeyboardInterrupt:
         summary.interrupted = True
     summary.seconds = time.perf_counter() - begin
@@ -99,9 +103,9 @@ def run_costs(
 
 def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Group], show: bool) -> None:
     with progress_bar(show) as bar:
-        task = bar.add_task("costs", total=len(missing))
+        task = bar.add_task(summary.what, total=len(missing))
         for group in missing:
-            bar.update(task, description=f"cost: {group.name}")
+            bar.update(task, description=f"{summary.what}: {group.name}")
             found = group.measure(Record(store, summary.run, group.sources))
             with store.transaction():
                 for description, numbers in zip(group.descriptions, found, strict=True):

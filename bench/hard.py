@@ -29,8 +29,7 @@ from bench.methods import METHODS, changes
 from bench.progress import progress_bar
 from bench.results import configuration, measures
 from bench.store import Store, configuration_hash
-from bench.sweep import backends_here, source_hash
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from bench.sweep import backends_here, host_of, source_hash
 from model.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
 from model.integrators import stability_limit
 from model.scene import Scene, load_scene
@@ -134,9 +133,7 @@ def _work(
     """All runs, those that share machine code one after another."""
     laws, found = _digest(), []
     for backend in backends:
-        host: dict[str, Any] = {}
-        if backend == "cpu":
-            host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
+        host = host_of(backend)
         sources = f"{source_hash(backend)}-{laws}"
         for precision in precisions:
             for method in methods:

@@ -14,7 +14,6 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib import import_module
-from typing import Any
 
 from bench.cases import Case, SweepSummary
 from bench.energy import LOOP_SECONDS, STAGE, energy_counter
@@ -24,8 +23,7 @@ from bench.machine import enter_machine, gpu_simulated, source_revision
 from bench.results import configuration
 from bench.starts import measure_starts
 from bench.store import Store
-from bench.sweep import Shape, Sweep, Work, backends_here, choose_effort, shapes, source_hash
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from bench.sweep import Shape, Sweep, Work, backends_here, choose_effort, host_of, shapes, source_hash
 from model.errors import SceneError
 from model.scene import Scene, load_scene
 
@@ -61,9 +59,7 @@ def kernel_cases(
                     (None,) if backend == "gpu" else ("1x", "2x", "4x") if crowded and kernel not in SLOW else ("1x",)
                 )
                 for word in words:
-                    host: dict[str, Any] = {}
-                    if word is not None:
-                        host = {"threads": thread_count(word), "layer": threading_layer(), "wait_policy": wait_policy()}
+                    host = host_of(backend, word or "1x")
                     description = configuration(scene, backend=backend, kernel=kernel, precision=precision, **host)
                     cases.append(
                         Case(

@@ -23,9 +23,8 @@ from bench.progress import progress_bar
 from bench.published import NEWTON_ITERATION, PUBLISHED
 from bench.results import Measure, configuration
 from bench.store import Store
-from bench.sweep import backends_here, source_hash
+from bench.sweep import backends_here, host_of, source_hash
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
 from model.errors import Diverged, SceneError
 from model.scene import Scene, load_scene
 from model.simulation import PRECISIONS
@@ -104,10 +103,8 @@ def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: 
 
 
 def make_case(scene: Scene, backend: str, precision: str) -> Case:
-    host: dict[str, Any] = {}
-    if backend == "cpu":
-        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
-    description = configuration(scene, backend=backend, precision=precision, **host)
+    """One configuration, described as the store holds it."""
+    description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
     return Case(scene, backend, description, source_hash(backend))
 
 

@@ -11,11 +11,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from typing import Any
 
 from bench.results import configuration
 from bench.store import Store
-from cpu_backend.threads import thread_count, threading_layer, wait_policy
+from bench.sweep import host_of
 from model.scene import Scene
 
 COLD, WARM = "start_seconds_cold", "start_seconds_warm"
@@ -24,10 +23,7 @@ PATIENCE = 120.0  # s
 
 def measure_starts(store: Store, run: str, machine: str, scene: Scene, backend: str, sources: str) -> None:
     """Store both starts of a catalogue scene on a backend, unless they are held; nothing where a process fails."""
-    host: dict[str, Any] = {}
-    if backend == "cpu":
-        host = {"threads": thread_count("1x"), "layer": threading_layer(), "wait_policy": wait_policy()}
-    description = configuration(scene, backend=backend, **host)
+    description = configuration(scene, backend=backend, **host_of(backend))
     if store.has_measure(description, machine, sources, WARM):
         return
     with tempfile.TemporaryDirectory(prefix="softlab-start-") as folder:

@@ -49,6 +49,13 @@ def source_hash(backend: str) -> str:
     return source_digest(root / "model" / "formulas", root / f"{backend}_backend") + f"-{MEASUREMENT}"
 
 
+def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
+    """What the description of a configuration tells of the host that ran it: `threads` as asked for; of a GPU nothing."""
+    if backend != "cpu":
+        return {}
+    return {"threads": thread_count(threads), "layer": threading_layer(), "wait_policy": wait_policy()}
+
+
 def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shape]:
     """The grids of a sweep, smallest first. `sizes`: these instead, as N (a square) or (rows, columns)."""
     if sizes is not None:

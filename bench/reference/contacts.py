@@ -19,11 +19,8 @@ from bench.reference.steps import pinned_mask
 from model.errors import SceneError
 from model.scene import Scene, SelfCollision
 
-MARGIN, FLAT, COINCIDENT = (
-    0.1,
-    0.0625,
-    1e-3,
-)  # thicknesses: what a contact is made for beyond the predicted motion; ...
+# thicknesses: what a contact is made for beyond the predicted motion; ...
+MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3
 
 
 @dataclass(frozen=True)
