@@ -22,9 +22,8 @@ def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[P
 
 def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints without index arrays, colours one after another on the way down the rows."""
-    from cpu_backend.xpbd import choose_kernel
-
     from cpu_backend.mass_spring import processor_name
+    from cpu_backend.xpbd import choose_kernel
 
     kernel = choose_kernel(None)
     why = "colours, iterations and the prediction in one way down the rows"
@@ -34,10 +33,9 @@ def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU: then for the one that the choice was measured on."""
-    from gpu_backend.xpbd_choice import default_xpbd_kernel
-
     from gpu_backend.choice import MEASURED_LIMITS, MEASURED_ON
     from gpu_backend.device import gpu_available, simulated
+    from gpu_backend.xpbd_choice import default_xpbd_kernel
 
     available, device = gpu_available()
     if not available:
