@@ -8,8 +8,9 @@ beyond 1e3 the error is refused (bench/growth.py). Runs that diverge are points 
 where a method breaks is a result.
 
 Scene S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s, S5 (`cloth-drop`), one that falls on a ball, to 0.5 s, both at step
-sizes of their own, but not if quick: the reference of S4, though less sharp than the grids' (CLOTH_TOLERANCE), takes most of
-a minute. That of S5 is the lab's own (bench/contact_reference.py).
+sizes of their own, and by implicit Euler, too. S6 (`rope-stiff`), a stiff rope with a heavy end, swings down to 1.0 s, and in
+S6-still (`rope-stiff-still`) hangs at rest by 12 s, where a closed form tells how far it stretches; only position-based
+solvers know loads. None of them if quick: references take up to a minute (bench/accuracy_references.py).
 
 The hand-out's step is held against Newton's law like all others, and on grids beside it against x'' = a / 2, which it
 solves. Position-based solvers, of which the number of iterations is varied too, have a second error, to their own scheme
@@ -32,6 +33,7 @@ from typing import Any
 
 from bench.accuracy_cases import STEP_SIZES, Case, cases, make_case
 from bench.accuracy_points import (
+    AT_REST,
     CLOTHS,
     COPY,
     COST,
@@ -43,13 +45,13 @@ from bench.accuracy_points import (
     pareto_front,
     point,
 )
+from bench.accuracy_references import converged_for, growth_for, motion_of
 from bench.choice import chosen
-from bench.contact_reference import contact_converged
-from bench.growth import Growth, kept_growth
+from bench.growth import Growth
 from bench.judge import distance
 from bench.judgement import ERROR, GROWTH, HALF, RESOLVED, SOLVER, UNRESOLVED, judge
 from bench.machine import enter_machine, gpu_simulated, source_revision
-from bench.methods import METHODS, newton
+from bench.methods import METHODS, OF_CLOTHS
 from bench.progress import progress_bar
 from bench.reference import cache
 from bench.results import measures
@@ -58,7 +60,6 @@ from bench.store import Store, configuration_hash
 from bench.sweep import backends_here
 from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from model.errors import Diverged
-from model.scene import Scene
 from model.simulation import PRECISIONS, Simulation
 
 __all__ = [
@@ -81,7 +82,6 @@ __all__ = [
     "run_accuracy",
 ]
 
-CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 is at 3e-6, and shall be resolved tenfold
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
 COPIES = 3  # of the state to the host, of which the median counts
 STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
@@ -114,16 +114,16 @@ def run_accuracy(
     """Judge what the store lacks of the grid of cases, and return all of its points.
 
     `quick`: fewer and shorter samples, neither `exact` math nor other sizes, of xpbd one ordering and few iterations.
-    `scenes`: labels of SCENES and CLOTHS (None: all; no cloth if `quick`). `integrators`: names of METHODS, or `xpbd` for all
-    of its orderings; they and `precisions`: None: all; parts that are run apart meet in the store. `backends`: cpu, gpu
-    (None: all that are here). References are kept in the folder `references` beside the store. Every number is on disk when
-    it is had; Ctrl-C ends cleanly.
+    `scenes`: labels of SCENES and CLOTHS (None: all; no cloth if `quick`). `integrators`: names of METHODS or OF_CLOTHS, or
+    `xpbd` for all of its orderings; they and `precisions`: None: all; parts that are run apart meet in the store. `backends`:
+    cpu, gpu (None: all that are here). References are kept in the folder `references` beside the store. Every number is on
+    disk when it is had; Ctrl-C ends cleanly.
 
     Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
     begin = time.perf_counter()
     effort = QUICK if quick else FULL
-    names = chosen(integrators, METHODS, "--integrator", rows=True) if integrators else None
+    names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
     accurate = chosen(precisions, list(PRECISIONS), "--precision")
     here, revision = backends_here(backends), source_revision()
     summary = AccuracySummary(enter_machine(store))
@@ -172,12 +172,13 @@ class _Group:
         self.iterated = Iterated(self.folder)
 
     def measure(self, group: Sequence[Case]) -> None:
-        scene, end = newton(group[0].scene), end_of(group[0].label)
-        self.tell(f"{group[0].label}: converged reference", 0)
-        right, half = self._reference(scene, end), None
+        label = group[0].label
+        scene, end = motion_of(group[0].scene), end_of(label)
+        self.tell(f"{label}: converged reference", 0)
+        right, half = converged_for(label, scene, end, self.folder), None
         if not scene.cloth:
             half = cache.kept(scene, end, self.folder, inertia=HALF_ACCELERATION)
-        growth = kept_growth(scene, end, self.folder)
+        growth = growth_for(label, scene, end, self.folder)
         with ExitStack() as stack:
             subjects = []
             for case in group:
@@ -187,13 +188,6 @@ class _Group:
                 self._prepare(subject, broken)
                 subjects.append(subject)
             self._sample(subjects)
-
-    def _reference(self, scene: Scene, end: float) -> cache.Converged:
-        if scene.colliders:
-            return contact_converged(scene, end, self.folder)
-        if scene.cloth:
-            return cache.kept(scene, end, self.folder, tolerance=CLOTH_TOLERANCE)
-        return cache.kept(scene, end, self.folder)
 
     def _judge(
         self, subject: Subject, right: cache.Converged, half: cache.Converged | None, growth: Growth
@@ -211,7 +205,8 @@ class _Group:
         numbers = judge(case.scene, broken or state, right, growth, half)
         if case.scene.method.position_based:
             if broken is None:
-                numbers |= solver_numbers(case.scene, state, case.steps, self.iterated)
+                rest = right.position if case.label in AT_REST else None
+                numbers |= solver_numbers(case.scene, state, case.steps, self.iterated, rest)
             else:
                 numbers[SOLVER] = (math.inf, "spacing", str(broken))
         if copying is not None:

@@ -29,10 +29,11 @@ from bench.methods import WRONG, efforts, name_of
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
-CLOTHS = {"S4": "cloth-wind", "S5": "cloth-drop"}
+CLOTHS = {"S4": "cloth-wind", "S5": "cloth-drop", "S6": "rope-stiff", "S6-still": "rope-stiff-still"}
+AT_REST = ("S6-still",)  # by then at rest, and judged against the closed form of that
 FAR = 1.0  # spacings: an error beyond it is no answer, at any price
 END = 1.5  # s: the horizon of grids
-CLOTH_ENDS = {"S4": 1.0, "S5": 0.5}  # s: of cloths
+CLOTH_ENDS = {"S4": 1.0, "S5": 0.5, "S6": 1.0, "S6-still": 12.0}  # s: of cloths and ropes
 
 COST = "seconds_per_simulated_second"
 COPY = "copy_seconds"  # of the whole state, from the device to the host
@@ -45,7 +46,7 @@ def end_of(label: str) -> float:
 
 @dataclass(frozen=True)
 class AccuracyPoint:
-    """One configuration. `scene`: S1, S2, S4, S5 or one of SIZES; `integrator`: the method's name (bench/methods.py);
+    """One configuration. `scene`: of SCENES, CLOTHS or SIZES; `integrator`: the method's name (bench/methods.py);
     `error`, `largest`: root mean square and maximum over the free masses, in spacings, against Newton's law, infinite when
     it diverged or was refused; `half`: against half the acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to
     then; `energy` [J]; `strain`: the worst; how far they, the centre of mass [spacings] and the momentum [kg m/s] are off

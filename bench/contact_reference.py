@@ -14,9 +14,9 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.reference import cache
-from bench.reference.kept import read_arrays, write_arrays
 from bench.sweep import source_hash
 from model.integrators import stability_limit
+from model.kept import read_arrays, write_arrays
 from model.scene import Scene
 
 FINER = 128  # steps of the reference to one at the limit

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from bench.reference import cache
-from bench.reference.kept import read_arrays, write_arrays
 from bench.reference.mass_spring import pinned_mask, simulate, start
 from model.integrators import damping_rate, frequency_bound, spring_damping_bound
+from model.kept import read_arrays, write_arrays
 from model.scene import Scene
 
 DISTURBANCE = 1e-9  # spacings
@@ -65,14 +65,16 @@ def disturbance(scene: Scene) -> np.ndarray:
     return DISTURBANCE * scene.grid.spacing * pattern.reshape(-1, scene.dimensions)
 
 
-def twin_steps(scene: Scene, time: float) -> int:
-    """Steps of the twins up to `time` [s]: whole ones between two looks."""
+def twin_steps(scene: Scene, time: float, per_radian: float = STEPS_PER_RADIAN) -> int:
+    """Steps of the twins up to `time` [s]: whole ones between two looks. `per_radian`: of the fastest vibration."""
     along = spring_damping_bound(scene) if scene.cloth else 0.0
-    wanted = time * (frequency_bound(scene) + damping_rate(scene) + along) * STEPS_PER_RADIAN
+    wanted = time * (frequency_bound(scene) + damping_rate(scene) + along) * per_radian
     return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
 
 
-def growth_along(scene: Scene, time: float, path: Callable[[np.ndarray, int], list[np.ndarray]]) -> Growth:
+def growth_along(
+    scene: Scene, time: float, path: Callable[[np.ndarray, int], list[np.ndarray]], per_radian: float = STEPS_PER_RADIAN
+) -> Growth:
     """The growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, dimensions) at the
     LOOKS times, from such a start at the scene's velocities, in so many steps."""
     times = time * np.arange(1, LOOKS + 1) / LOOKS
@@ -80,30 +82,35 @@ def growth_along(scene: Scene, time: float, path: Callable[[np.ndarray, int], li
     before = float(np.linalg.norm(offset))
     if before == 0:
         return Growth(times, np.ones(LOOKS))
-    count = twin_steps(scene, time)
+    count = twin_steps(scene, time, per_radian)
     position, _ = start(scene)
     one, other = path(position, count), path(position + offset, count)
     with np.errstate(over="ignore", invalid="ignore"):
         return Growth(times, np.array([float(np.linalg.norm(b - a)) / before for a, b in zip(one, other, strict=True)]))
 
 
-def measure_growth(scene: Scene, time: float) -> Growth:
-    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it."""
+def measure_growth(scene: Scene, time: float, integrator: str = "rk4", per_radian: float = STEPS_PER_RADIAN) -> Growth:
+    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it.
+
+    `integrator`, `per_radian` (see `twin_steps`): of the twins. Implicit Euler takes what no explicit step can follow.
+    """
 
     def path(position: np.ndarray, count: int) -> list[np.ndarray]:
-        stepped = scene.replace({"method.dt": time / count, "method.integrator": "rk4"})
+        stepped = scene.replace({"method.dt": time / count})
         state = position, start(scene)[1]
         each = count // LOOKS
         passed = []
         for look in range(LOOKS):
-            state = simulate(stepped, each, *state, look * each)
+            state = simulate(stepped, each, *state, look * each, integrator=integrator)
             passed.append(state[0])
         return passed
 
-    return growth_along(scene, time, path)
+    return growth_along(scene, time, path, per_radian)
 
 
-def kept_growth(scene: Scene, time: float, folder: Path | None) -> Growth:
+def kept_growth(
+    scene: Scene, time: float, folder: Path | None, integrator: str = "rk4", per_radian: float = STEPS_PER_RADIAN
+) -> Growth:
     """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
     file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
     held = read_arrays(file) if file else None
@@ -111,7 +118,7 @@ def kept_growth(scene: Scene, time: float, folder: Path | None) -> Growth:
         found = Growth(held["times"], held["factors"])
         if found.times.shape == found.factors.shape == (LOOKS,):
             return found
-    made = measure_growth(scene, time)
+    made = measure_growth(scene, time, integrator, per_radian)
     if file:
         write_arrays(file, times=made.times, factors=made.factors)
     return made

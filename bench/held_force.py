@@ -14,9 +14,9 @@ import numpy as np
 
 from bench.judge import SECONDS_PER_EVALUATION
 from bench.reference import cache
-from bench.reference.kept import read_arrays, write_arrays
 from bench.reference.mass_spring import simulate, start
 from model.integrators import damping_rate, frequency_bound
+from model.kept import read_arrays, write_arrays
 from model.scene import Scene
 
 SECONDS_PER_STEP = 1e-3  # s, of NumPy's calls, rounded up

@@ -33,6 +33,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
         return 0.0, None
     if scene.mesh:
         return None, "meshes have no converged reference"
+    if scene.method.matches_shapes:
+        return None, "clusters are another material than springs: no converged reference"
     if scene.external and scene.external.magnitude > 0:
         return None, "a random force is another force at every step size, so no converged reference exists"
     steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN

@@ -14,7 +14,7 @@ import numpy as np
 from bench.growth import DISTURBANCE, Growth
 from bench.judge import distance
 from bench.reference.cache import Converged
-from model.energy import energies, spring_strain
+from model.energy import energies, masses, spring_strain
 from model.errors import Diverged
 from model.scene import Scene
 from model.simulation import State
@@ -92,7 +92,8 @@ def _statistics(scene: Scene, state: State, right: Converged, free: np.ndarray) 
         )
     }
     mean = np.linalg.norm(off["position"].mean(axis=0)) / scene.grid.spacing if free.any() else 0.0
-    momentum = scene.grid.mass * np.linalg.norm(off["velocity"].sum(axis=0))
+    mass = np.broadcast_to(masses(scene), (len(free), 1))[free]
+    momentum = np.linalg.norm((mass * off["velocity"]).sum(axis=0))
     return {
         ENERGY: (energy, "J", None),
         ENERGY_OFF: (energy - its_energy, "J", None),

@@ -10,18 +10,26 @@ from collections.abc import Mapping
 from typing import Any
 
 from model.errors import SceneError
-from model.integrators import INTEGRATORS
+from model.integrators import IMPLICIT, INTEGRATORS
 from model.scene import Scene
 
 XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
 WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges to that is not the scene's
-METHODS = (*INTEGRATORS, *XPBD)
+METHODS = (*INTEGRATORS, *XPBD)  # of every sheet
+OF_CLOTHS = tuple(IMPLICIT)
 XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
 
 
 def position_based(name: str) -> bool:
     """Whether a method of that name has iterations."""
     return name in XPBD
+
+
+def fits(scene: Scene, name: str) -> bool:
+    """Whether the scene's sheet can be stepped by a method of that name: implicit Euler takes a cloth, a load xpbd."""
+    if scene.loads and not position_based(name):
+        return False
+    return name not in OF_CLOTHS or scene.cloth is not None
 
 
 def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
@@ -35,7 +43,8 @@ def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]
 
 def name_of(method: Mapping[str, Any]) -> str:
     """The name of a method from its table, as stores hold it."""
-    return str(method.get("integrator") or f"{method['solver']} {method['ordering']}")
+    ordering = method.get("ordering")
+    return str(method.get("integrator") or (f"{method['solver']} {ordering}" if ordering else method["solver"]))
 
 
 def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
@@ -44,18 +53,20 @@ def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
 
 
 def has_motion(scene: Scene) -> bool:
-    """Whether Newton's law tells the scene's motion, so that an error can be had: constraints that are springs, of masses
-    that weigh the same. A pbd's stiffness is that of its step size and iterations."""
+    """Whether Newton's law tells the scene's motion, so that an error can be had: constraints that are springs. A pbd's
+    stiffness is that of its step size and iterations, and clusters are another material than springs."""
     rigid = any(springs.inextensible for springs in (scene.springs, *scene.cloth_springs.values()) if springs)
-    return not (rigid or scene.loads or scene.attachments or scene.method.solver == "pbd")
+    return not (rigid or scene.attachments or scene.method.solver == "pbd" or scene.method.matches_shapes)
 
 
 def newton(scene: Scene) -> Scene:
-    """The same scene for the solver mass-spring: what references are made for. Raises SceneError (see `has_motion`)."""
-    if not has_motion(scene):
+    """The same scene for the solver mass-spring: what references are made for. Raises SceneError (see `has_motion`), also
+    for loads, which that solver does not know."""
+    if scene.loads or not has_motion(scene):
         raise SceneError(
             "method.solver", scene.method.solver, "has no converged reference where constraints do not give, masses differ "
-            "or are tethered, or the stiffness is pbd's; give springs a compliance and leave out loads and attachments"
+            "or are tethered, or the stiffness is pbd's or that of clusters; give springs a compliance and leave out loads "
+            "and attachments"
         )  # fmt: skip
     return scene.replace({"method.solver": "mass-spring"}) if scene.method.position_based else scene
 

@@ -10,7 +10,7 @@ from bench.equal_error import Fastest, equal_error
 from bench.results import Timing
 from labbook import words
 from labbook.words import number
-from model.integrators import INTEGRATORS
+from model.integrators import IMPLICIT, INTEGRATORS
 from plots.accuracy_points import Point, order_points, points
 from plots.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
 from plots.work_precision import SCENES, accurate_source
@@ -103,13 +103,14 @@ def error_tables(results: Results) -> list[Table]:
     """Errors of every integrator and step size in float64, one table a scene."""
     source = accurate_source(results)
     tables = []
+    names = (*INTEGRATORS, *IMPLICIT)
     for scene in SCENES if source else ():
-        found = points(source, scene) if source else []
+        found = [p for p in points(source, scene) if p.integrator in names] if source else []
         steps = sorted({p.dt for p in found}, reverse=True)
         if not steps:
             continue
         rows = []
-        for name in INTEGRATORS:
+        for name in names:
             mine = {p.dt: p for p in found if (p.integrator, p.precision) == (name, "float64")}
             if mine:
                 rows.append([name, *(error_cell(mine.get(dt)) for dt in steps)])

@@ -33,7 +33,7 @@ SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have i
 
 @dataclass(frozen=True)
 class Point:
-    """One accuracy run. `scene`: S1, S2, S4, S5, or S1-16 at 16 x 16 masses; `integrator`: the method's name; `error` in
+    """One accuracy run. `scene`: S1 to S6, S6-still, or S1-16 at 16 x 16 masses; `integrator`: the method's name; `error` in
     spacings against Newton's law, infinite when it diverged or was `refused` (chaotic by then); `half`: against the
     half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed; `copied`:
     with the state's copy to the host; `low`, `high`: the least and greatest of its repeats, where they are known; `growth`:

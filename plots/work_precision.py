@@ -23,8 +23,8 @@ from plots.style import (
 )
 
 TITLE = "Speed against error"
-BROWN, PINK = "#7A5230", "#B0305C"
-SCENES = ("S1", "S2", "S4", "S5")
+BROWN, PINK, VIOLET, OLIVE = "#7A5230", "#B0305C", "#5E3C99", "#7F7F00"
+SCENES = ("S1", "S2", "S4", "S5", "S6", "S6-still")
 INTEGRATORS = {  # colour, marker
     "lab": (VERMILLION, "X"),
     "semi-implicit-euler": (ORANGE, "s"),
@@ -33,16 +33,19 @@ INTEGRATORS = {  # colour, marker
     "explicit-euler": (PURPLE, "v"),
     "taylor": (SKY, "P"),
 }
+IMPLICIT = {"implicit-euler": (VIOLET, "^"), "implicit-euler-linear": (OLIVE, "<")}  # the same, of cloths
 XPBD = {  # the same; in the speed diagram the markers are the iterations
     "xpbd gauss-seidel": (BLACK, "o"),
     "xpbd jacobi": (BROWN, "s"),
     "xpbd averaged-jacobi": (PINK, "X"),
 }
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
+DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {("cpu", "float32"): "-", ("cpu", "float64"): "--", ("gpu", "float32"): "-.", ("gpu", "float64"): ":"}
 ACROSS = 2  # panels in a row
 FLAT = 0.3  # an observed order under it: the error does not fall with the step size
-EDGE = 3.0  # times the largest finite error: where diverged runs are put
+LOST = 100.0  # spacings: an error beyond it is drawn as if the run had diverged, or the others would share a corner
+EDGE = 3.0  # times the largest error that is not lost: where diverged runs are put
 
 
 def draw(results: Results) -> Drawing | str:
@@ -64,8 +67,8 @@ def draw(results: Results) -> Drawing | str:
         "Cost of a simulated second against the error of its end state (root mean square over the free masses, in spacings, "
         "against the converged reference), one line a method, precision and backend, a marker a step size; of position-based "
         "methods the marker is the number of iterations. Grey: the Pareto front. Hollow: below what the reference resolves. "
-        "At the right edge: runs that diverged. Bars: least to greatest repeat. The hand-out's step (lab) solves the "
-        "equation with half the acceleration."
+        f"At the right edge: runs that diverged, or are off by over {LOST:g} spacings. Bars: least to greatest repeat. The "
+        "hand-out's step (lab) solves the equation with half the acceleration."
     )
     return Drawing(figure, TITLE, caption, (source,))
 
@@ -92,22 +95,23 @@ def accurate_source(results: Results) -> Source | None:
 
 
 def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
-    finite = [p.error for p in found if not p.diverged and p.error > 0]
-    edge = EDGE * max(finite, default=1.0)
+    edge = EDGE * max((p.error for p in found if not _lost(p) and p.error > 0), default=1.0)
     for name, iterations, colour, marker in _curves(found):
         for (backend, precision), line in LINES.items():
             mine = [p for p in found if (p.integrator, p.iterations) == (name, iterations)
                     and (p.backend, p.precision) == (backend, precision)]  # fmt: skip
             if not mine:
                 continue
-            sound = [p for p in mine if not p.diverged and p.error > 0]
+            sound = [p for p in mine if not _lost(p) and p.error > 0]
             ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=1.1, zorder=2)
             for p in mine:
-                x = edge if p.diverged else p.error
-                face = colour if p.resolved and not p.diverged else "white"
+                x = edge if _lost(p) else p.error
+                face = colour if p.resolved and not _lost(p) else "white"
                 if p.low is not None and p.high is not None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2)
-                ax.plot([x], [p.seconds], marker, color=colour, markerfacecolor=face, zorder=3, clip_on=False)
+                how: dict[str, Any] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
+                how |= DIGIT if iterations is not None else {}
+                ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False)
         if iterations in (None, min((p.iterations or 0 for p in found if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
     front = pareto_front(found)
@@ -116,26 +120,29 @@ def _draw_panel(ax: Any, found: list[Point], scene: str) -> None:
         ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
     ax.set_xscale("log")
     ax.set_yscale("log")
-    if any(p.diverged for p in found):
+    if any(_lost(p) for p in found):
         ax.axvline(edge, color=GREY, linestyle=":", linewidth=1)
         ax.annotate("diverged", (edge, 1), (-3, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
                     fontsize=7, color="#555555", va="top", ha="right", rotation=90)  # fmt: skip
     lab = [p for p in found if p.integrator == "lab" and not p.diverged]
     order = observed_order([(p.dt, p.error) for p in order_points(found, "lab")])
     if lab and order is not None and order < FLAT:
-        top = max(lab, key=lambda p: p.seconds or 0.0)
-        ax.annotate("lab solves\nhalf the acceleration", (top.error, top.seconds or 1.0), (5, 8),
+        ax.annotate("lab solves half the acceleration", (lab[0].error, 0), (5, 3), xycoords=("data", "axes fraction"),
                     textcoords="offset points", fontsize=7, color=VERMILLION, ha="right", va="bottom")  # fmt: skip
-        ax.margins(y=0.14)
+        ax.margins(y=0.12)
     ax.set_title(scene)
     ax.set_xlabel("error / spacings")
+
+
+def _lost(p: Point) -> bool:
+    return p.diverged or p.error > LOST
 
 
 def _curves(found: list[Point]) -> list[tuple[str, int | None, str, str]]:
     """(method, iterations, colour, marker) of each curve of a panel; integrators have no iterations."""
     held = {p.integrator for p in found}
     curves: list[tuple[str, int | None, str, str]] = [
-        (name, None, colour, marker) for name, (colour, marker) in INTEGRATORS.items() if name in held
+        (name, None, colour, marker) for name, (colour, marker) in (INTEGRATORS | IMPLICIT).items() if name in held
     ]
     for name in DRAWN_XPBD:
         counts = sorted({p.iterations for p in found if p.integrator == name and p.iterations})

@@ -162,6 +162,7 @@ def cloth_run(tmp_path_factory):
     patch = pytest.MonkeyPatch()
     patch.setitem(accuracy_points.CLOTHS, "S4", str(write_scene(folder / "small.toml", small)))
     patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "velocity-verlet", "rk4"))
+    patch.setattr(accuracy_cases, "OF_CLOTHS", ())
     patch.setattr(accuracy_cases, "QUICK_XPBD", ())
     patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
     patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.002))
@@ -208,7 +209,7 @@ def test_the_cloth_belongs_to_the_full_mode(monkeypatch):
         monkeypatch.setattr(accuracy, "cases", lambda labels, *_, quick=quick: asked.update({quick: set(labels)}) or [])
         with Store(":memory:") as store:
             run_accuracy(store, quick=quick, backends=["cpu"], progress=False)
-    assert asked == {True: {"S1", "S2"}, False: {"S1", "S2", "S4", "S5"}}
+    assert asked == {True: {"S1", "S2"}, False: {"S1", "S2", "S4", "S5", "S6", "S6-still"}}
     scene = load_scene("cloth-wind")
     for name in ("lab", "semi-implicit-euler", "velocity-verlet", "rk4"):
         assert max(accuracy_cases.CLOTH_STEP_SIZES) < stability_limit(scene.replace({"method.integrator": name}))

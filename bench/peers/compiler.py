@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import hashlib
 import os
@@ -14,6 +13,7 @@ from pathlib import Path
 
 from bench.peers.base import PeerError
 from cpu_backend.mass_spring import processor_name
+from model.kept import cache_folder
 
 COMPILERS = ("g++", "clang++")  # g++ first: it shares its OpenMP threads with numba, two teams would disturb each other
 COMPILE = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-fPIC", "-c")
@@ -40,24 +40,6 @@ def find_compiler() -> tuple[str, str] | str:
     return f"no C++ compiler ({', '.join(names)}); install g++, or set CXX"
 
 
-def cache_folder() -> Path:
-    """Where libraries are kept: the user's cache, or a fresh private folder where that cannot be written.
-
-    Never a shared folder under a name that another user could guess and fill.
-    """
-    base = os.environ.get("XDG_CACHE_HOME")
-    try:
-        folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / "peers"
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except (OSError, RuntimeError):
-        pass
-    private = tempfile.mkdtemp(prefix="softlab-peers-")
-    atexit.register(shutil.rmtree, private, ignore_errors=True)
-    return Path(private)
-
-
 @cache
 def load_library(source: Path) -> ctypes.CDLL:
     """The source as a loaded library. Raises PeerError (no compiler, it fails, the library does not load)."""
@@ -67,7 +49,7 @@ def load_library(source: Path) -> ctypes.CDLL:
     compiler, version = found
     parts = (source.read_text(encoding="utf-8"), version, " ".join((*COMPILE, *LINK)), processor_name())
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-    folder = cache_folder()
+    folder = cache_folder("peers")
     library = folder / f"{source.stem}-{key}.so"
     try:
         if not library.exists():

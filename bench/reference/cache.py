@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from bench.reference.kept import read_arrays, write_arrays
 from bench.reference.mass_spring import converged
+from model.kept import read_arrays, write_arrays
 from model.scene import Scene
 
 TOLERANCE = 5e-9  # spacings; RK4 at dt 0.0025 on the accuracy scenes is at 8e-8, and shall be resolved tenfold
@@ -33,17 +34,24 @@ def _sources() -> bytes:
 
 def key(scene: Scene, time: float, inertia: float, tolerance: float) -> str:
     """16 hexadecimal digits of the scene without its method (the reference does not use it), the time and the rest."""
-    material = scene.replace({"method.dt": 1.0, "method.integrator": "rk4"}).canonical()
-    text = f"{material} {time!r} {inertia!r} {tolerance!r} ".encode()
+    material = {name: table for name, table in scene.as_dict().items() if scene.kinds.get(name, "method") != "method"}
+    text = f"{json.dumps(material, sort_keys=True)} {time!r} {inertia!r} {tolerance!r} ".encode()
     return hashlib.sha256(text + _sources()).hexdigest()[:16]
 
 
 def kept(
-    scene: Scene, time: float, folder: Path | None, *, inertia: float = 1.0, tolerance: float = TOLERANCE
+    scene: Scene,
+    time: float,
+    folder: Path | None,
+    *,
+    inertia: float = 1.0,
+    tolerance: float = TOLERANCE,
+    per_radian: float = 4,
 ) -> Converged:
     """The converged reference, from `folder` where it lies there, else made and put there (None: nothing is kept).
 
-    A file that cannot be read or written costs the time to make it again, nothing else. Raises what `converged` raises.
+    `per_radian`: the steps to begin with, which the tolerance makes finer. A file that cannot be read or written costs the
+    time to make it again, nothing else. Raises what `converged` raises.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
     held = read_arrays(file) if file else None
@@ -51,7 +59,7 @@ def kept(
         found = Converged(held["position"], held["velocity"], float(held["estimate"]))
         if found.position.shape == found.velocity.shape == (scene.grid.particle_count, scene.dimensions):
             return found
-    made = Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance))
+    made = Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance, per_radian=per_radian))
     if file:
         write_arrays(file, position=made.position, velocity=made.velocity, estimate=made.estimate)
     return made

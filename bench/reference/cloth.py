@@ -1,7 +1,7 @@
 """The mass-spring cloth in slow, plain NumPy float64: the judge of both backends, written like that of the grid.
 
 From the equations, by array slicing, without model/formulas, model/build, model/cloth_record or a backend. Newton's law
-per mass m,
+per mass m (a load weighs what it says),
 
     m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
 
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from bench.reference.philox import random_directions
-from bench.reference.steps import Poke, named_mask, pinned_mask
+from bench.reference.steps import Poke, masses, named_mask, pinned_mask
 from model.errors import SceneError
 from model.scene import Scene
 
@@ -172,7 +172,7 @@ def forces(
     position, velocity = follow(scene, position, velocity, time)
     force = spring_forces(scene, position, velocity)
     if scene.gravity and scene.gravity.enabled:
-        force[..., 1] -= scene.grid.mass * scene.gravity.acceleration
+        force[..., 1:2] -= masses(scene) * scene.gravity.acceleration
     force += wind_forces(scene, position, velocity, time)
     if scene.external and scene.external.magnitude > 0:
         directions = random_directions(scene.external.seed, step, scene.grid.particle_count, axes=3)

@@ -10,9 +10,9 @@ A Newton step from u adds the s that solves (1 + h c/m) s + sum over springs B (
 
     B = (h^2 k [n n^T + max(0, 1 - L/|d|) (I - n n^T)] + h c_s n n^T) / m,      n = d / |d|.
 
-The matrix is symmetric, and no eigenvalue of it is below 1. Clamping changes the way to the solution, not the solution: for
-springs under tension and without dampers it is Newton's method, else a quasi-Newton one. The first step is taken from
-u = 0, where masses are at p: it is the step of Baraff and Witkin, who write it for the change of velocity.
+Times the masses the matrix is symmetric, and no eigenvalue of it is below 1. Clamping changes the way to the solution, not
+the solution: for springs under tension and without dampers it is Newton's method, else a quasi-Newton one. The first step is
+taken from u = 0, where masses are at p: it is the step of Baraff and Witkin, who write it for the change of velocity.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from bench.reference import cloth
-from bench.reference.steps import Poke, pinned_mask
+from bench.reference.steps import Poke, masses, pinned_mask
 from model.scene import Scene
 
 NAMES = ("implicit-euler", "implicit-euler-linear")
@@ -43,10 +43,11 @@ class Solution:
 
 def system(scene: Scene, position: np.ndarray, clamped: bool = True) -> np.ndarray:
     """(3 particles, 3 particles): the matrix over the mass at positions (rows, columns, 3) [m], pinned masses held."""
-    h, mass = scene.method.dt, scene.grid.mass
+    h = scene.method.dt
     shape = position.shape[:2]
     count = shape[0] * shape[1]
     number = np.arange(count).reshape(shape)
+    mass = np.broadcast_to(masses(scene), (*shape, 1)).reshape(count, 1, 1)
     blocks = np.zeros((count, 3, count, 3))
     every = np.arange(count)
     blocks[every, :, every, :] = np.eye(3) * (1 + h * (scene.damping.coefficient if scene.damping else 0.0) / mass)
@@ -62,10 +63,9 @@ def system(scene: Scene, position: np.ndarray, clamped: bool = True) -> np.ndarr
             if clamped:
                 across = np.maximum(across, 0.0)
             stiff = h * h * springs.stiffness * (along + across * (np.eye(3) - along)) + h * springs.damping * along
-            stiff /= mass
             for a, b, sign in ((first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1)):
                 place: Any = (a, slice(None), b, slice(None))
-                np.add.at(blocks, place, sign * stiff)
+                np.add.at(blocks, place, sign * stiff / mass[a])
     held = np.flatnonzero(pinned_mask(scene))
     blocks[held] = 0
     blocks[:, :, held] = 0
@@ -81,7 +81,7 @@ def solve(
     `end` [s]: the step's end, where pins that follow a motion are then. A step is halved while the residual along it has
     turned round by more than nine tenths (Nocedal and Wright, Numerical Optimization, eq. 3.7b, its upper half).
     """
-    h, mass, free = scene.method.dt, scene.grid.mass, ~pinned_mask(scene)[..., None]
+    h, mass, free = scene.method.dt, masses(scene), ~pinned_mask(scene)[..., None]
     rate = (scene.damping.coefficient if scene.damping else 0.0) / mass
 
     def at(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,12 +95,13 @@ def solve(
     found = Solution(u, [float(np.linalg.norm(residual))])
     while found.residuals[-1] > ENOUGH * found.residuals[0] and len(found.residuals) <= MOST:
         s = np.linalg.solve(system(scene, x), residual.ravel()).reshape(u.shape)
-        slope, part = float(np.vdot(residual, s)), 1.0
+        weighted = mass * s
+        slope, part = float(np.vdot(residual, weighted)), 1.0
         if linear:
             found.velocity = s
             return found
         x, residual = at(u + s)
-        while np.vdot(residual, s) < -0.9 * slope and part > 2**-10:
+        while np.vdot(residual, weighted) < -0.9 * slope and part > 2**-10:
             part /= 2
             x, residual = at(u + part * s)
         u = u + part * s
@@ -120,7 +121,7 @@ def other_forces(
     time = step * scene.method.dt
     position, velocity = cloth.follow(scene, position, velocity, time)
     whole = cloth.forces(scene, position, velocity, time, step, poke)
-    return (whole - cloth.spring_forces(scene, position, velocity)) / scene.grid.mass
+    return (whole - cloth.spring_forces(scene, position, velocity)) / masses(scene)
 
 
 def simulate(

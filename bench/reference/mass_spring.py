@@ -20,7 +20,7 @@ from bench.reference import cloth, implicit
 from bench.reference.philox import random_directions
 from bench.reference.richardson import refine
 from bench.reference.steps import EXPLICIT_DAMPING_VERLET as EXPLICIT_DAMPING_VERLET
-from bench.reference.steps import Accelerate, Poke, one_step
+from bench.reference.steps import Accelerate, Poke, masses, one_step
 from bench.reference.steps import pinned_mask as pinned_mask
 from model.errors import SceneError
 from model.scene import Scene
@@ -92,7 +92,7 @@ def _force_without_damping(
     grid = scene.grid
     force = spring_forces(scene, position)
     if scene.gravity and scene.gravity.enabled:
-        force[..., 1] -= grid.mass * scene.gravity.acceleration
+        force[..., 1:2] -= masses(scene) * scene.gravity.acceleration
     if scene.external and scene.external.magnitude > 0:
         force += scene.external.magnitude * random_directions(scene.external.seed, step, grid.particle_count).reshape(
             force.shape
@@ -138,7 +138,7 @@ def simulate(
     v = np.array(begin_velocity if velocity is None else velocity, dtype=np.float64).reshape(shape)
     free = ~pinned_mask(scene)[..., None]
     v *= free
-    mass = inertia * grid.mass
+    mass = inertia * masses(scene)
     gamma = (scene.damping.coefficient if scene.damping else 0.0) / mass
     with np.errstate(over="ignore", invalid="ignore"):  # over its limit an explicit scheme does overflow
         for step in range(first_step, first_step + steps):
@@ -161,16 +161,23 @@ def simulate(
 
 
 def converged(
-    scene: Scene, time: float, *, inertia: float = 1.0, tolerance: float = 1e-9, most_steps: int = 200_000
+    scene: Scene,
+    time: float,
+    *,
+    inertia: float = 1.0,
+    tolerance: float = 1e-9,
+    most_steps: int = 200_000,
+    per_radian: float = 4,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """(position, velocity, error estimate [m]) of the scene's motion at `time` [s], by RK4 and Richardson: see
-    bench/reference/richardson.py. `tolerance`: of the estimate, in spacings. `inertia`: see `simulate`.
+    bench/reference/richardson.py. `tolerance`: of the estimate, in spacings. `inertia`: see `simulate`. `per_radian`: the
+    steps to begin with of the fastest vibration.
 
     Raises SceneError for a random force, which is another force at every step size.
     """
     if scene.external and scene.external.magnitude > 0:
         raise SceneError("external.magnitude", scene.external.magnitude, "must be 0 for a converged reference")
-    steps = max(8, ceil(time * _fastest(scene) * 4))  # h w = 1/4 to begin with
+    steps = max(8, ceil(time * _fastest(scene) * per_radian))
 
     def solve(count: int) -> tuple[np.ndarray, np.ndarray]:
         return simulate(scene.replace({"method.dt": time / count}), count, integrator="rk4", inertia=inertia)
@@ -190,7 +197,8 @@ def _fastest(scene: Scene) -> float:
     if scene.cloth:
         stiffness = sum(springs.stiffness for springs in scene.cloth_springs.values())
         damping += 8 * sum(springs.damping for springs in scene.cloth_springs.values())
-    return sqrt(8 * stiffness / scene.grid.mass) + damping / scene.grid.mass
+    mass = float(np.min(masses(scene)))
+    return sqrt(8 * stiffness / mass) + damping / mass
 
 
 def first_bad(scene: Scene, steps: int, bound: float) -> tuple[int, int] | None:

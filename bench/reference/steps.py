@@ -42,6 +42,16 @@ def named_mask(pins: str | list[tuple[int, int]], rows: int, columns: int) -> np
     return mask
 
 
+def masses(scene: Scene) -> float | np.ndarray:
+    """Of each particle [kg], pinned or not: (rows, columns, 1), or the one number where all weigh the same."""
+    if not scene.loads:
+        return scene.grid.mass
+    mass = np.full((scene.grid.rows, scene.grid.columns, 1), scene.grid.mass)
+    for load in scene.loads.values():
+        mass[load.at] = load.mass
+    return mass
+
+
 def one_step(
     integrator: str,
     p: np.ndarray,
@@ -50,7 +60,7 @@ def one_step(
     dt: float,
     a: Accelerate,
     undamped: Accelerate,
-    gamma: float,
+    gamma: float | np.ndarray,
     settle: Settle = lambda before, p, v: (p, v),
 ) -> tuple[np.ndarray, np.ndarray]:
     """One step of `integrator`; a(p, v, t) is the whole acceleration, `undamped` the one without the damper.

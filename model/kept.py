@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import tempfile
-import zlib
+from functools import cache
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 
+@cache
+def cache_folder(name: str) -> Path:
+    """A folder of the user's cache, or a fresh private one, gone with the process, where that cannot be written.
+
+    Never a shared folder under a name that another user could guess and fill.
+    """
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except (OSError, RuntimeError):
+        pass
+    private = tempfile.mkdtemp(prefix=f"softlab-{name}-")
+    atexit.register(shutil.rmtree, private, ignore_errors=True)
+    return Path(private)
+
+
 def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
-    """The arrays of an .npz file by name; None where it is not there, or cut short."""
+    """The arrays of an .npz file by name; None where it is not there, cut short or damaged."""
     try:
         with np.load(file) as held:
             return dict(held)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+    except Exception:  # a damaged archive can trip its parser anywhere
         return None
 
 

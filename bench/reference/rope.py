@@ -1,0 +1,27 @@
+"""Closed forms of a rope that hangs at rest: a cloth of one row, held at its first mass alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.reference import cloth
+from bench.reference.steps import masses, pinned_mask
+from model.errors import SceneError
+from model.scene import Scene
+
+
+def hanging(scene: Scene) -> np.ndarray:
+    """(particles, 3) [m]: straight down from the first mass, every link longer by the weight below it over its stiffness.
+
+    Raises SceneError for what is no such rope, or hangs otherwise.
+    """
+    grid, springs = scene.grid, scene.cloth_springs
+    alone = grid.rows == 1 and pinned_mask(scene).ravel().tolist() == [True] + [False] * (grid.columns - 1)
+    if not (alone and list(springs) == ["structural"]) or scene.wind or scene.colliders:
+        raise SceneError("cloth.rows", grid.rows, "must be 1, with the first mass pinned and structural springs alone")
+    mass = np.broadcast_to(masses(scene), (1, grid.columns, 1)).ravel()
+    below = np.cumsum(mass[::-1])[::-1]  # kg: a mass and all after it
+    g = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+    position = np.tile(cloth.start(scene)[0][0], (grid.columns, 1))
+    position[1:, 1] -= np.cumsum(grid.spacing + below[1:] * g / springs["structural"].stiffness)
+    return position
