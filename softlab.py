@@ -110,10 +110,10 @@ def run(
     result = run_scene(_scene(scene, settings), request)
     for note in result.notes:
         errors.print(note, markup=False)
-    if judge and not initial:
-        result.report["error"], result.report["error_reason"] = judge_run(result.scene, result.state, result.diverged)
-    elif initial:
+    if initial:
         result.report["error_reason"] = "started from a file, for which there is no reference"
+    elif judge:
+        result.report["error"], result.report["error_reason"] = judge_run(result.scene, result.state, result.diverged)
     if as_json:
         print(json.dumps(result.report))
     else:
@@ -223,6 +223,7 @@ def accuracy(
     integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    scene: Annotated[list[str] | None, typer.Option(help="Only S1, S2, S4, S5, S6 or S6-still. Repeatable.")] = None,
     findings: Annotated[
         bool | None,
         typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
@@ -231,6 +232,8 @@ def accuracy(
 ) -> None:
     """Hold every method, step size and precision against a converged reference: speed against error."""
     from bench.accuracy import run_accuracy
+    from bench.accuracy_points import CLOTHS, SCENES
+    from bench.choice import chosen
     from bench.convergence import run_convergence
     from bench.findings import run_findings
     from bench.findings_costs import run_costs
@@ -238,9 +241,10 @@ def accuracy(
 
     how: dict[str, Any] = {"quick": quick, "backends": backend, "command": " ".join(["softlab", *sys.argv[1:]])}
     if findings is None:
-        findings = not (integrator or precision)
+        findings = not (integrator or precision or scene)
+    scenes = chosen(scene, [*SCENES, *CLOTHS], "--scene") if scene else None
     with Store(store) as opened:
-        summary: Any = run_accuracy(opened, integrators=integrator, precisions=precision, **how)
+        summary: Any = run_accuracy(opened, integrators=integrator, precisions=precision, scenes=scenes, **how)
         out.print(str(summary), markup=False, soft_wrap=True)
         for run in (run_findings, run_costs, run_convergence) if findings else ():
             if not summary.interrupted:

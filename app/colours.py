@@ -21,6 +21,17 @@ GROUND = (0.92, 0.93, 0.94)
 GROUND_LINE = (0.66, 0.69, 0.73)
 SHADOW = (0.80, 0.82, 0.85)
 
+BODIES = (  # of neighbouring numbers; apart in lightness or from blue to yellow, which every colour vision tells
+    (0.82, 0.56, 0.14),
+    (0.28, 0.50, 0.73),
+    (0.28, 0.60, 0.46),
+    (0.74, 0.38, 0.28),
+    (0.57, 0.46, 0.70),
+    (0.80, 0.73, 0.35),
+    (0.42, 0.68, 0.79),
+    (0.77, 0.51, 0.62),
+)
+
 STOPS = np.array(
     [
         [0.02, 0.14, 0.45],

@@ -35,6 +35,13 @@ SPACE_KEYS = (
     ("left", "drag beside it: turn (middle)"),
     *KEYS[11:],
 )
+BODY_KEYS = (  # without springs there is no stiffness to change
+    *KEYS[:2],
+    *KEYS[3:8],
+    ("P K", "particles, skin"),
+    ("L", "one or the other"),
+    *SPACE_KEYS[9:],
+)
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
     "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
@@ -43,11 +50,21 @@ SPACE_HINT = (
     "H: keys    L: surface, springs    drag beside the cloth: turn    drag a mass to pull it    F: frame    "
     "space: pause    R: restart    Escape: close"
 )
+BODY_HINT = (
+    "H: keys    P: particles    K: skin    drag beside the bodies: turn    drag a particle to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
 
 
-def keys_text(width: int, space: bool = False) -> str:
-    """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions."""
-    lines = [f"{key:8}{meaning:30}" for key, meaning in (SPACE_KEYS if space else KEYS)]
+def hint(space: bool = False, bodies: bool = False) -> str:
+    """The keys that a user needs first."""
+    return BODY_HINT if bodies else SPACE_HINT if space else HINT
+
+
+def keys_text(width: int, space: bool = False, bodies: bool = False) -> str:
+    """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
+    one of bodies."""
+    lines = [f"{key:8}{meaning:30}" for key, meaning in (BODY_KEYS if bodies else SPACE_KEYS if space else KEYS)]
     if width >= TWO_COLUMNS_FROM:
         half = len(lines) // 2
         lines = [left + right for left, right in zip(lines[:half], lines[half:], strict=True)]
@@ -72,6 +89,8 @@ class Controls:
             key.H: viewer.toggle_keys,
             key.F: viewer.frame_everything,
             key.L: viewer.toggle_lines,
+            key.P: viewer.toggle_particles,
+            key.K: viewer.toggle_skin,
             key.ENTER: demo.press_key,
             key.NUM_ENTER: demo.press_key,
             key.ESCAPE: viewer.close,

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from app.hand import Poke, nearest
-from app.worlds import Worlds, stiffness_paths
+import numpy as np
+
+from app.hand import Poke, nearest, neighbour
+from app.worlds import STEPS_PER_FRAME, Worlds, stiffness_paths
 from model.simulation import Simulation
 
 THREAD_WORDS = ("1x", "2x", "4x")
 FACTOR = 1.25  # one press of [ ] { }
-STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 
 
 class Demo(Worlds):
@@ -153,7 +154,11 @@ class Demo(Worlds):
     # ------------------------------------------------------------------ poking
 
     def name(self, particle: int) -> str:
-        """`row, column` of a mass."""
+        """`row, column` of a mass; of bodies the particle's number, and whose it is."""
+        if self.world.scene.bodies:
+            crowd = self.world.scene.crowd
+            copy = crowd.copies[crowd.body[particle]]
+            return f"{particle} of {copy.name}"
         return "{}, {}".format(*divmod(particle, self.world.body.columns))
 
     def force(self) -> tuple[float, ...]:
@@ -162,7 +167,8 @@ class Demo(Worlds):
 
     def _tell_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
-        self.say(f"mass {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
+        what = "particle" if self.world.scene.bodies else "mass"
+        self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
         """Arrows: select the neighbour `columns` to the right and `rows` up; the first press selects the middle.
@@ -170,6 +176,13 @@ class Demo(Worlds):
         The `direction` (in the plane that same way) is also where Enter pokes to from then on.
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
+        if self.hand.selected is not None and self.world.scene.bodies:
+            crowd = self.world.scene.crowd
+            own = np.flatnonzero(crowd.body == crowd.body[self.hand.selected])
+            self._tell_selection(
+                self.hand.move_to(neighbour(self.positions[0], own, self.hand.selected, towards), towards)
+            )
+            return
         self._tell_selection(self.hand.move(columns, rows, self.world, towards))
 
     def press(self, x: float, y: float, reach: float) -> bool:

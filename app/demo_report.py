@@ -14,6 +14,7 @@ from app.camera import Camera
 from app.camera3d import Camera3D
 from app.demo import Demo
 from app.worlds import stiffness_paths
+from model.scene import Scene
 
 
 def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
@@ -35,11 +36,27 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
             f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}, "
             f"{demo.steps_per_frame} steps   {speed * demo.steps_per_frame * running:.0f} steps/s",
             f"{world.backend}   {threads}   {world.options.precision}   "
-            f"{world.body.rows} x {world.body.columns} masses   {springs}gravity {gravity}",
+            f"{masses_text(scene)}   {springs}gravity {gravity}",
             f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   time {world.time:.2f} s   "
-            f"energy {demo.statistics.energy:.4g} J   worst strain {demo.statistics.worst_strain:+.4g}{state}",
+            f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}{state}",
         )
     )
+
+
+def strain_text(demo: Demo) -> str:
+    """The worst strain, or how far a particle of bodies is from its goal."""
+    worst = demo.statistics.worst_strain
+    if demo.world.scene.bodies:
+        return f"farthest from its goal {worst:.3g} spacings"
+    return f"worst strain {worst:+.4g}"
+
+
+def masses_text(scene: Scene) -> str:
+    """How many masses there are, in words; of bodies also how many clusters and bodies."""
+    if scene.bodies:
+        crowd = scene.crowd
+        return f"{crowd.particle_count} particles in {crowd.clusters.count} clusters of {len(crowd.copies)} bodies"
+    return f"{scene.grid.rows} x {scene.grid.columns} masses"
 
 
 def demo_state(demo: Demo, camera: Camera | Camera3D) -> dict[str, Any]:

@@ -59,10 +59,18 @@ def open_simulation(
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
     """The solver of the scene on the backend; the other backend is not even imported."""
     if backend == "cpu":
+        if scene.bodies:
+            from cpu_backend.bodies import Bodies
+
+            return Bodies(scene, options, threads)
         if scene.mesh:
             from cpu_backend.xpbd_mesh import MeshPositionBased
 
             return MeshPositionBased(scene, options, threads)
+        if scene.method.matches_shapes:
+            from cpu_backend.shape_matching import ShapeMatching
+
+            return ShapeMatching(scene, options, threads)
         if scene.method.position_based:
             from cpu_backend.xpbd import PositionBased
 
@@ -74,6 +82,10 @@ def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> S
         from cpu_backend.mass_spring import MassSpring
 
         return MassSpring(scene, options, threads)
+    if scene.bodies:
+        from gpu_backend.bodies import Bodies as CudaBodies
+
+        return CudaBodies(scene, options)
     if scene.mesh:
         from gpu_backend.xpbd_mesh import MeshPositionBased as CudaMeshPositionBased
 

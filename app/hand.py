@@ -51,9 +51,14 @@ class Hand:
             row = min(max(row - rows, 0), body.rows - 1)
             column = min(max(column + columns, 0), body.columns - 1)
             self.selected = row * body.columns + column
+        return self.move_to(self.selected, direction)
+
+    def move_to(self, particle: int, direction: tuple[float, ...]) -> int:
+        """Select a mass; `direction` as in `move`."""
+        self.selected, self.direction = particle, direction
         if self.held is not None and self.held.target is None:
-            self.held = Poke(self.selected, None, self.direction)
-        return self.selected
+            self.held = Poke(particle, None, direction)
+        return particle
 
     def force(self, world: Simulation, position: np.ndarray, hold_time: float) -> tuple[float, ...]:
         """The held force [N] on the mass where it is now; 0 without one. `hold_time` [s]: simulated time for which the force
@@ -61,14 +66,15 @@ class Hand:
         nothing = (0.0,) * len(self.down)
         if self.held is None:
             return nothing
-        gain = pointer_stiffness(world, hold_time)
+        gain = pointer_stiffness(world, self.held.particle, hold_time)
         if self.held.target is None:
             reach = 2 * world.scene.grid.spacing
             return tuple(part * gain * reach for part in self.held.direction)
         place = position[self.held.particle].astype(float)
         wanted = gain * (np.array(self.held.target) - place)
         if len(place) == 3 and self._before is not None and self._before[0] == self.held.particle:
-            wanted -= pointer_damping(world, gain, hold_time) * (place - self._before[1]) / hold_time
+            damping = pointer_damping(taken_mass(world, self.held.particle), gain, hold_time)
+            wanted -= damping * (place - self._before[1]) / hold_time
         force = tuple(wanted.tolist())
         return force if all(map(math.isfinite, force)) else nothing
 
@@ -90,14 +96,29 @@ def nearest(position: np.ndarray, x: float, y: float, reach: float) -> int | Non
     return particle if distance[particle] <= reach else None
 
 
-def pointer_damping(world: Simulation, stiffness: float, hold_time: float) -> float:
-    """Newton seconds per metre that a pulled mass of a cloth is slowed by: critical for the mass alone, but never so much
-    that the force, `hold_time` [s] old, takes more than half of its velocity."""
-    mass = world.scene.grid.mass
+def neighbour(position: np.ndarray, own: np.ndarray, selected: int, direction: tuple[float, ...]) -> int:
+    """Of the particles `own` (n,) at `position` (particles, 3) [m] the nearest to `selected` that lies within 45 degrees of
+    `direction` (3,) from it; itself where none does."""
+    away = position[own].astype(np.float64) - position[selected]
+    distance = np.linalg.norm(away, axis=1)
+    that_way = (away @ np.asarray(direction) > math.sqrt(0.5) * distance) & (distance > 0)
+    if not that_way.any():
+        return selected
+    return int(own[np.argmin(np.where(that_way, distance, np.inf))])
+
+
+def taken_mass(world: Simulation, particle: int) -> float:
+    """The mass [kg] that a pull is made for: of bodies the particle's own, else the sheet's."""
+    return float(1 / world.body.inverse_mass[particle]) if world.scene.bodies else world.scene.grid.mass
+
+
+def pointer_damping(mass: float, stiffness: float, hold_time: float) -> float:
+    """Newton seconds per metre that a pulled `mass` [kg] of a cloth or a body is slowed by: critical for the mass alone, but
+    never so much that the force, `hold_time` [s] old, takes more than half of its velocity."""
     return min(2 * math.sqrt(stiffness * mass), 0.5 * mass / hold_time)
 
 
-def pointer_stiffness(world: Simulation, hold_time: float) -> float:
+def pointer_stiffness(world: Simulation, particle: int, hold_time: float) -> float:
     """Newtons per metre between mass and pointer.
 
     One spring's stiffness: the force is renewed once a frame only, and a mass in a grid gives way by less than
@@ -108,5 +129,5 @@ def pointer_stiffness(world: Simulation, hold_time: float) -> float:
     scene = world.scene
     if scene.springs and scene.grid.spring_count:
         return scene.springs.stiffness
-    alone = 0.2 * scene.grid.mass / hold_time**2
+    alone = 0.2 * taken_mass(world, particle) / hold_time**2
     return min(alone, max((springs.stiffness for springs in scene.cloth_springs.values()), default=alone))

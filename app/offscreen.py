@@ -29,7 +29,8 @@ class OffscreenRenderer:
 
     `draw(position)` draws and waits until it is drawn, `image()` gives the pixels. `legend=False` leaves out all text.
     The view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call).
-    A cloth is drawn as a lit surface, or as springs coloured by strain, with the legend, where `lines` is true.
+    A cloth is drawn as a lit surface, or as springs coloured by strain, with the legend, where `lines` is true; bodies as
+    their skins, or then as particles.
 
     Raises BackendUnavailable where off-screen OpenGL or a font is missing, InputError for an impossible size.
     """
@@ -40,7 +41,7 @@ class OffscreenRenderer:
         for name, value in (("width", width), ("height", height)):
             if not LEAST_SIZE <= value <= MOST_SIZE:
                 raise InputError(f"picture {name} = {value}: must be {LEAST_SIZE} to {MOST_SIZE} pixels")
-        self.scene = scene
+        self.scene, self._space = scene, scene.dimensions == 3
         self.width, self.height = width, height
         self.strain_range = 0.5
         self.caption = scene.title
@@ -48,13 +49,13 @@ class OffscreenRenderer:
         try:
             self.renderer = renderer_name()
             self._view: Any = view_of(scene)
-            if lines and scene.cloth and not self._view.lines:
+            if lines and self._space and not self._view.lines:
                 self._view.toggle_lines()
             self._legend, self._panel = None, None
             if legend:
                 with drawing_text():
                     self._panel = Panel("top-left", 11, monospaced=False)
-                    if not scene.cloth or self._view.lines:  # a surface has no colours of strain
+                    if not self._space or self._view.lines:  # a surface has no colours of strain
                         self._legend = legend_of(scene)
         except BaseException:
             self._window.close()
@@ -82,14 +83,14 @@ class OffscreenRenderer:
         bounds = finite_bounds(position)
         if bounds is None:
             return
-        if self.scene.cloth:
+        if self._space:
             self._view.keep_above_ground(bounds[1])
         bounds = seen_bounds(self.scene, bounds, time)
         if self._bounds is not None and self._fitted:  # only ever outwards, so that a clip does not jump
             bounds = joined_bounds([self._bounds, bounds])
         self._bounds = bounds
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
-        if self._panel and self.scene.cloth and not self._legend:
+        if self._panel and self._space and not self._legend:
             margins = (40.0, 50.0, 40.0, 50.0)
         self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
 
@@ -113,7 +114,7 @@ class OffscreenRenderer:
         gl.glViewport(0, 0, self.width, self.height)
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
-        self._view.upload(position, *([normal] if self.scene.cloth else []))
+        self._view.upload(position, *([normal] if self._space else []))
         self._view.draw(self.camera, self.strain_range, time=time)
         if self._legend is not None:
             self._legend.place(self.width, self.strain_range)
@@ -154,7 +155,7 @@ def render_frame(
     time: float = 0.0,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
-    title. Of a cloth, `lines`: as springs and not as a surface; `time` [s]: where its moving colliders are.
+    title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are.
 
     Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """

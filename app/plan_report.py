@@ -115,9 +115,17 @@ class PlanReport:
     def as_dict(self) -> dict[str, Any]:
         """The object that `--json` prints. Shares are of the whole step; a limit that is infinite is null."""
         method, grid = self.scene.method, self.scene.grid
+        counts = {}
+        if self.scene.bodies:
+            clusters = self.scene.crowd.clusters
+            counts = {
+                "bodies": len(self.scene.crowd.copies),
+                "clusters": clusters.count,
+                "entries": len(clusters.indices),
+            }
         return {
             "scene": self.scene.name, "precision": self.precision, "particles": grid.particle_count,
-            "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,
+            **counts, "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,
             "substeps": method.substeps, "iterations": method.iterations,
             "dt": method.dt, "limit": self.limit if isfinite(self.limit) else None,
             "stable": method.dt <= self.limit, "frequency": frequency_lines(self.scene),
@@ -282,6 +290,10 @@ def plan_report(
         from app.plan_mesh import mesh_on_cpu, mesh_on_gpu
 
         ways = {"cpu": mesh_on_cpu, "gpu": mesh_on_gpu}
+    elif scene.bodies:
+        from app.plan_xpbd import bodies_on_cpu, bodies_on_gpu
+
+        ways = {"cpu": bodies_on_cpu, "gpu": bodies_on_gpu}
     elif scene.method.position_based:
         from app.plan_xpbd import xpbd_on_cpu, xpbd_on_gpu
 

@@ -59,6 +59,12 @@ def print_plan(console: Console, report: PlanReport) -> None:
     """The stages of a step, each with what it moves and computes; each backend's kernel; the stability limit."""
     scene = report.scene
     amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
+    if scene.bodies:
+        crowd = scene.crowd
+        amounts = (
+            f"{number(crowd.particle_count)} particles of {number(len(crowd.copies))} bodies, "
+            f"{number(crowd.clusters.count)} clusters, {len(crowd.clusters.indices) / crowd.particle_count:.2f} a particle"
+        )
     console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
     for line in (limit_line(report), *frequency_lines(scene)):
         console.print(line, soft_wrap=True, markup=False)

@@ -27,8 +27,45 @@ def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     kernel = choose_kernel(None)
     why = "colours, iterations and the prediction in one way down the rows"
+    if scene.method.matches_shapes:
+        why = "prediction, clusters and goals in one way down the rows, an iteration"
     passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
     return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
+
+
+def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
+    """The passes of a substep: forces and prediction; clusters; particles; velocities and colliders."""
+    item = np.dtype(PRECISIONS[precision]).itemsize
+    stages = list({stage.name: stage for stage in plan.root.stages()}.values())
+    middle = next(n for n, stage in enumerate(stages) if stage.name == "match clusters")
+    groups = [stages[:middle], [stages[middle]], [stages[middle + 1]], stages[middle + 2 :]]
+    return tuple(
+        Pass(
+            tuple(stage.name for stage in group), float(max(stage.bytes(item, plan.dimensions) for stage in group)),
+            float(sum(stage.operations for stage in group)), note,
+        )
+        for group in groups
+    )  # fmt: skip
+
+
+def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Clusters in compressed form, whole bodies a thread where there are enough of them."""
+    from cpu_backend.bodies import choose_kernel
+    from cpu_backend.mass_spring import processor_name
+
+    why = "index arrays, all substeps of a call in one kernel; a thread does whole bodies where they share out evenly"
+    passes = bodies_passes(plan, precision, "a loop over blocks of particles or clusters")
+    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
+
+
+def bodies_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Also where there is no GPU."""
+    from gpu_backend.device import gpu_available
+
+    available, device = gpu_available()
+    why = "clusters gather their particles, particles their clusters, a launch each, captured"
+    passes = bodies_passes(plan, precision, "a launch")
+    return BackendPlan("gpu", device if available else "none here", "graph", None, why, passes)
 
 
 def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

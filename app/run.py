@@ -14,6 +14,7 @@ import numpy as np
 
 from app.driver import open_simulation
 from app.files import check_state_target, read_state, write_state, write_trajectory
+from app.run_parts import bodies_report, body_lines, contact_report
 from app.video import check_render, render
 from cpu_backend.threads import core_count
 from model.energy import energies, spring_strain
@@ -107,7 +108,7 @@ def check_targets(scene: Scene, request: Request, steps: int) -> None:
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    notes = [*mesh_lines(scene), *overlap_lines(scene)]
+    notes = [*mesh_lines(scene), *body_lines(scene), *overlap_lines(scene)]
     steps = step_count(scene, request, notes)
     check_targets(scene, request, steps)
     initial = read_state(request.initial, scene) if request.initial else None
@@ -214,7 +215,8 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity)
-    strain = spring_strain(scene, state.position) if scene.springs or scene.cloth else np.zeros(0)
+    strained = scene.springs or scene.cloth or scene.bodies
+    strain = spring_strain(scene, state.position) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = scene.grid.particle_count
     rate = count * steps / seconds if seconds > 0 and not diverged else None
@@ -246,27 +248,7 @@ def _report(
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",
         **contact_report(simulation, state),
-    }
-
-
-def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
-    """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
-    contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
-    that there was no room for. Seconds on large sheets."""
-    scene = simulation.scene
-    if scene.self_collision is None:
-        return {}
-    from model.contact_measure import measure
-
-    grid = scene.grid
-    found = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)
-    gaps = {"min_gap": found.min_gap, "min_edge_gap": found.min_edge_gap}
-    contacts: Any = simulation.contacts  # type: ignore[attr-defined]
-    return {
-        **{name: gap if np.isfinite(gap) else None for name, gap in gaps.items()},
-        "edge_misses": found.edge_misses,
-        "crossings": found.crossings,
-        "contacts_lost": contacts.lost,
+        **bodies_report(scene),
     }
 
 

@@ -24,7 +24,11 @@ def scene_toml(scene: Scene, heading: str = "") -> str:
     tables = scene.as_dict()
     lines.append(f"title = {_value(tables.pop('title'))}")
     for name, table in tables.items():
-        lines += ["", f"[{_key(name)}]", *(f"{_key(field)} = {_value(value)}" for field, value in table.items())]
+        lines += [
+            "",
+            f"[{_key(name)}]",
+            *(f"{_key(field)} = {_value(value)}" for field, value in table.items() if value is not None),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -33,7 +37,11 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """A TOML value. JSON's strings, numbers and truth values are TOML's, but for DEL, which TOML wants escaped."""
+    """A TOML value. JSON's strings, numbers and truth values are TOML's, but for DEL, which TOML wants escaped; fields
+    without a value are left out."""
+    if isinstance(value, dict):
+        fields = [f"{_key(name)} = {_value(one)}" for name, one in value.items() if one is not None]
+        return f"{{ {', '.join(fields)} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

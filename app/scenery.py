@@ -1,8 +1,8 @@
-"""What a cloth is seen among: colliders at their place, the ground under it all, and shadows on the ground."""
+"""What a cloth or bodies are seen among: colliders at their place, the ground under it all, and shadows on the ground."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,13 +21,15 @@ LEAST_SLOPE = 0.15  # cosine between a plane's normal and the light from which o
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
 
 Drawn = tuple[Any, int, int]  # vertex array, mode, elements
+Shade = Callable[[Camera3D, np.ndarray, np.ndarray], None]  # draws a shadow: camera, (4, 4) into the ground, its middle
 
 
 class Lit:
-    """The program of lit surfaces. `use(camera)` for each frame, then `look(...)` for each surface."""
+    """The program of lit surfaces. `use(camera)` for each frame, then `look(...)` for each surface. Shaders of another kind
+    of surface have the same lights."""
 
-    def __init__(self) -> None:
-        self.program = shader_program(shaders3d.SURFACE_VERTEX, shaders3d.SURFACE_FRAGMENT)
+    def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
+        self.program = shader_program(vertex, fragment)
         self.program.use()
         self.program["key"] = tuple(KEY.tolist())
         self.program.stop()
@@ -83,7 +85,10 @@ class Scenery:
         program["spacing"] = line_distance(self.size)
         program["area"], program["line"] = colours.GROUND, colours.GROUND_LINE
         program["reach"] = GROUND_REACH * self.size
-        program = self._shadow_program
+        self.shadow_constants(self._shadow_program)
+
+    def shadow_constants(self, program: Any) -> None:
+        """What never changes in a program of shadows."""
         program.use()
         program["dark"], program["light"] = colours.SHADOW, colours.BACKGROUND
         program["reach"] = GROUND_REACH * self.size
@@ -95,27 +100,32 @@ class Scenery:
             lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
             draw_elements(*drawn)
 
-    def draw_shadows(self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn]) -> None:
-        """Shadows of the cloth and of the colliders on the planes that the light falls on and that are seen from above."""
+    def draw_shadows(
+        self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
+    ) -> None:
+        """Shadows of the cloth, of the colliders and, each by itself, of `others` on the planes that the light falls on and
+        that are seen from above."""
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]
         things += [(drawn, velocity * time) for drawn, velocity in self._meshes]
         program = self._shadow_program
-        program.use()
-        program["transform"] = uniform_matrix(camera.matrix())
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)
         for ground in grounds(self.scene, time, lowest):
             if ground.normal @ KEY < LEAST_SLOPE or not self._above(ground, camera):
                 continue
-            program["centre"] = tuple(self._centre(ground, camera).tolist())
-            program["flatten"] = uniform_matrix(shadow_matrix(ground, KEY))
+            centre, flatten = self._centre(ground, camera), shadow_matrix(ground, KEY)
+            program.use()
+            program["transform"] = uniform_matrix(camera.matrix())
+            program["centre"], program["flatten"] = tuple(centre.tolist()), uniform_matrix(flatten)
             for drawn, shift in things:
                 program["shift"] = tuple(shift.tolist())
                 draw_elements(*drawn)
+            program.stop()
+            for shade in others:
+                shade(camera, flatten, centre)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
-        program.stop()
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
         """The planes, or a ground under `lowest` [m] where there is none; see-through from below."""

@@ -39,29 +39,38 @@ void main() {
 
 # A key light from above, a weak fill light from the other side, and light from all around, more of it from above. The
 # key wraps a little around what it shines on: cloth lets some light through.
-SURFACE_FRAGMENT = """#version 330 core
-in vec3 place;
-in vec3 outward;
-uniform vec3 front;
-uniform vec3 back;
+LIGHT = """
 uniform vec3 eye;           // m
 uniform vec3 key;           // unit vectors toward the lights
 uniform vec3 fill;
 uniform float shine;
-out vec4 pixel;
-void main() {
-    vec3 look = normalize(eye - place);
-    float size = length(outward);
-    vec3 n = size > 1e-6 ? outward / size : look;
-    if (!gl_FrontFacing) n = -n;
-    vec3 colour = gl_FrontFacing ? front : back;
+vec3 lit(vec3 colour, vec3 n, vec3 look) {
     float from_key = max((dot(n, key) + 0.25) / 1.25, 0.0);
     float from_fill = max(dot(n, fill), 0.0);
     float from_around = 0.46 + 0.08 * n.y;
     float highlight = shine * pow(max(dot(n, normalize(key + look)), 0.0), 32.0);
-    pixel = vec4(min(colour * (from_around + 0.60 * from_key + 0.24 * from_fill) + highlight, 1.0), 1.0);
+    return min(colour * (from_around + 0.60 * from_key + 0.24 * from_fill) + highlight, 1.0);
 }
 """
+
+SURFACE_FRAGMENT = (
+    """#version 330 core
+in vec3 place;
+in vec3 outward;
+uniform vec3 front;
+uniform vec3 back;
+out vec4 pixel;
+"""
+    + LIGHT
+    + """
+void main() {
+    vec3 look = normalize(eye - place);
+    float size = length(outward);
+    vec3 n = size > 1e-6 ? outward / size : look;
+    pixel = vec4(lit(gl_FrontFacing ? front : back, gl_FrontFacing ? n : -n, look), 1.0);
+}
+"""
+)
 
 THIN_SPRINGS = (
     """#version 330 core

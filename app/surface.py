@@ -35,7 +35,10 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
 
 
 def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(springs,) float64: (length - rest) / rest of the springs that are drawn, of a grid or a cloth; (0,) without."""
+    """(springs,) float64: (length - rest) / rest of the springs that are drawn, of a grid or a cloth; (0,) without. Of bodies
+    (entries,), how far particles are from their goals, in spacings."""
+    if scene.bodies:
+        return spring_strain(scene, position)
     if not scene.cloth:
         return spring_strain(scene, position) if scene.springs else np.zeros(0)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -43,7 +43,8 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
     for key, value in report.items():
         if key == "error_reason" or (key == "error" and value is None):
             continue
-        table.add_row(key.replace("_", " "), f"{number(value)} {UNITS.get(key, '')}".rstrip())
+        unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
+        table.add_row(key.replace("_", " "), f"{number(value)} {unit}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not known: " if report["error"] is None else "") + report["error_reason"])
@@ -63,7 +64,7 @@ def print_scenes(console: Console) -> None:
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
-        size = str(grid.particle_count) if scene.mesh else f"{grid.rows} x {grid.columns}"
+        size = str(grid.particle_count) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
         table.add_row(
             name, size, str(grid.pinned), method.name, f"{method.dt:g}",
             f"{stability_limit(scene):.4g}",

@@ -3,21 +3,18 @@ collides with and a ground. The window and the off-screen pictures both draw thr
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from app import colours, shaders3d
 from app.camera3d import Camera3D
-from app.cuda_vertices import CudaVertices
 from app.opengl import shader_program
 from app.scene_view import PIN_SIZE, POINTS_FROM, WIDE_UP_TO
-from app.scenery import Drawn, Lit, Scenery
-from app.shaders import POINT_FRAGMENT
-from app.smooth_target import SAMPLES, SmoothTarget
+from app.scenery import Drawn
+from app.smooth_target import SAMPLES
+from app.space_view import SpaceView
 from app.surface import drawn_lines
 from app.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
-from model.build import pinned_indices, rest_positions
+from model.build import pinned_indices
 from model.scene import Scene
 from model.simulation import Simulation
 from model.topology import triangles_of
@@ -25,29 +22,18 @@ from model.topology import triangles_of
 PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
 
 
-class View3D:
-    """`scene`'s cloth on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
-
-    `upload(position)` sends a state, `upload_from(simulation)` a simulation's; `draw(camera, ...)` draws it; `lines`: as
-    springs and not as a surface (a change needs a new upload); `delete()` frees the buffers. `samples` a pixel smooth its
-    edges. Raises BackendUnavailable.
-    """
+class View3D(SpaceView):
+    """See SpaceView; `lines`: as springs and not as a surface."""
 
     def __init__(self, scene: Scene, samples: int = SAMPLES):
         from pyglet import gl
 
-        self.scene = scene
-        self.vertices = CudaVertices(scene)
-        self.lowest = float(rest_positions(scene.grid)[:, 1].min())  # of all that was shown: the ground lies below it
-        self._target = SmoothTarget(samples)
-        self._scenery = Scenery(scene)
-        self._lit = Lit()
+        super().__init__(scene, samples)
         lines = drawn_lines(scene)
         self.springs = sum(len(pairs) for pairs, _ in lines)
         self._wide = self.springs <= WIDE_UP_TO
         geometry = shaders3d.WIDE_SPRINGS if self._wide else shaders3d.THIN_SPRINGS
         self._spring_program = shader_program(shaders3d.VERTEX, shaders3d.SPRING_FRAGMENT, geometry)
-        self._point_program = shader_program(shaders3d.VERTEX, POINT_FRAGMENT)
         pins, faces = pinned_indices(scene.grid).astype(np.uint32), triangles_of(scene)
         self.lines = not len(faces)
         self._buffers: list[int] = []
@@ -68,47 +54,24 @@ class View3D:
         """Send the state of a simulation; `position` (particles, 3) float32, if the caller has read it already."""
         self.vertices.upload(simulation, not self.lines, position)
 
-    def keep_above_ground(self, lowest: float) -> None:
-        """The ground that a scene without a plane gets lies below `lowest` [m] from now on."""
-        if np.isfinite(lowest):
-            self.lowest = min(self.lowest, lowest)
-
     def toggle_lines(self) -> bool:
         """Surface or springs; whether it is springs now. A cloth without springs, or without a surface, has no choice."""
         if self._lines and self._surface[2]:
             self.lines = not self.lines
         return self.lines
 
-    def draw(self, camera: Camera3D, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
-        """Draw what was uploaded last, with the colliders where they are at `time` [s]. `strain_range`: the strain at both
-        ends of the colour map."""
-        from pyglet import gl
-
-        self._target.begin(camera.width, camera.height)
-        gl.glClearColor(*colours.BACKGROUND, 1.0)
-        gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
-        gl.glEnable(gl.GL_DEPTH_TEST)
-        gl.glDepthFunc(gl.GL_LEQUAL)
-        gl.glDisable(gl.GL_BLEND)
-        self._lit.use(camera)
-        self._scenery.draw_colliders(self._lit, time)
-        if not self.lines:
-            self._lit.look(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
-            draw_elements(*self._surface)
-        self._lit.program.stop()
+    def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
         if self.lines:
             self._draw_springs(camera, strain_range)
+            return
+        self._lit.use(camera)
+        self._lit.look(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
+        draw_elements(*self._surface)
+        self._lit.program.stop()
+
+    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
         shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surface]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
-        gl.glEnable(gl.GL_BLEND)
-        gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
-        gl.glDepthMask(gl.GL_FALSE)
-        self._scenery.draw_ground(camera, time, self.lowest)
-        self._draw_points(camera, selected)
-        gl.glDepthMask(gl.GL_TRUE)
-        gl.glDisable(gl.GL_DEPTH_TEST)
-        gl.glBindVertexArray(0)
-        self._target.finish()
 
     def _draw_springs(self, camera: Camera3D, strain_range: float) -> None:
         program = self._spring_program
@@ -126,16 +89,12 @@ class View3D:
             draw_elements(*drawn)
         program.stop()
 
-    def _draw_points(self, camera: Camera3D, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
         from pyglet import gl
 
         apart = camera.scale * self.scene.grid.spacing  # pixels
         size = min(max(0.2 * apart, 3.0), 12.0)
-        program = self._point_program
-        program.use()
-        program["transform"] = uniform_matrix(camera.matrix())
-        gl.glEnable(gl.GL_PROGRAM_POINT_SIZE)
-        gl.glBindVertexArray(self._pins[0])
+        self._use_points(camera, self._pins[0])
         if self.lines and (apart >= POINTS_FROM or not self.springs):
             self._style(size, colours.INK, colours.BACKGROUND if size > 5 else colours.INK, MASS_TOWARD)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
@@ -144,22 +103,10 @@ class View3D:
             self._style(PIN_SIZE, colours.PIN, rim, PIN_TOWARD, square=True)
             draw_elements(*self._pins)
         if selected is not None:
-            gl.glDisable(gl.GL_DEPTH_TEST)  # where it is must be seen, in a fold too
-            self._style(22.0, colours.SELECTED, colours.SELECTED, 0.0, hollow=True)
-            gl.glDrawArrays(gl.GL_POINTS, selected, 1)
-        program.stop()
-
-    def _style(
-        self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
-    ) -> None:
-        program = self._point_program
-        program["point_size"], program["toward"] = size, toward
-        program["fill"], program["rim"] = fill, rim
-        program["square"], program["hollow"] = int(square), int(hollow)
+            self._ring(selected)
+        self._point_program.stop()
 
     def delete(self) -> None:
         """Free the buffers."""
         delete_all([self._surface[0], self._pins[0], *(drawn[0] for drawn, _ in self._lines)], self._buffers)
-        self._scenery.delete()
-        self.vertices.delete()
-        self._target.delete()
+        super().delete()

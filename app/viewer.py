@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math as mathematics
 import os
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from app import colours
-from app.controls import HINT, SPACE_HINT, Controls, keys_text
+from app.controls import Controls, hint, keys_text
 from app.demo import Demo
 from app.demo_report import demo_state, numbers_text, write_state
 from app.opengl import drawing_text, load_pyglet, open_window
@@ -40,7 +41,7 @@ class Viewer:
 
         self.pyglet = load_pyglet(False)
         self.demo = demo
-        self.space = demo.world.scene.dimensions == 3
+        self.space, self.bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
         self.state_file, self.frames = state_file, frames
         caption = f"softlab: {demo.world.scene.title}"
         self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
@@ -85,10 +86,28 @@ class Viewer:
         self._approach_everything(1.0)
 
     def toggle_lines(self) -> None:
-        """L: a cloth as a surface or as springs; a grid is springs anyway."""
-        if self.space:
+        """L: a cloth as a surface or as springs, bodies as skins or as particles; a grid is springs anyway."""
+        if self.bodies:
+            self._show(lambda view: view.toggle_lines())
+        elif self.space:
             shown = [view.toggle_lines() for view in self.views]
             self.demo.say("springs, coloured by strain" if shown[0] else "surface")
+
+    def toggle_particles(self) -> None:
+        """P: particles of bodies."""
+        if self.bodies:
+            self._show(lambda view: view.toggle_particles())
+
+    def toggle_skin(self) -> None:
+        """K: skins of bodies."""
+        if self.bodies:
+            self._show(lambda view: view.toggle_skin())
+
+    def _show(self, change: Callable[[Any], object]) -> None:
+        for view in self.views:
+            change(view)
+        shown = [name for name in ("particles", "skin") if getattr(self.views[0], name)]
+        self.demo.say(" behind the ".join(shown))
 
     def ask_for_screenshot(self) -> None:
         """S: save the next frame, which is then complete."""
@@ -199,10 +218,10 @@ class Viewer:
             self.notice.place(demo.message, width, height, below)
             self.notice.draw()
         if self.show_keys:
-            self.keys.place(keys_text(width, self.space), width, height)
+            self.keys.place(keys_text(width, self.space, self.bodies), width, height)
             self.keys.draw()
         elif not self.keys_seen:
-            self.hint.place(SPACE_HINT if self.space else HINT, width, height)
+            self.hint.place(hint(self.space, self.bodies), width, height)
             self.hint.draw()
 
     def _save_screenshot(self) -> None:
@@ -231,6 +250,8 @@ class Viewer:
         }
         if self.space:
             shown |= {"lines": self.views[0].lines, "way": self.views[0].vertices.way}
+        if self.bodies:
+            shown |= {"particles": self.views[0].particles, "skin": self.views[0].skin}
         return demo_state(self.demo, self.camera) | self.camera.told() | shown
 
     def run(self) -> None:

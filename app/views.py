@@ -15,21 +15,23 @@ SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # drivers that hal
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
-    """A SceneView or, for a cloth, a View3D in the current OpenGL context. Raises BackendUnavailable.
+    """A SceneView or, for a cloth, a View3D, for bodies a BodiesView, in the current OpenGL context. Raises
+    BackendUnavailable.
 
     `quick`: frames matter more than edges, which are left unsmoothed where a processor does the drawing.
     """
+    from app.bodies_view import BodiesView
     from app.scene_view import SceneView
     from app.view3d import SAMPLES, View3D
 
     if scene.dimensions == 2:
         return SceneView(scene)
     software = any(word in renderer_name().lower() for word in SOFTWARE)
-    return View3D(scene, 0 if quick and software else SAMPLES)
+    return (BodiesView if scene.bodies else View3D)(scene, 0 if quick and software else SAMPLES)
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:
-    """A Camera or, for a cloth, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
+    """A Camera or, in space, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
     return Camera3D(width, height) if scene.dimensions == 3 else Camera(width, height)
 
 

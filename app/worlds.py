@@ -5,6 +5,7 @@ user does to them is in app/demo.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf, log
 from time import perf_counter
 from typing import Self
 
@@ -20,6 +21,8 @@ from model.simulation import Simulation, State
 
 ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
 WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
+STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
+FRAME = 1 / 60  # s
 MOST_BATCHES = 20  # in a frame, while a cloth is pulled
 STATISTICS_INTERVAL = 0.1  # s, at least
 STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
@@ -37,6 +40,13 @@ def stiffness_paths(scene: Scene) -> dict[str, float]:
 def live_parts(scene: Scene) -> tuple[str, ...]:
     """What the demo can change in this scene while it runs. Gravity and pokes always; stiffness where springs are."""
     return ("gravity", "poke", "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
+
+
+def first_steps(scene: Scene) -> int:
+    """Steps per frame at first: 10, but of bodies those that come nearest to a frame's time."""
+    if not scene.bodies:
+        return 10
+    return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
 
 
 class Worlds:
@@ -77,10 +87,10 @@ class Worlds:
         self.message_count = 0  # so that the same message twice is seen as new
         self.paused = False
         self.frozen = False
-        self.steps_per_frame = 10
+        self.steps_per_frame = first_steps(self.scenes[0])
         self.hand = Hand(self.scenes[0].dimensions)
         self.physics_seconds = 0.0
-        self._statistics_due = 0.0
+        self._statistics_due, self._look_seconds = 0.0, inf
         self.refresh(force=True)
 
     def _open(self, scene: Scene, backend: str, threads: str, state: State | None) -> Simulation:
@@ -193,7 +203,9 @@ class Worlds:
             return
         self._guard(self._measure)
         cost = perf_counter() - now
-        self._statistics_due = now + max(STATISTICS_INTERVAL, cost / STATISTICS_SHARE)
+        usual = min(cost, self._look_seconds)  # one that waits for a compiler tells nothing of the next
+        self._look_seconds = cost
+        self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_SHARE)
 
     def _measure(self) -> None:
         self.statistics = measure(self.world, self.positions, self.statistics)

@@ -22,7 +22,7 @@ from cpu_backend.progress import GATE_FLAGS, GO, new_flags
 from cpu_backend.simulation import CpuSimulation
 from cpu_backend.threads import core_count, thread_count, threading_layer
 from cpu_backend.xpbd_forces import FORCES, WIND_PARTS
-from cpu_backend.xpbd_jacobi import JACOBI, displacement_triples
+from cpu_backend.xpbd_jacobi import displacement_triples
 from cpu_backend.xpbd_jacobi_kernel import make_jacobi_advance
 from cpu_backend.xpbd_layout import PLACES, Combed, classes_of, combed
 from cpu_backend.xpbd_schedule import most_bands, schedule
@@ -37,7 +37,7 @@ from model.errors import SceneError
 from model.plan import Executor
 from model.scene import Scene
 from model.simulation import Options
-from model.xpbd_plan import FAMILIES, xpbd_plan
+from model.xpbd_plan import FAMILIES, JACOBI, xpbd_plan
 
 KERNELS = ("fused", "stages")
 NOT_YET = ("motion",)

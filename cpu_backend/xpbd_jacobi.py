@@ -29,8 +29,6 @@ from model.formulas import distance
 from model.xpbd_plan import FAMILIES, Family, families
 from model.xpbd_record import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_REST
 
-JACOBI = frozenset({"jacobi", "averaged-jacobi"})
-
 
 def displacement_triples(parts: frozenset[str]) -> dict[str, int]:
     """Which rows of scratch a band needs: a family's name -> number of its first triple (a row for each axis), `idle`: one

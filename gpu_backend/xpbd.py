@@ -34,6 +34,7 @@ from gpu_backend.contacts import Contacts, contact_bytes
 from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN
+from gpu_backend.matching import Matching
 from gpu_backend.quads import SIZE
 from gpu_backend.simulation import NOTHING_BAD, CudaSimulation
 from gpu_backend.xpbd_choice import xpbd_kernel
@@ -142,6 +143,9 @@ class PositionBased(CudaSimulation):
         self._weight = np.where(inverse == 1 / mass, 1.0, inverse * mass).astype(self.real)
         self.shape = (np.int32(self.body.rows), np.int32(self.body.columns))
         self._counts = knows_time(self.plan.parts)
+        self.matching: Matching | None = None
+        if scene.method.matches_shapes:
+            self.matching = Matching(scene, self.real, self.options.math, self._grid, self._on_device)
         self.contacts = None
         if scene.self_collision:
             self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)
@@ -192,6 +196,8 @@ class PositionBased(CudaSimulation):
         self._gauss_seidel = "gauss-seidel" in self.plan.parts
         soft = [family for family in families(self.plan.parts) if compliant(self.plan.parts, family)]
         self._colours = []
+        if self.matching:
+            return
         if not self._gauss_seidel:
             self._jacobi = make_jacobi(*variant, axes)
             return
@@ -229,13 +235,18 @@ class PositionBased(CudaSimulation):
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         iterations = self.scene.method.iterations
         jacobi = not self._gauss_seidel and bool(families(self.plan.parts))
-        now, other = (self.scratch, target) if jacobi and iterations % 2 else (target, self.scratch)
+        turns = (jacobi or self.matching is not None) and iterations % 2 == 1  # so that the last one ends in `target`
+        now, other = (self.scratch, target) if turns else (target, self.scratch)
         self._begin[self._grid](before, velocity, now, self.record, self.integers, *time, *self.shape)
         if self.contacts:
             self.contacts.find(before, now)
         for iteration in range(iterations):
             if jacobi:
                 self.project_all(before, now, other, iteration == 0)
+                now, other = other, now
+            if self.matching:
+                self.matching.match(now)
+                self.matching.move(now, other, self.record)
                 now, other = other, now
             for entry in range(len(self._colours)):
                 self.project_colour(entry, before, now, iteration == 0)
@@ -256,7 +267,7 @@ class PositionBased(CudaSimulation):
         method = self.scene.method
         if self._tiled is not None:
             return method.substeps * self._tiled.launches
-        iteration = max(1, len(self._colours)) + (self.attachments > 0)
+        iteration = self.matching.launches if self.matching else max(1, len(self._colours)) + (self.attachments > 0)
         if self.contacts:
             return method.substeps * (
                 2 + self.contacts.finding + method.iterations * (iteration + self.contacts.projecting)

@@ -127,6 +127,8 @@ def default_xpbd_kernel(
     block can have); None: this GPU's."""
     if scene.self_collision:
         return "graph", CONTACTS_REACH
+    if scene.method.matches_shapes:
+        return "graph", "two launches an iteration"
     limits = limits or device_limits()
     choice = default_choice(scene, real, parts, limits)
     return choice.name, f"{estimate(scene, parts, choice, limits[0]):.2g} us an iteration by the estimate"
@@ -134,7 +136,7 @@ def default_xpbd_kernel(
 
 def default_choice(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> Choice:
     """The kernel that should be fastest."""
-    if scene.self_collision:
+    if scene.self_collision or scene.method.matches_shapes:
         return Choice("graph")
     choices = [Choice("graph")]
     if not why_not_one_block(scene, real, parts, limits):
@@ -159,6 +161,8 @@ def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | Non
         raise SceneError("--kernel", asked, "the CUDA simulator cannot capture graphs; use launch")
     if scene.self_collision and kernel in ("tiled", "one-block"):
         raise SceneError("--kernel", asked, f"{CONTACTS_REACH}; use graph")
+    if scene.method.matches_shapes and kernel in ("tiled", "one-block"):
+        raise SceneError("--kernel", asked, "knows constraints of springs only; of shape-matching use graph")
     limits = device_limits()
     if kernel == "tiled":
         return _tiled(scene, real, parts, asked, tile, limits)

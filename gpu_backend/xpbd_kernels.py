@@ -23,7 +23,7 @@ from gpu_backend.quads import SIZE, load_quad, store_quad
 from gpu_backend.strips import inlined
 from gpu_backend.xpbd_constraints import compliant, make_constants, make_gather, make_pair
 from gpu_backend.xpbd_point import make_accelerations, make_motion, make_tethers
-from model.xpbd_plan import Family, families
+from model.xpbd_plan import JACOBI, Family, families
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:
@@ -83,7 +83,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     predict, gather = make_motion(real, math, parts, axes).predict, make_gather(real, math, parts, axes)
     valence_of, share_of = gather.valence_of, gather.share_of
     clock, lattice, block_air = make_clock(math, parts), make_place(math), make_block_air(real, math, parts)
-    has_shares, zero = "gauss-seidel" not in parts, real(0)
+    has_shares, zero = bool(parts & JACOBI), real(0)
 
     def begin(
         position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns

@@ -17,7 +17,7 @@ from gpu_backend.point import kernel_options
 from gpu_backend.quads import SIZE, load_quad, store_quad
 from gpu_backend.xpbd_constraints import make_gather
 from gpu_backend.xpbd_point import make_accelerations, make_motion
-from model.xpbd_plan import colour_order
+from model.xpbd_plan import JACOBI, colour_order
 
 
 @cache
@@ -29,7 +29,7 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
     )  # fmt: skip
     predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
     jacobi, block_air = make_gather(real, math, parts, axes), make_block_air(real, math, parts)
-    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, "gauss-seidel" not in parts
+    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, bool(parts & JACOBI)
     zero = real(0)
 
     def gravity(record, a):
@@ -107,7 +107,7 @@ def bind_xpbd_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
     position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     a, before = sim.new_array(), sim.new_array()
     now = {"step": -1, "substep": 0, "iteration": 0}
-    projections = len(colour_order(parts)) if method.ordering == "gauss-seidel" else 1
+    projections = len(colour_order(parts)) if "gauss-seidel" in parts else 1
 
     def number(step: int) -> np.int64:
         if now["step"] != step:
@@ -130,6 +130,10 @@ def bind_xpbd_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         sim.project_all(before, position, sim.scratch, fresh=now["iteration"] == 0)
         position.copy_to_device(sim.scratch, stream=sim.stream)
         now["iteration"] += 1
+
+    def move(step: int, offset: float) -> None:
+        sim.matching.move(position, sim.scratch, record)
+        position.copy_to_device(sim.scratch, stream=sim.stream)
 
     def wind(step: int, offset: float) -> None:
         stage.wind[flat](position, velocity, record, integers, number(step), a, *sim.shape)
@@ -159,6 +163,8 @@ def bind_xpbd_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         "poke": lambda step, offset: stage.poke[flat](position, record, integers, a),
         "predict": predict,
         "project all": project_all,
+        "match clusters": lambda step, offset: sim.matching.match(position),
+        "move to goals": move,
         "find contacts": lambda step, offset: sim.contacts.find(before, position),
         "project contacts": lambda step, offset: sim.contacts.project(before, position),
         "attachments": lambda step, offset: sim.attach(before, position),

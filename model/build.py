@@ -8,6 +8,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from model.cloth_parts import Cloth, Fold
+from model.crowd import Crowd
 from model.errors import SceneError
 from model.memory import available_bytes, require
 from model.mesh_parts import Mesh
@@ -35,16 +36,18 @@ class Body:
     size: float
 
 
-def pinned_indices(grid: Grid) -> np.ndarray:
+def pinned_indices(grid: Grid | Crowd) -> np.ndarray:
     """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
     if isinstance(grid, Mesh) and grid.file is not None:
         return pinned_vertices(grid)
     return pin_indices(grid.pinned, grid.rows, grid.columns)
 
 
-def rest_positions(grid: Grid) -> np.ndarray:
+def rest_positions(grid: Grid | Crowd) -> np.ndarray:
     """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
     z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
+    if isinstance(grid, Crowd):
+        return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
     cloth = grid if isinstance(grid, Cloth) else None
@@ -109,6 +112,10 @@ def _build(scene: Scene) -> Body:
             "grid.rows x grid.columns",
             f"{grid.rows} x {grid.columns}",
             f"at most {MOST_PARTICLES} masses (32-bit indices)",
+        )
+    if isinstance(grid, Crowd):
+        return Body(
+            1, count, grid.position.copy(), grid.velocity, 1 / grid.clusters.mass, np.zeros(0, np.int64), grid.extent
         )
     cloth, fold = scene.cloth, scene.fold
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)

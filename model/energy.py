@@ -1,6 +1,8 @@
-"""Energies and strain of a grid or a cloth, in float64 on the host; for judging and showing, not for stepping."""
+"""Energies and strain of a grid, a cloth or bodies, in float64 on the host; for judging and showing, not for stepping."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -48,8 +50,10 @@ def spring_strain(scene: Scene, position: np.ndarray, kind: str = "structural") 
     """(springs,) float64: (length - rest) / rest of the horizontal springs row by row, then of the vertical ones.
 
     For a rest length of zero: length / spacing. In the order of `spring_ends`. Of a cloth: of its springs of that `kind`,
-    or, where it has none, what they would be strained.
+    or, where it has none, what they would be strained. Of bodies: (entries,), see `goal_strain`.
     """
+    if scene.bodies:
+        return goal_strain(scene, position)
     if scene.cloth:
         length, rest = cloth_lengths(scene, position, kind)
         return (length - rest) / rest
@@ -57,6 +61,54 @@ def spring_strain(scene: Scene, position: np.ndarray, kind: str = "structural") 
     length = np.concatenate([across.ravel(), down.ravel()])
     rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
     return length / scene.grid.spacing if rest == 0 else (length - rest) / rest
+
+
+def lattice_energy(scene: Scene, position: np.ndarray) -> float:
+    """[J]: of the clusters of a grid that is solved by shape matching, the `Clusters.energy` of model/matching.py's
+    `lattice_clusters`, window by window and without their indices, which are many."""
+    from model.matching import matching_axis, matching_stiffness  # which asks here for masses
+
+    grid, n = scene.grid, scene.method.region
+    down, across = matching_axis(grid.rows, n), matching_axis(grid.columns, n)
+    rest = scene.springs.rest_length if scene.springs else grid.spacing
+    here = np.asarray(position, dtype=np.float64).reshape(grid.rows, grid.columns, 2).transpose(2, 0, 1)
+    placed = np.pad(here, ((0, 0), (n, n), (n, n)))
+    weight = np.pad(grid.mass * down.share[:, None] * across.share, n)  # nothing weighs anything outside
+
+    def members() -> Iterator[tuple[np.ndarray, ...]]:
+        """(mass, x and y from the window's middle, rest offset along x and y) of a member of every window."""
+        for i, j in np.ndindex(2 * n + 1, 2 * n + 1):
+            window = slice(i, i + grid.rows), slice(j, j + grid.columns)
+            x, y = placed[:, *window] - here
+            yield weight[window], x, y, (j - n - across.centre)[None, :] * rest, -(i - n - down.centre)[:, None] * rest
+
+    centre_x, centre_y, along, turned = (np.zeros((grid.rows, grid.columns)) for _ in range(4))
+    for mass, x, y, rest_x, rest_y in members():
+        centre_x += mass * x
+        centre_y += mass * y
+        along += mass * (x * rest_x + y * rest_y)
+        turned += mass * (y * rest_x - x * rest_y)
+    inverse = down.inverse_mass[:, None] * across.inverse_mass / grid.mass
+    centre_x, centre_y = centre_x * inverse, centre_y * inverse
+    angle = np.arctan2(turned, along)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    total = 0.0
+    for mass, x, y, rest_x, rest_y in members():
+        away_x = centre_x + cosine * rest_x - sine * rest_y - x
+        away_y = centre_y + sine * rest_x + cosine * rest_y - y
+        total += float(np.sum(mass * (away_x * away_x + away_y * away_y)))
+    return 0.5 * matching_stiffness(scene) * total
+
+
+def goal_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(entries,) float64: how far each particle of `position` (particles, 3) [m] is from where each of its clusters wants it,
+    over its body's particle spacing. NaN where positions are not finite."""
+    crowd, clusters = scene.crowd, scene.crowd.clusters
+    p = np.asarray(position, dtype=np.float64)
+    if not np.isfinite(p).all():
+        return np.full(len(clusters.indices), np.nan)
+    spacing = np.array([copy.baked.spacing for copy in crowd.copies])[crowd.body[clusters.indices]]
+    return np.linalg.norm(clusters.goals(p) - p[clusters.indices], axis=1) / spacing
 
 
 def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray:
@@ -83,6 +135,8 @@ def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def masses(scene: Scene) -> np.ndarray | float:
     """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same."""
+    if scene.bodies:
+        return scene.crowd.clusters.mass[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]
     if not scene.loads:
@@ -95,7 +149,7 @@ def masses(scene: Scene) -> np.ndarray | float:
 
 def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[str, float]:
     """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
-    its springs by kind.
+    its springs by kind. Where clusters take the place of springs, `spring` is theirs.
 
     With the true mass. Gravity's zero is at y = 0. `conserved` is what the scheme itself keeps (up to a bounded
     wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
@@ -106,7 +160,9 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
     mass = masses(scene)
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring = 0.0
-    if springs and not springs.inextensible:
+    if scene.method.matches_shapes:
+        spring = scene.crowd.clusters.energy(position) if scene.bodies else lattice_energy(scene, position)
+    elif springs and not springs.inextensible:
         for stiffness, length in zip(spring_stiffness(scene), _lengths(scene, position), strict=True):
             spring += 0.5 * float(np.sum(stiffness * (length - springs.rest_length) ** 2))
     by_kind = {}

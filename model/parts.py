@@ -21,15 +21,16 @@ IntegratorName = Literal[
     "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
     "implicit-euler-linear",
 ]  # fmt: skip
-SolverName = Literal["mass-spring", "xpbd", "pbd"]
+SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
-POSITION_BASED = ("xpbd", "pbd")
+POSITION_BASED = ("xpbd", "pbd", "shape-matching")
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
+MOST_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
 
 
 class Part(BaseModel):
@@ -199,7 +200,8 @@ class Method(Part):
     `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints hold: a step is `substeps`
     substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
     away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
-    so that the material changes with iterations, substeps and dt.
+    so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
+    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid.
     """
 
     solver: SolverName = "mass-spring"
@@ -209,6 +211,7 @@ class Method(Part):
     iterations: Count = 1
     ordering: OrderingName = "gauss-seidel"
     pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
+    region: Annotated[int, Field(ge=1, le=MOST_REGION, strict=True)] = 1  # masses to either side
 
     @model_validator(mode="after")
     def _fields_belong_to_the_solver(self) -> Method:
@@ -227,8 +230,14 @@ class Method(Part):
         return self.label if self.position_based else self.integrator
 
     @property
+    def matches_shapes(self) -> bool:
+        return self.solver == "shape-matching"
+
+    @property
     def label(self) -> str:
-        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`."""
+        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
+        if self.matches_shapes:
+            return self.solver
         return f"{self.solver} {self.ordering if self.position_based else self.integrator}"
 
     @model_serializer(mode="wrap")
@@ -241,6 +250,7 @@ FIELDS_OF_SOLVER = {
     "mass-spring": ("solver", "integrator", "dt"),
     "xpbd": ("solver", "dt", "substeps", "iterations", "ordering"),
     "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
+    "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
 }
 
 

@@ -10,13 +10,16 @@ import difflib
 import json
 import tomllib
 from collections.abc import Mapping
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from model.body_parts import BODY_CONTRADICTIONS, BODY_KINDS, Placed
 from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Fold, Wind
+from model.crowd import Crowd, make_crowd
 from model.errors import InputError, SceneError
 from model.mesh_parts import CONTRADICTIONS, MESH_KINDS, Mesh
 from model.motion import Motion, motions_of_pins
@@ -37,13 +40,16 @@ from model.parts import (
 from model.self_collision import SelfCollision, check_self_collision
 from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
-KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | MESH_KINDS | XPBD_KINDS
+KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | MESH_KINDS | XPBD_KINDS | BODY_KINDS
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
+MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
 ELASTIC_KINDS = ("springs", *SPRING_KINDS)
+OF_BODIES = (*BODY_KINDS, "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 SEVERAL = (
     *SHEETS,
+    *BODY_KINDS,
     *COLLIDER_KINDS,
     "load",
     "motion",
@@ -80,7 +86,7 @@ class Scene:
             try:
                 self.parts[part_name] = KINDS[kind](**fields)
             except ValidationError as error:
-                raise _scene_error(part_name, error, KINDS[kind]) from None
+                raise scene_error(part_name, error, KINDS[kind]) from None
             except TypeError:  # a key that is not even a name
                 raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
             self.kinds[part_name] = kind
@@ -88,9 +94,12 @@ class Scene:
             if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
                 raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
         sheets = [n for n, k in self.kinds.items() if k in SHEETS]
-        if len(sheets) != 1:
+        if len(sheets) != 1 and not (self.bodies and not sheets):
             raise SceneError(
-                "grid", sheets or None, "a scene needs one part of kind grid or cloth, with rows and columns, or mesh"
+                "grid",
+                sheets or None,
+                "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
+                "or bodies: soft_body and rigid_body",
             )
         self._check_fit()
         if self._one("method") is None:
@@ -99,6 +108,9 @@ class Scene:
 
     def _check_fit(self) -> None:
         """Raise SceneError for a part that belongs to the other kind of sheet."""
+        if self.bodies:
+            self._check_bodies()
+            return
         wrong = GRID_ONLY if self.cloth else (*(kind for kind in CLOTH_KINDS if kind != "cloth"), "self_collision")
         for name, kind in self.kinds.items():
             if kind in wrong:
@@ -108,6 +120,17 @@ class Scene:
                     f"belongs to a {'grid' if self.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and "
                     f"colliders, a grid has {', '.join(GRID_ONLY)}",
                 )
+
+    def _check_bodies(self) -> None:
+        """Raise SceneError for what does not go with bodies."""
+        for name, kind in self.kinds.items():
+            if kind not in OF_BODIES:
+                raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
+        method = self._one("method")
+        if method is None:
+            self.parts["method"], self.kinds["method"] = Method(solver="shape-matching"), "method"
+        elif not method.matches_shapes:
+            raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
 
     def _check_solver(self) -> None:
         """Raise SceneError for a part that the scene's solver does not know."""
@@ -141,7 +164,32 @@ class Scene:
                 )  # fmt: skip
 
         check_self_collision(self)
+        self._check_matching()
         self._check_mesh()
+
+    def _check_matching(self) -> None:
+        """Raise SceneError for what the solver shape-matching does not know."""
+        if not self.method.matches_shapes or self.bodies:
+            return
+        if self.cloth:
+            raise SceneError(
+                "method.solver", self.method.solver, "is for a grid; a cloth takes mass-spring, xpbd or pbd"
+            )
+        for name, kind in self.kinds.items():
+            if kind not in MATCHED:
+                raise SceneError(f"{name}.kind", kind, "is not known to the solver shape-matching; leave it out")
+        springs, name = self.springs, next((n for n, k in self.kinds.items() if k == "springs"), "springs")
+        if springs is None:
+            raise SceneError(
+                name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
+            )
+        for field, value, allowed, fits in (
+            ("compliance", springs.compliance, "greater than 0", not springs.inextensible),
+            ("stiffness_ratio", springs.stiffness_ratio, "1", not springs.alternate),
+            ("rest_length", springs.rest_length, "greater than 0", springs.rest_length > 0),
+        ):
+            if not fits:
+                raise SceneError(f"{name}.{field}", value, f"must be {allowed} for the solver shape-matching")
 
     def _check_mesh(self) -> None:
         """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
@@ -171,8 +219,19 @@ class Scene:
 
     @property
     def grid(self) -> Grid:
-        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh."""
-        return self.cloth or self._one("grid")
+        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the crowd of a
+        scene's bodies, which is a row of masses to whoever asks no more than that."""
+        return self.cloth or self._one("grid") or self.crowd  # type: ignore[return-value]
+
+    @property
+    def bodies(self) -> dict[str, Placed]:
+        """The scene's soft and rigid bodies, by the part's name."""
+        return {name: self.parts[name] for name, kind in self.kinds.items() if kind in BODY_KINDS}  # type: ignore[misc]
+
+    @cached_property
+    def crowd(self) -> Crowd:
+        """All particles of the scene's bodies, made when first asked for. Raises SceneError, InputError (a body)."""
+        return make_crowd(self.bodies)
 
     @property
     def cloth(self) -> Cloth | None:
@@ -184,8 +243,8 @@ class Scene:
 
     @property
     def dimensions(self) -> int:
-        """2, and 3 for a cloth."""
-        return 3 if self.cloth else 2
+        """2, and 3 for a cloth and for bodies."""
+        return 3 if self.cloth or self.bodies else 2
 
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
@@ -298,6 +357,8 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
         return [OTHER_MATERIAL[field]]
     if kind == "mesh":
         return list(CONTRADICTIONS.get(field, ()))
+    if kind in BODY_KINDS:
+        return list(BODY_CONTRADICTIONS.get(field, ()))
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
     return []
@@ -308,7 +369,7 @@ def _suggestion(word: str, known: Any) -> str:
     return f" (did you mean {close[0]}?)" if close else ""
 
 
-def _scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
+def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
     """The first complaint of pydantic, in the words of a scene."""
     complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])

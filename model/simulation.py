@@ -18,6 +18,7 @@ import numpy as np
 from model.build import Body, build
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import cloth_record
+from model.cluster_tables import checked_rotation
 from model.diagnosis import diagnose
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
@@ -55,13 +56,16 @@ def check_interval(particle_count: int, backend: str) -> int:
 @dataclass(frozen=True)
 class State:
     """Every array the next step reads. `position`, `velocity` (particles, dimensions), C-contiguous, in builder order, in
-    the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`."""
+    the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`; of bodies
+    `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
+    are none, or they are to be found anew."""
 
     position: np.ndarray
     velocity: np.ndarray
     inverse_mass: np.ndarray
     time: float
     step: int
+    rotation: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -164,6 +168,18 @@ class Simulation(ABC):
         into[...] = normal
         return into
 
+    def _download_rotation(self) -> np.ndarray | None:
+        """The clusters' rotations of the state, see State; None where a scene has no bodies."""
+        return None
+
+    def _upload_rotation(self, rotation: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
+        """Take rotations, or find those of the state that was uploaded, from no rotation."""
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        """(rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies with particles where they are now, as new
+        host arrays; the state stays as it is."""
+        raise NotImplementedError
+
     @abstractmethod
     def synchronize(self) -> None:
         """Return when every step asked for has been done."""
@@ -261,12 +277,14 @@ class Simulation(ABC):
         """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""
         self.check()
         position, velocity = self._download()
-        return State(position, velocity, self.body.inverse_mass.copy(), self.time, self.step)
+        inverse_mass = self.body.inverse_mass.copy()
+        return State(position, velocity, inverse_mass, self.time, self.step, self._download_rotation())
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
 
-        Raises InputError for arrays of another shape, non-finite values, or pins other than the scene's.
+        Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, or rotations that are
+        no unit quaternions.
         """
         count = len(self.body.position)
         arrays = {}
@@ -286,12 +304,19 @@ class Simulation(ABC):
         same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+        rotation = state.rotation
+        if rotation is not None:
+            rotation = checked_rotation(rotation, self._cluster_count(), self.real)
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
+        self._upload_rotation(rotation)
         self.step, self.time = int(state.step), float(state.time)
         self._put_aside()
+
+    def _cluster_count(self) -> int:
+        return self.scene.crowd.clusters.count if self.scene.bodies else 0
 
     def _pin_velocity(self, step: int) -> Any:
         """Of the pinned masses [m/s] when step `step` begins: 0, or what their motions say."""
@@ -304,7 +329,8 @@ class Simulation(ABC):
 
     def read(self, name: str, into: Any = None) -> Any:
         """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the
-        unit normals for drawing it; each computed only when asked.
+        unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
+        (clusters, 3) [m], of mass, with particles where they are now, for skins. Each is computed only when asked.
 
         `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new host
         array. Does not check for divergence: it is what the window draws.
@@ -317,6 +343,10 @@ class Simulation(ABC):
             return self._read_normal(into)
         if name == "velocity":
             result = self._download()[1]
+        elif self.scene.bodies and name in ("rotation", "centre"):
+            result = self._read_clusters()[name == "centre"]
+        elif self.scene.bodies:
+            raise SceneError("read", name, "must be one of position, velocity, rotation, centre")
         elif name == "strain":
             from model.energy import spring_strain
 

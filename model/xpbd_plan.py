@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from model.cloth_parts import SPRING_KINDS
 from model.cloth_plan import TRIANGLES_EACH, cloth_parts
-from model.formulas import colliders, contact, distance, wind
+from model.formulas import cluster, colliders, contact, distance, shape_matching, wind
 from model.formulas import random as random_formulas
 from model.plan import Node, Plan, Stage
 from model.scene import Scene
 
+JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
 LOOKED_AT = 4  # triangles that a mass of a cloth in a few layers is held against
 
 
@@ -44,10 +46,13 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
 
     `structural-compliance` (and so on): the constraints have multipliers; `structural-damping`: dampers along them;
     `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
-    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `rubbing` where that has friction.
+    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `rubbing` where that has friction. Of the
+    solver shape-matching `clusters` instead of constraints.
     """
     parts = set(cloth_parts(scene, live))
     method = scene.method
+    if method.matches_shapes:
+        return frozenset(parts - set(SPRING_KINDS)) | {"clusters"}
     kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
     if scene.springs:
         parts.add("structural")
@@ -92,6 +97,33 @@ def constraint_count(scene: Scene) -> int:
     return total
 
 
+def lattice_stages(region: int) -> tuple[Stage, ...]:
+    """An iteration of shape matching of a grid whose clusters are windows."""
+    sm, wide = shape_matching, 2 * region + 1
+    matching = (wide - 1) * sm.OPERATIONS_MEMBER + wide * sm.OPERATIONS_ROW + sm.OPERATIONS_CLUSTER
+    goals = wide * (sm.OPERATIONS_GOAL_MEMBER + sm.OPERATIONS_GOAL_ROW) + sm.OPERATIONS_MOVE
+    return Stage("match clusters", 1, 2, matching), Stage("move to goals", 3, 1, goals)
+
+
+def body_stages(scene: Scene) -> tuple[Stage, ...]:
+    """An iteration of shape matching of bodies: clusters gather their particles, particles their clusters.
+
+    An entry, a particle in a cluster, is a place, a rest offset, a mass or a share, and an index of four bytes; matched, it
+    reads a position, and moved, the cluster's rotation and centre, 12 scalars.
+    """
+    clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    matched = overlap * cluster.OPERATIONS_MEMBER + each * cluster.OPERATIONS_TURN
+    moved = overlap * cluster.OPERATIONS_GOAL + cluster.OPERATIONS_MOVE
+    table = 3 + 1 + 1  # scalars
+    return (
+        Stage(
+            "match clusters", round((overlap * (3 + table) + 4 * each) / 3), round(each * (4 + 12) / 3), round(matched)
+        ),
+        Stage("move to goals", round(overlap * (12 + table) / 3) + 1, 1, round(moved)),
+    )
+
+
 def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of a position-based solver. Numbers are per particle and axis, as in model/plan.py.
 
@@ -114,7 +146,10 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         each = distance.OPERATIONS_SOFT if f"{family.kind}-compliance" in parts else distance.OPERATIONS_RIGID
         return each + distance.OPERATIONS_DAMPER * (f"{family.kind}-damping" in parts)
 
-    if method.ordering == "gauss-seidel":
+    colours: tuple[Stage, ...]
+    if method.matches_shapes:
+        colours = body_stages(scene) if scene.bodies else lattice_stages(method.region)
+    elif method.ordering == "gauss-seidel":
         colours = tuple(
             Stage(f"project {family.name} {colour}", 1, 1, project(family) // 2)
             for family, colour in colour_order(parts)
@@ -134,4 +169,8 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
     iteration = Node("iteration", colours, method.iterations)
     substep = Node("substep", (*outside, predict, *search, iteration, update, *touch), method.substeps)
-    return Plan(Node("step", (substep,)), 4 * method.substeps, parts, dimensions=axes)
+    root = Node("step", (substep,))
+    if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers
+        passes = sum(stage.reads + stage.writes for stage in root.stages() if stage.name != "collide")
+        return Plan(root, passes, parts, dimensions=axes)
+    return Plan(root, 4 * method.substeps, parts, dimensions=axes)

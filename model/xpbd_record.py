@@ -11,6 +11,7 @@ import numpy as np
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
 from model.integrators import damping_rate
+from model.matching import matching_share, matching_stiffness
 from model.record import rounded_record
 from model.scene import Scene
 
@@ -34,8 +35,12 @@ XPBD_PARAMETERS = (
     "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
     "braking",  # h c / m
     *(f"distance_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
+    "matching",  # how far masses go towards the goals of their clusters in an iteration
+    "matching_rest",  # m, between neighbours of a cluster at rest
 )
-X_INVERSE_SUBSTEP, X_KEEP, X_DRAG = (XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "braking"))
+X_INVERSE_SUBSTEP, X_KEEP, X_DRAG, X_MATCHING, X_MATCHING_REST = (
+    XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "braking", "matching", "matching_rest")
+)
 # where a kind's constants begin
 X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"distance_{kind}_rest") for kind in CONSTRAINTS}
 X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
@@ -46,6 +51,7 @@ OWN_FIELDS = {  # of the scene, by the value that follows from them
     "braking": "damping.coefficient",
     **{f"distance_{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
     "distance_stiff_compliance": "springs.stiffness_ratio",
+    "matching": "springs.stiffness",
 }
 
 
@@ -80,5 +86,10 @@ def xpbd_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0
     for kind in CONSTRAINTS:
         constants = constraint_constants(scene, kind)
         values |= {f"distance_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
+    method, matching = scene.method, 0.0
+    if method.matches_shapes:
+        matching = matching_share(matching_stiffness(scene), h, method.iterations)
+    rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
+    values |= {"matching": matching, "matching_rest": rest}
     assert tuple(values) == XPBD_PARAMETERS
     return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)

@@ -95,6 +95,7 @@ THINNED = {
     "test_xpbd_cpu.py": 2, "test_xpbd_cpu_reference.py": 3, "test_xpbd_laws.py": 2, "test_xpbd_mesh_cpu.py": 2,
     "test_contacts.py": 2, "test_contacts_scenes.py": 2, "test_hard_xpbd.py": 2, "test_accuracy_xpbd.py": 2,
     "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 2, "test_xpbd_mesh_ptx.py": 2, "test_contacts_ptx.py": 2,
+    "test_matching.py": 2, "test_simulated_matching.py": 2,
 }  # fmt: skip
 
 

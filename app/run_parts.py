@@ -1,0 +1,48 @@
+"""What a run tells of the parts that few scenes have: contacts of a cloth with itself, and bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.scene import Scene
+from model.simulation import Simulation, State
+
+
+def body_lines(scene: Scene) -> list[str]:
+    """What became of the meshes of a scene's bodies, each told once for all its copies."""
+    lines = []
+    for name, part in scene.bodies.items():
+        times = f" (x {part.count})" if part.count > 1 else ""
+        lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
+    return lines
+
+
+def bodies_report(scene: Scene) -> dict[str, Any]:
+    """Of bodies, how many there are, of how many clusters. Their `max_strain` is how far a particle is from where one of its
+    clusters wants it, over the particle spacing; nothing else of a report is different."""
+    if not scene.bodies:
+        return {}
+    return {"bodies": len(scene.crowd.copies), "clusters": scene.crowd.clusters.count}
+
+
+def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
+    """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
+    contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
+    that there was no room for. Seconds on large sheets."""
+    scene = simulation.scene
+    if scene.self_collision is None:
+        return {}
+    from model.contact_measure import measure
+
+    grid = scene.grid
+    found = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)
+    gaps = {"min_gap": found.min_gap, "min_edge_gap": found.min_edge_gap}
+    contacts: Any = simulation.contacts  # type: ignore[attr-defined]
+    return {
+        **{name: gap if np.isfinite(gap) else None for name, gap in gaps.items()},
+        "edge_misses": found.edge_misses,
+        "crossings": found.crossings,
+        "contacts_lost": contacts.lost,
+    }

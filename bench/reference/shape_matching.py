@@ -1,0 +1,63 @@
+"""Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values, none of the lab's formulas.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; see model/clusters.py for split masses and
+model/matching.py for how far a mass goes towards its goals.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.reference import cloth, mass_spring, xpbd
+from model.clusters import Clusters
+from model.errors import SceneError
+from model.matching import lattice_clusters
+from model.scene import Scene
+
+
+def iterate(clusters: Clusters, position: np.ndarray, h: float, iterations: int) -> np.ndarray:
+    """Position [m] after one of `iterations` of a substep h [s], pins not held: x + sum share b (goal - x)."""
+    with np.errstate(divide="ignore"):
+        share = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
+    ways = (clusters.shares * share[clusters.owner])[:, None] * (clusters.goals(position) - position[clusters.indices])
+    moved = position.copy()
+    np.add.at(moved, clusters.indices, ways)
+    return moved
+
+
+def simulate(
+    scene: Scene,
+    steps: int,
+    position: np.ndarray | None = None,
+    velocity: np.ndarray | None = None,
+    first_step: int = 0,
+    poke: xpbd.Poke | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of `method.dt`.
+
+    The solver shape-matching of a grid or of bodies, as its [method] says; colliders act at the end of every substep. Raises
+    SceneError for another solver.
+    """
+    if scene.method.solver != "shape-matching":
+        raise SceneError("method.solver", scene.method.solver, "must be shape-matching here")
+    begin, at_rest = (scene.crowd.position, scene.crowd.velocity) if scene.bodies else mass_spring.start(scene)
+    p = begin if position is None else np.array(position, dtype=np.float64)
+    v = at_rest if velocity is None else np.array(velocity, dtype=np.float64)
+    method, clusters = scene.method, scene.crowd.clusters if scene.bodies else lattice_clusters(scene)
+    free = ~mass_spring.pinned_mask(scene).reshape(-1, 1)
+    drag = (scene.damping.coefficient if scene.damping else 0.0) / clusters.mass[:, None]
+    h = method.dt / method.substeps
+    fine = scene.replace({"method.dt": h})
+    for step in range(first_step, first_step + steps):
+        for substep in range(method.substeps):
+            time = (step * method.substeps + substep) * h
+            a = xpbd.accelerations(scene, p, v, time, step, poke, clusters.mass)
+            before = p
+            p = np.where(free, p + h * (v * (1 - h * drag) + h * a), p)
+            for _ in range(method.iterations):
+                p = np.where(free, iterate(clusters, p, h, method.iterations), p)
+            v = np.where(free, (p - before) / h, 0.0)
+            if scene.colliders:
+                rows = before[None], p[None], v[None]
+                p, v = (array[0] for array in cloth.collide(fine, *rows, step * method.substeps + substep))
+    return p, v

@@ -1,0 +1,117 @@
+"""All bodies of a scene as one set of particles: what a solver of clusters starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.body_parts import Placed
+from model.clusters import Clusters
+from model.errors import InputError, SceneError
+from model.soft_body import BakedBody
+
+MOST_PARTICLES = 2**31 - 1  # indices are 32-bit
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of a body: its part's `name`, what it is made of, its first particle and first cluster, its number in all."""
+
+    name: str
+    baked: BakedBody
+    number: int
+    first_particle: int
+    first_cluster: int
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """The particles of all copies, one after the other, in the order of the file.
+
+    `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
+    is of; `clusters`, whose rest positions are those at the start; `copies`. To the rest of the lab it is a row of masses:
+    `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    body: np.ndarray
+    clusters: Clusters
+    copies: tuple[Copy, ...]
+    spacing: float
+    mass: float
+    rows: int = 1
+    pinned: str = "none"
+    spring_count: int = 0
+
+    @property
+    def columns(self) -> int:
+        return len(self.position)
+
+    @property
+    def particle_count(self) -> int:
+        return len(self.position)
+
+    @property
+    def extent(self) -> float:
+        """Its longest side [m]."""
+        return float(np.ptp(self.position, axis=0).max(initial=self.spacing))
+
+
+def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
+    """The crowd of a scene's bodies, by name. Raises SceneError where it has too many particles."""
+    for name, part in parts.items():
+        try:
+            part.baked  # noqa: B018 - made here, so that its errors name the part
+        except SceneError as error:
+            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    total = sum(len(part.baked.position) * part.count for part in parts.values())
+    if total > MOST_PARTICLES:
+        raise SceneError("copies", total, f"at most {MOST_PARTICLES} particles (32-bit indices)")
+    copies: list[Copy] = []
+    positions, velocities, bodies, masses = _lists(4)
+    stiffness, coefficients, indices, sizes = _lists(4)
+    particle = cluster = 0
+    for name, part in parts.items():
+        made, turn = part.baked, part.turn()
+        here = made.position @ turn.T
+        centre = (made.mass[:, None] * here).sum(axis=0) / made.mass.sum()
+        moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
+        for place in part.places():
+            copies.append(Copy(name, made, len(copies), particle, cluster))
+            positions.append(here + place)
+            velocities.append(moving)
+            bodies.append(np.full(len(here), len(bodies), np.int32))
+            masses.append(made.mass)
+            indices.append(made.clusters.indices + particle)
+            stiffness.append(made.clusters.stiffness)
+            coefficients.append(made.clusters.coefficients)
+            sizes.append(np.diff(made.clusters.offsets))
+            particle, cluster = particle + len(here), cluster + made.clusters.count
+    position, mass = np.concatenate(positions), np.concatenate(masses)
+    clusters = Clusters(
+        np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int32),
+        np.concatenate(indices).astype(np.int32),
+        np.concatenate(coefficients),
+        np.concatenate(stiffness),
+        mass,
+        position,
+    )
+    spacing = float(np.mean([copy.baked.spacing for copy in copies]))
+    return Crowd(
+        position,
+        np.concatenate(velocities),
+        np.concatenate(bodies),
+        clusters,
+        tuple(copies),
+        spacing,
+        float(mass.mean()),
+    )
+
+
+def _lists(count: int) -> tuple[list[np.ndarray], ...]:
+    return tuple([] for _ in range(count))

@@ -1,0 +1,250 @@
+"""The rotation nearest to a matrix, and rotations by quaternions.
+
+A = sum of m now rest' (rows: axes of now; columns: axes at rest). Its nearest rotation R maximises trace(R'A) and has the
+determinant +1, whatever A's is: M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 3.3. What
+is turned is A over its largest entry, so that no scale is too small or too large (up to four times the least normal number
+it counts as 0), and all is + - * / and the root, which are correctly rounded everywhere.
+
+In three dimensions trace(R'A) = q'Kq, R of the unit quaternion q = (w, x, y, z) and K symmetric, 4 x 4: P. Davenport's method
+in J. Keat, "Analysis of Least-Squares Attitude Determination Routine DOAOP", 1977; B. Horn, "Closed-Form Solution of Absolute
+Orientation Using Unit Quaternions", J. Opt. Soc. Am. A 4, 1987. Seen from a rotation q0, with S = R(q0)'A and q = q0 (1, u),
+
+    K = | t  b'    |    t = trace S,  b = (S_zy - S_yz, S_xz - S_zx, S_yx - S_xy),  H = 2t - S - S'
+        | b  t - H |
+
+so that q0 is the best one if and only if b = 0 and H has no negative eigenvalue. It can be told of any rotation whether it is
+the one looked for: K's largest eigenvalue is at most that of (t, |b|; |b|, t + d), so that with no eigenvalue of H below -d
+the trace falls short by at most |b| + d. There are two ways to it:
+
+`rotation_3d_near` improves the rotation of before, as M. Mueller et al., "A Robust Method to Extract the Rotational Part of
+Deformations", MIG 2016 do, but by a step with all of H instead of its trace (T. Kugelstadt, D. Koschier, J. Bender, "Fast
+Corotated FEM using Operator Splitting", SCA 2018), which converges with the third power of the angle, and by a rational
+update instead of a sine; and tells whether it has got there. It has no branch: loops over many are vectorised, if it is
+compiled to be inlined.
+
+`rotation_3d_far` needs no start. K, shifted to positive eigenvalues and squared again and again, tends to the projection on
+the eigenvectors of the largest one; what that leaves of the rotation of before is nearest to it among all that are equally
+good. Where eigenvalues meet, as a mirrored body's do, it loses nothing; the largest root of the characteristic polynomial, a
+quartic, loses half the digits or more there, and a row of the adjugate the rest.
+
+`rotation_3d` is the second where the first has not got there.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+
+# counted on numbers that count; a comparison, a largest and an absolute value are one each
+OPERATIONS_2D = 22
+OPERATIONS_MATRIX = 28
+OPERATIONS_ROTATED = 30
+OPERATIONS_NEAR = {4: 567, 8: 779}  # by the bytes of a number
+OPERATIONS_FAR = 1660  # of a random matrix, 8 squarings
+
+# In units of eps, A's largest entry being 1.
+KEPT = 8  # |b| of a rotation that is not touched any more, so that what rests stays at rest: what rounding makes of 0
+REACHED = 16  # |b| of the nearest rotation
+SLACK = 32  # what H's eigenvalues may be below 0: the rounding of three pivots
+LEAST = 1024  # what is added to H, so that where A leaves a turn open, rounding turns by hundredths at most
+
+
+def make(real, compiled=plain):
+    """`rotation_2d`, `rotation_3d`, its halves `rotation_3d_near` and `rotation_3d_far`, `matrix_of`, `rotated` in the
+    arithmetic `real`."""
+    zero, half, one, two, three, four = real(0), real(0.5), real(1), real(2), real(3), real(4)
+    eps = float(np.finfo(real).eps)
+    normal = real(4 * np.finfo(real).tiny)  # its reciprocal is finite
+    kept, reached = real((KEPT * eps) ** 2), real((REACHED * eps) ** 2)
+    slack, least = real(SLACK * eps), real(LEAST * eps)
+    steps = 2 if real is np.float32 else 3  # from 30 degrees, of nearly all random matrices
+    # 2^n times: of two eigenvalues in a shifted sum of at most 6 sqrt(3), what is left of the smaller one costs the trace at
+    # most 6 sqrt(3) / (2 e 2^n) = 2 eps
+    squarings = 23 if real is np.float32 else 52
+    alone = real(1 - 4 * eps)
+    lost = real(1 / 64)
+
+    @compiled
+    def rotation_2d(xx, xy, yx, yy, cosine, sine):
+        """(cosine, sine) of the rotation nearest to ((xx, xy), (yx, yy)); those given, where every one is as near (0, and
+        what mirrors and scales). trace(R'A) = c (xx + yy) + s (yx - xy), largest along (xx + yy, yx - xy)."""
+        largest = max(max(abs(xx), abs(xy)), max(abs(yx), abs(yy)))
+        scale = one / largest if largest > normal else zero
+        c = scale * xx + scale * yy
+        s = scale * yx - scale * xy
+        squared = c * c + s * s
+        found = squared > kept
+        length = sqrt(squared if found else one)
+        return c / length if found else cosine, s / length if found else sine
+
+    @compiled
+    def matrix_of(w, x, y, z):
+        """R of the unit quaternion (w, x, y, z), 9 entries by rows. R'R is |q|^4; 1 less twice products would be more wrong
+        of a q that rounding has made longer."""
+        x2, y2, z2 = x + x, y + y, z + z
+        wx, wy, wz, xy, xz, yz = w * x2, w * y2, w * z2, x * y2, x * z2, y * z2
+        ww, xx, yy, zz = w * w, x * x, y * y, z * z
+        return (
+            (ww + xx) - (yy + zz), xy - wz, xz + wy,
+            xy + wz, (ww + yy) - (xx + zz), yz - wx,
+            xz - wy, yz + wx, (ww + zz) - (xx + yy),
+        )  # fmt: skip
+
+    @compiled
+    def rotated(w, x, y, z, vx, vy, vz):
+        """R v of the unit quaternion (w, x, y, z): v + w t + u x t with t = 2 u x v, u = (x, y, z)."""
+        tx, ty, tz = two * (y * vz - z * vy), two * (z * vx - x * vz), two * (x * vy - y * vx)
+        return vx + (w * tx + (y * tz - z * ty)), vy + (w * ty + (z * tx - x * tz)), vz + (w * tz + (x * ty - y * tx))
+
+    @compiled
+    def unit(w, x, y, z):
+        """(w, x, y, z) over its length, which is then wrong by at most 2.5 units of rounding instead of 4.5: the second
+        factor is the root's first two terms."""
+        inverse = one / sqrt((w * w + x * x) + (y * y + z * z))
+        w, x, y, z = inverse * w, inverse * x, inverse * y, inverse * z
+        more = half * (one - ((w * w + x * x) + (y * y + z * z)))
+        return w + more * w, x + more * x, y + more * y, z + more * z
+
+    @compiled
+    def normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        """A over its largest entry; 0 where that is below every normal number."""
+        first, second = max(max(abs(xx), abs(xy)), max(abs(xz), abs(yx))), max(max(abs(yy), abs(yz)), abs(zx))
+        largest = max(max(first, second), max(abs(zy), abs(zz)))
+        s = one / largest if largest > normal else zero
+        return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz
+
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+        """b (3 numbers) and H (xx, xy, xz, yy, yz, zz) seen from (w, x, y, z); see the head of the file."""
+        rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = matrix_of(w, x, y, z)
+        sxx, sxy, sxz = dot(rxx, ryx, rzx, xx, yx, zx), dot(rxx, ryx, rzx, xy, yy, zy), dot(rxx, ryx, rzx, xz, yz, zz)
+        syx, syy, syz = dot(rxy, ryy, rzy, xx, yx, zx), dot(rxy, ryy, rzy, xy, yy, zy), dot(rxy, ryy, rzy, xz, yz, zz)
+        szx, szy, szz = dot(rxz, ryz, rzz, xx, yx, zx), dot(rxz, ryz, rzz, xy, yy, zy), dot(rxz, ryz, rzz, xz, yz, zz)
+        return (
+            szy - syz, sxz - szx, syx - sxy,
+            two * (syy + szz), -(sxy + syx), -(sxz + szx), two * (sxx + szz), -(syz + szy), two * (sxx + syy),
+        )  # fmt: skip
+
+    @compiled
+    def improved(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+        """The quaternion after one step, (H + e) u = b; the very same where b is no more than rounding.
+
+        e: how far the largest eigenvalue of K lies above t among the mixtures of q0 and K q0 alone, the Ritz value of a
+        2 x 2 matrix. H + e has pivots of no sign: at a saddle, half a turn away, the step leads away from it.
+        """
+        bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        squared = dot(bx, by, bz, bx, by, bz)
+        gx, gy, gz = dot(hxx, hxy, hxz, bx, by, bz), dot(hxy, hyy, hyz, bx, by, bz), dot(hxz, hyz, hzz, bx, by, bz)
+        along = dot(gx, gy, gz, bx, by, bz) / max(squared, kept)
+        e = least + half * (sqrt(along * along + four * squared) - along)
+        first = max(abs(hxx + e), least)
+        lower_y, lower_z = hxy / first, hxz / first
+        second = max(abs((hyy + e) - lower_y * hxy), least)
+        rest = hyz - lower_y * hxz
+        lower = rest / second
+        third = max(abs(((hzz + e) - lower_z * hxz) - lower * rest), least)
+        middle = by - lower_y * bx
+        uz = ((bz - lower_z * bx) - lower * middle) / third
+        uy = middle / second - lower * uz
+        ux = (bx / first - lower_y * uy) - lower_z * uz
+        nw, nx = w - ((x * ux + y * uy) + z * uz), x + ((w * ux + y * uz) - z * uy)
+        ny, nz = y + ((w * uy + z * ux) - x * uz), z + ((w * uz + x * uy) - y * ux)
+        nw, nx, ny, nz = unit(nw, nx, ny, nz)
+        go = squared > kept
+        return nw if go else w, nx if go else x, ny if go else y, nz if go else z
+
+    @compiled
+    def reached_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+        """Whether (w, x, y, z) is the rotation nearest to A, to rounding."""
+        bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        first = hxx + slack
+        over = one / max(first, slack)
+        second = (hyy + slack) - hxy * over * hxy
+        rest = hyz - hxy * over * hxz
+        third = ((hzz + slack) - hxz * over * hxz) - rest / max(second, slack) * rest
+        return (dot(bx, by, bz, bx, by, bz) <= reached) & (first > zero) & (second > zero) & (third > zero)
+
+    @compiled
+    def rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+        """(w, x, y, z, whether it is the rotation nearest to A), improved from the unit quaternion given; that very one where
+        it is not: `rotation_3d_far` takes it from there."""
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+        nw, nx, ny, nz = w, x, y, z
+        for _ in range(steps):
+            nw, nx, ny, nz = improved(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
+        reached = reached_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
+        return nw if reached else w, nx if reached else x, ny if reached else y, nz if reached else z, reached
+
+    @compiled
+    def squared_of(a, b, c, d, e, f, g, h, i, j):
+        """The square of the symmetric matrix with the rows (a, b, c, d), (b, e, f, g), (c, f, h, i), (d, g, i, j)."""
+        return (
+            (a * a + b * b) + (c * c + d * d), (a * b + b * e) + (c * f + d * g), (a * c + b * f) + (c * h + d * i),
+            (a * d + b * g) + (c * i + d * j), (b * b + e * e) + (f * f + g * g), (b * c + e * f) + (f * h + g * i),
+            (b * d + e * g) + (f * i + g * j), (c * c + f * f) + (h * h + i * i), (c * d + f * g) + (h * i + i * j),
+            (d * d + g * g) + (i * i + j * j),
+        )  # fmt: skip
+
+    @compiled
+    def projection(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        """The projection on the eigenvectors of K's largest eigenvalue over their number, 10 entries of a symmetric matrix.
+
+        No eigenvalue of K is below -sqrt(3) |A|. The squares' trace being 1, that of the next one is 1 for a projection on
+        one vector alone, and less else.
+        """
+        squared = dot(xx, xy, xz, xx, xy, xz) + dot(yx, yy, yz, yx, yy, yz) + dot(zx, zy, zz, zx, zy, zz)
+        shift = sqrt(three * squared) + normal
+        a, b, c, d = shift + ((xx + yy) + zz), zy - yz, xz - zx, yx - xy
+        e, f, g = shift + ((xx - yy) - zz), xy + yx, xz + zx
+        h, i, j = shift + ((yy - xx) - zz), yz + zy, shift + ((zz - xx) - yy)
+        for _ in range(squarings):
+            t = one / ((a + e) + (h + j))
+            a, b, c, d, e, f, g, h, i, j = squared_of(
+                t * a, t * b, t * c, t * d, t * e, t * f, t * g, t * h, t * i, t * j
+            )
+            if (a + e) + (h + j) > alone:
+                break
+        t = one / ((a + e) + (h + j))
+        return t * a, t * b, t * c, t * d, t * e, t * f, t * g, t * h, t * i, t * j
+
+    @compiled
+    def rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+        """(w, x, y, z) of the rotation nearest to A; of several, the one nearest to the unit quaternion (w, x, y, z)."""
+        a, b, c, d, e, f, g, h, i, j = projection(*normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz))
+        nw, nx = (a * w + b * x) + (c * y + d * z), (b * w + e * x) + (f * y + g * z)
+        ny, nz = (c * w + f * x) + (h * y + i * z), (d * w + g * x) + (i * y + j * z)
+        if (nw * nw + nx * nx) + (ny * ny + nz * nz) < lost:  # nearly half a turn away: too few digits are left
+            largest = max(max(a, e), max(h, j))
+            if a == largest:
+                nw, nx, ny, nz = a, b, c, d
+            elif e == largest:
+                nw, nx, ny, nz = b, e, f, g
+            elif h == largest:
+                nw, nx, ny, nz = c, f, h, i
+            else:
+                nw, nx, ny, nz = d, g, i, j
+        nw, nx, ny, nz = unit(nw, nx, ny, nz)
+        nw, nx, ny, nz, _ = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
+        return nw, nx, ny, nz
+
+    @compiled
+    def rotation_3d(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
+        """(w, x, y, z) of the rotation nearest to A, from the unit quaternion (w, x, y, z) of before: the same bits as
+        `rotation_3d_near` for many at once and `rotation_3d_far` for what that has left."""
+        w, x, y, z, reached = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        if reached:
+            return w, x, y, z
+        return rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+
+    return SimpleNamespace(
+        rotation_2d=rotation_2d, rotation_3d=rotation_3d, rotation_3d_near=rotation_3d_near, rotation_3d_far=rotation_3d_far,
+        matrix_of=matrix_of, rotated=rotated,
+    )  # fmt: skip

@@ -1,0 +1,164 @@
+"""Meshes of the lab's own, made by code: closed, outer sides outwards, about a metre across, the same on every call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, pi, sin
+from typing import Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from model.mesh import TriangleMesh, triangle_mesh
+from model.parts import Count, Part, Positive
+from model.strokes import blended, extruded, letters, outline, polygon, tube, union
+from model.surface_nets import Field, surface
+
+ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters"]
+
+FINEST = 200
+COARSEST = {
+    "star": 16,
+    "torus": 8,
+    "beam": 1,
+    "blob": 24,
+    "octopus": 32,
+    "letters": 16,
+}  # what their thinnest parts ask for
+BEAM = (1.0, 0.25, 0.25)  # m
+TORUS = (0.35, 0.15)  # m: of the ring, of its tube
+STAR_DEPTH, STAR_TIP, STAR_NOTCH = 0.24, 0.52, 0.25  # m: from front to back; from the middle
+LETTER_DEPTH, LETTER_WIDTH = 0.22, 0.22  # m: from front to back; of a stroke
+EDGE = 0.05  # m: the radius of edges of what is cut from a plate
+GAP = 0.25  # m: between letters: clusters of up to that radius do not reach across
+
+
+class Shape(Part):
+    """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus, or
+    letters a metre tall.
+
+    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS.
+    """
+
+    name: ShapeName
+    resolution: Count = 40
+    scale: Positive = 1.0
+    text: str | None = None
+
+    @model_validator(mode="after")
+    def _can_be_made(self) -> Shape:
+        least = COARSEST[self.name]
+        if not least <= self.resolution <= FINEST:
+            raise ValueError(f"resolution: a {self.name} takes {least} to {FINEST} edges to a metre")
+        if (self.text is not None) != (self.name == "letters"):
+            raise ValueError('text: belongs to name = "letters", and to no other')
+        if self.text is not None and not (0 < len(self.text) <= 16 and set(self.text) <= set(letters())):
+            raise ValueError(f"text: 1 to 16 of the letters {' '.join(letters())}")
+        return self
+
+    def mesh(self) -> TriangleMesh:
+        """The mesh, around the origin, y up; letters side by side along x, a piece each."""
+        position, triangles = MAKERS[self.name](self)
+        return triangle_mesh(position * self.scale, triangles)
+
+
+def _net(
+    field: Field, low: tuple[float, ...], high: tuple[float, ...], resolution: int
+) -> tuple[np.ndarray, np.ndarray]:
+    return surface(field, np.array(low), np.array(high), 1 / resolution)
+
+
+def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A pen with a round tip along the outline of a sharp star, filled: its points are round, too."""
+    angles = [pi / 2 + k * pi / 5 for k in range(10)]
+    reach = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
+    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(reach, angles, strict=True)])
+    field = extruded(polygon(corners, EDGE), STAR_DEPTH, EDGE)
+    return _net(field, (-STAR_TIP, -STAR_TIP, -STAR_DEPTH / 2), (STAR_TIP, STAR_TIP, STAR_DEPTH / 2), shape.resolution)
+
+
+def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Rings about the y axis: a parametric surface, both ways round."""
+    ring, tube_radius = TORUS
+    around, across = (max(3, round(2 * pi * radius * shape.resolution)) for radius in TORUS)
+    u = (2 * pi / around * np.arange(around))[:, None]
+    v = (2 * pi / across * np.arange(across))[None]
+    far = ring + tube_radius * np.cos(v)
+    position = np.stack([far * np.cos(u), tube_radius * np.sin(v) + 0 * u, far * np.sin(u)], axis=-1)
+    a = np.arange(around * across).reshape(around, across)
+    b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
+    c = np.roll(b, -1, axis=1)
+    triangles = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
+    return position.reshape(-1, 3), triangles.astype(np.int32)
+
+
+def _beam(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Six sides of square cells that share their corners."""
+    counts = np.array([max(1, round(length * shape.resolution)) for length in BEAM])
+    found, triangles, used = [], [], 0
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        i, j = np.meshgrid(np.arange(counts[one] + 1), np.arange(counts[two] + 1), indexing="ij")
+        number = np.arange(i.size).reshape(i.shape)
+        a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+        cells = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+        for end in (0, counts[axis]):
+            place = np.empty((i.size, 3), dtype=np.int64)
+            place[:, axis], place[:, one], place[:, two] = end, i.ravel(), j.ravel()
+            found.append(place)
+            triangles.append(used + (cells if end else cells[:, ::-1]))
+            used += i.size
+    corners, number = np.unique(np.concatenate(found), axis=0, return_inverse=True)
+    return (corners / counts - 0.5) * BEAM, number.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
+
+
+def _blob(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A sitting hare, more or less, that looks along +z."""
+    body = tube([(0, -0.2, -0.08), (0, -0.02, -0.02)], [0.27, 0.22])
+    head = tube([(0, 0.16, 0.14), (0, 0.13, 0.24)], [0.16, 0.1])
+    ears = [tube([(x * 0.07, 0.25, 0.1), (x * 0.14, 0.47, 0.0)], [0.05, 0.045]) for x in (-1, 1)]
+    paws = [tube([(x * 0.15, -0.41, 0.05), (x * 0.17, -0.42, 0.26)], [0.08, 0.065]) for x in (-1, 1)]
+    tail = tube([(0, -0.3, -0.36), (0, -0.3, -0.37)], [0.08, 0.08])
+    field = blended([body, head, *ears, *paws, tail], 0.06)
+    return _net(field, (-0.4, -0.55, -0.5), (0.4, 0.55, 0.4), shape.resolution)
+
+
+def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A head and eight arms that taper, run down and outwards, and curl up at their ends."""
+    parts = [tube([(0, 0.16, -0.03), (0, 0.03, 0)], [0.2, 0.16])]
+    along = np.linspace(0, 1, 11)
+    for k in range(8):
+        angle = (k + 0.5) * pi / 4
+        away = 0.1 + 0.38 * along
+        height = -0.06 - 0.62 * along + 0.66 * along**2.6
+        sway = 0.05 * np.sin(2 * pi * along + k)
+        x, z = away * np.sin(angle) + sway * np.cos(angle), away * np.cos(angle) - sway * np.sin(angle)
+        parts.append(tube(np.stack([x, height, z], axis=1), 0.075 - 0.045 * along))
+    return _net(blended(parts, 0.03), (-0.6, -0.5, -0.6), (0.6, 0.4, 0.6), shape.resolution)
+
+
+def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Each letter by itself, on a lattice of its own, so that it is the same in every text."""
+    found, triangles, x, used = [], [], 0.0, 0
+    for letter in shape.text or "":
+        strokes = letters()[letter]
+        points = np.concatenate(strokes)
+        low, high = points.min(axis=0) - LETTER_WIDTH / 2, points.max(axis=0) + LETTER_WIDTH / 2
+        field = extruded(union([outline(stroke, LETTER_WIDTH / 2) for stroke in strokes]), LETTER_DEPTH, EDGE)
+        ends = (*low, -LETTER_DEPTH / 2), (*high, LETTER_DEPTH / 2)
+        position, part = _net(field, *ends, shape.resolution)
+        found.append(position + np.array([x - low[0], 0, 0]))
+        triangles.append(part + used)
+        used += len(position)
+        x += float(high[0] - low[0]) + GAP
+    return np.concatenate(found) - np.array([(x - GAP) / 2, 0, 0]), np.concatenate(triangles)
+
+
+MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
+    "star": _star,
+    "torus": _torus,
+    "beam": _beam,
+    "blob": _blob,
+    "octopus": _octopus,
+    "letters": _letters,
+}

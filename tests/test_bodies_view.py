@@ -1,0 +1,330 @@
+"""The drawing of bodies: skins that follow clusters, particles as spheres, their window, and the hand."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bodies import rotation
+from body_scenes import METHOD, PLANE, TORUS, beams_and_torus
+from fake_cloth import FakeCloth, open_fake
+from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
+from test_viewer import Window, display, needs_display  # noqa: F401
+
+from app import colours
+from app.collider_shapes import grounds, shadow_matrix
+from app.controls import BODY_KEYS, KEYS, hint, keys_text
+from app.demo import Demo
+from app.demo_report import numbers_text
+from app.hand import neighbour
+from app.offscreen import OffscreenRenderer, render_frame
+from app.scenery import KEY
+from app.skinning import ClusterFrames, of_quaternions
+from model.errors import InputError
+from model.scene import Scene
+
+SCENE = beams_and_torus()
+CROWD = SCENE.crowd
+RANDOM = np.random.default_rng(6)
+BENT = CROWD.position + 0.05 * np.sin(3 * CROWD.position[:, ::-1])  # m: no copy is rigid any more
+
+
+def skin_of(number: int, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(position, normal) (vertices, 3) of a copy's skin, as the shader makes them of the clusters' matrices."""
+    copy = CROWD.copies[number]
+    skin, own = copy.baked.skin, matrices[copy.first_cluster :].astype(np.float64)
+    rows = np.einsum("vk,vkij->vij", skin.weights, own[skin.clusters])
+    normal = np.einsum("vij,vj->vi", rows[:, :, :3], skin.normal)
+    return np.einsum("vij,vj->vi", rows[:, :, :3], skin.position) + rows[:, :, 3], normal
+
+
+# ---------------------------------------------------------------------- skins
+
+
+def test_at_the_start_every_skin_is_its_mesh_turned_and_moved() -> None:
+    matrices = ClusterFrames(SCENE).of_state(CROWD.position)
+    placed = [(part, place) for part in SCENE.bodies.values() for place in part.places()]
+    for number, (part, place) in enumerate(placed):
+        skin = part.baked.skin
+        position, normal = skin_of(number, matrices)
+        np.testing.assert_allclose(position, skin.position @ part.turn().T + place, atol=1e-6)  # rounding of metres
+        np.testing.assert_allclose(normal, skin.normal @ part.turn().T, atol=1e-6)
+
+
+def test_a_bent_skin_is_that_of_the_model() -> None:
+    """The clusters' rotations, then the copy's own turn, as model/skin.py takes them, in float64."""
+    matrices = ClusterFrames(SCENE).of_state(BENT)
+    centre, turned = CROWD.clusters.centres(BENT), CROWD.clusters.rotations(BENT)
+    for copy in CROWD.copies:
+        own = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
+        whole = turned[own] @ SCENE.bodies[copy.name].turn()
+        position, normal = copy.baked.skin.skinned(centre[own], whole)
+        drawn, outward = skin_of(copy.number, matrices)
+        np.testing.assert_allclose(drawn, position, atol=2e-6)
+        length = np.linalg.norm(outward, axis=1, keepdims=True)
+        np.testing.assert_allclose(outward / length, normal, atol=1e-5)  # cancelled parts of means are longer than they
+
+
+def test_quaternions_of_a_solver_are_its_rotations() -> None:
+    turns = RANDOM.normal(0, 2, (20, 3))
+    angle = np.linalg.norm(turns, axis=1, keepdims=True)
+    quaternions = np.hstack([np.cos(angle / 2), np.sin(angle / 2) * turns / angle])
+    np.testing.assert_allclose(of_quaternions(quaternions), [rotation(turn) for turn in turns], atol=1e-14)
+
+
+class Telling(FakeCloth):
+    """Bodies that tell of their clusters, by quaternions."""
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        matrices = CROWD.clusters.rotations(self._position)
+        w = np.sqrt(1 + np.trace(matrices, axis1=1, axis2=2)) / 2  # turned by less than half a turn
+        axis = np.stack([matrices[:, 2, 1] - matrices[:, 1, 2], matrices[:, 0, 2] - matrices[:, 2, 0],
+                         matrices[:, 1, 0] - matrices[:, 0, 1]], axis=1)  # fmt: skip
+        return np.hstack([w[:, None], axis / (4 * w[:, None])]), CROWD.clusters.centres(self._position)
+
+
+def test_a_solver_is_asked_for_its_clusters_and_its_state_is_enough() -> None:
+    frames = ClusterFrames(SCENE)
+    for kind in (FakeCloth, Telling):
+        simulation = kind(SCENE)
+        simulation._position = BENT.copy()
+        found = frames.of_simulation(simulation, BENT)
+        np.testing.assert_allclose(found, frames.of_state(BENT), atol=1e-6)
+        assert "rotation" in simulation.asked or "centre" in simulation.asked
+
+
+# ---------------------------------------------------------------------- pictures
+
+
+def renderer_of(scene: Scene, lines: bool = False) -> OffscreenRenderer:
+    return OffscreenRenderer(scene, 640, 480, legend=False, lines=lines)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_skins_have_the_colours_of_their_bodies_and_follow_the_state() -> None:
+    with renderer_of(SCENE) as renderer:
+        for shift in (np.zeros(3), np.array([0.0, 0.5, 0.0])):
+            position = CROWD.position + shift
+            renderer.fit(position)
+            renderer.draw(position)
+            image = renderer.image()
+            for copy in CROWD.copies[:2]:
+                middle = position[CROWD.body == copy.number].mean(axis=0)
+                assert looks_like(near(image, renderer, middle), colours.BODIES[copy.number])
+        hole = position[CROWD.body == 2].mean(axis=0)  # the torus stands: one looks through it
+        assert not looks_like(near(image, renderer, hole), colours.BODIES[2])
+
+
+@pytest.mark.usefixtures("drawing")
+def test_particles_are_spheres_of_half_a_spacing() -> None:
+    """The topmost particle against what is behind it: coloured up to its radius, and nothing beyond."""
+    scene = Scene({"torus": TORUS | {"particle_spacing": 0.3}, "method": METHOD})
+    position = scene.crowd.position
+    top = position[np.argmax(position[:, 1])]
+    with renderer_of(scene, lines=True) as renderer:
+        renderer.camera.pitch = 0.0
+        renderer.fit(position)
+        renderer.draw(position)
+        image = renderer.image()
+        radius = np.array([0.0, 0.15, 0.0])
+        assert looks_like(near(image, renderer, top + 0.9 * radius, 0), colours.BODIES[0])
+        assert near(image, renderer, top + 1.15 * radius, 0).min() > 0.9
+        above, below = (near(image, renderer, top + part * radius).mean() for part in (0.7, -0.2))
+        assert above > 1.05 * below  # round: lit from above
+        nearest = position[np.argmax(position @ renderer.camera.axes[2])]
+        assert looks_like(near(image, renderer, nearest, 0), colours.BODIES[0])
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_nearer_sphere_hides_a_farther_one() -> None:
+    """Whichever is drawn first: two tori, one behind the other, from both sides."""
+    scene = Scene({"one": TORUS, "other": TORUS | {"origin": [0.0, 2.2, -0.4]}, "method": METHOD})
+    position = scene.crowd.position
+    with renderer_of(scene, lines=True) as renderer:
+        for yaw, seen in ((0.0, 0), (np.pi, 1)):
+            renderer.camera.yaw, renderer.camera.pitch = yaw, 0.0
+            renderer.fit(position)
+            renderer.draw(position)
+            own = scene.crowd.body == seen
+            places = renderer.camera.to_window(position)
+            away = np.hypot(*(places[own][:, None] - places[~own]).transpose(2, 0, 1)).min(axis=1)
+            place = position[own][np.argmin(away)]
+            assert away.min() < 0.05 * renderer.camera.scale  # m: the other has a sphere there too
+            assert looks_like(near(renderer.image(), renderer, place, 0), colours.BODIES[seen])
+
+
+@pytest.mark.usefixtures("drawing")
+@pytest.mark.parametrize("lines", [False, True])
+def test_bodies_throw_shadows(lines: bool) -> None:
+    scene = Scene({"torus": TORUS | {"angle": 0.0, "origin": [0.0, 0.5, 0.0]}, "method": METHOD} | PLANE)
+    position = scene.crowd.position
+    (ground,) = grounds(scene, 0.0, 0.0)
+    flatten = shadow_matrix(ground, KEY)
+    with renderer_of(scene, lines) as renderer:
+        renderer.fit(position)
+        renderer.camera.distance *= 3
+        renderer.camera.pitch = 0.5
+        renderer.draw(position)
+        image = renderer.image()
+        fallen = (np.append(position, np.ones((len(position), 1)), axis=1) @ flatten.T)[:, :3]
+        away = renderer.camera.to_window(fallen)[:, None] - renderer.camera.to_window(position)
+        seen = fallen[np.hypot(*away.T).min(axis=0) > 0.2 * renderer.camera.scale]  # m: beside all that is drawn
+        assert len(seen) > 5
+        dark = np.median([near(image, renderer, place, 0).mean() for place in seen])
+        hole = near(image, renderer, (np.append(position.mean(axis=0), 1) @ flatten.T)[:3], 1)
+        assert dark < 0.9 < np.median(hole.mean(axis=1)) < 0.98  # shadow, ground, and the background is white
+
+
+@pytest.mark.usefixtures("drawing")
+def test_one_of_particles_and_skin_is_always_shown() -> None:
+    with renderer_of(SCENE) as renderer:
+        view: Any = renderer._view
+        pictures = []
+        for change, shown in ((lambda: None, (False, True)), (view.toggle_particles, (True, True)),
+                              (view.toggle_skin, (True, False)), (view.toggle_particles, (False, True)),
+                              (view.toggle_skin, (True, False)), (view.toggle_lines, (False, True))):  # fmt: skip
+            change()
+            assert (view.particles, view.skin) == shown and view.lines == (not view.skin)
+            renderer.draw(CROWD.position)
+            pictures.append(renderer.image())
+        np.testing.assert_array_equal(pictures[0], pictures[-1])
+        np.testing.assert_array_equal(pictures[2], pictures[4])
+        assert all((one != other).any() for one, other in ((pictures[0], pictures[1]), (pictures[1], pictures[2])))
+
+
+@pytest.mark.usefixtures("drawing")
+def test_bad_shapes_are_refused_and_diverged_states_drawn(tmp_path: Path) -> None:
+    with renderer_of(SCENE) as renderer:
+        with pytest.raises(InputError, match="this scene needs"):
+            renderer.draw(CROWD.position[:5])
+        renderer.draw(np.full_like(CROWD.position, np.nan))
+        renderer.draw(CROWD.position * 1e300)
+        renderer.fit(BENT)
+        renderer.draw(BENT)
+        renderer._view.draw(renderer.camera, 0.5, selected=3)
+        ring = near(renderer.image(), renderer, BENT[3], 11)
+        assert np.abs(ring - colours.SELECTED).max(axis=1).min() < 0.05
+    assert render_frame(SCENE, BENT, tmp_path / "bodies.png", 160, 120).exists()
+
+
+# ---------------------------------------------------------------------- the demo
+
+
+@pytest.fixture
+def demo() -> Iterator[Demo]:
+    with Demo([SCENE], open_world=open_fake) as running:
+        yield running
+
+
+def test_a_frame_takes_a_frames_time(demo: Demo) -> None:
+    assert demo.steps_per_frame == 5  # of 0.005 s: 1.5 times 1/60 s, where 2 are a 1.67th of it
+    demo.frame()
+    assert demo.world.step == demo.steps_per_frame
+    demo.change_steps(1)
+    assert demo.steps_per_frame == 10
+
+
+def test_a_particle_is_pulled_by_what_it_weighs(demo: Demo) -> None:
+    light, heavy = (int(np.flatnonzero(CROWD.body == number)[0]) for number in (0, 2))
+    forces = []
+    for particle in (light, heavy):
+        assert demo.take(particle, demo.positions[0][particle] + (0.0, 0.1, 0.0))
+        forces.append(np.linalg.norm(demo.force()))
+        demo.release()
+    assert forces[1] / forces[0] == pytest.approx(CROWD.clusters.mass[heavy] / CROWD.clusters.mass[light], rel=1e-5)
+    assert demo.message == f"particle {heavy} of torus selected"
+
+
+def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> None:
+    start = int(np.flatnonzero(CROWD.body == 1)[0])
+    demo.hand.selected = start
+    for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)):
+        before = CROWD.position[demo.hand.selected]
+        demo.move_selection(1, 0, direction)
+        assert demo.hand.direction == direction and CROWD.body[demo.hand.selected] == 1
+        moved = CROWD.position[demo.hand.selected] - before
+        if moved.any():
+            assert moved @ direction > 0.7 * np.linalg.norm(moved)
+            others = CROWD.position[CROWD.body == 1] - before
+            distance = np.linalg.norm(others, axis=1)
+            better = (others @ direction > np.sqrt(0.5) * distance) & (distance < np.linalg.norm(moved) - 1e-6)
+            assert not (better & (distance > 0)).any()
+    assert demo.hand.selected != start
+    line = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    assert neighbour(line, np.arange(3), 2, (1.0, 0.0, 0.0)) == 2
+
+
+def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
+    text = numbers_text(demo, 0.02, 0.01)
+    assert f"{CROWD.particle_count} particles in {CROWD.clusters.count} clusters of 3 bodies" in text
+    assert "farthest from its goal" in text and "stiffness" not in text
+
+
+def test_the_keys_of_bodies_are_told() -> None:
+    wide, narrow = keys_text(1200, True, True), keys_text(400, True, True)
+    for text in (wide, narrow):
+        assert all(meaning in text for _, meaning in BODY_KEYS) and "P K" in text
+    assert ("{ }", "stiffness / 1.25, x 1.25") in KEYS and "{ }" not in narrow
+    assert "P: particles" in hint(True, True) and "P: " not in hint(True) + hint()
+
+
+# ---------------------------------------------------------------------- the window
+
+
+class BodiesWindow(Window):
+    """Bodies that fall without a solver, so that nothing has to be compiled."""
+
+    def __init__(self, folder: Path, screen: str):
+        self.folder, self.state_file = folder, folder / "state.json"
+        code = (
+            "from pathlib import Path; from app.demo import Demo; from app.viewer import Viewer\n"
+            "from body_scenes import beams_and_torus; from fake_cloth import open_fake\n"
+            "scene = beams_and_torus(gravity={'enabled': False})\n"
+            f"with Demo([scene], open_world=open_fake) as demo: Viewer(demo, Path({str(self.state_file)!r}), None).run()"
+        )
+        paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])
+        self.environment = os.environ | {"DISPLAY": screen, "PYTHONPATH": paths}
+        self.log = folder / "log.txt"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", code], cwd=folder, env=self.environment, stdout=log, stderr=subprocess.STDOUT
+            )
+
+
+@pytest.mark.display
+@needs_display
+def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, display: str) -> None:  # noqa: F811
+    from PIL import Image
+
+    window = BodiesWindow(tmp_path, display)
+    try:
+        window.wait("the first frames", lambda state: state["frame"] > 3)
+        window.xdotool("mousemove", 5, 700)
+        for key, particles, skin in (("p", True, True), ("k", True, False), ("l", False, True)):
+            window.key(key)
+            window.wait(f"key {key}", lambda state, p=particles, k=skin: (state["particles"], state["skin"]) == (p, k))
+        window.key("p")
+        window.key("k")
+        window.wait("particles alone", lambda state: state["particles"] and not state["skin"])
+        last = CROWD.particle_count - 1  # of the torus
+        x, y = window.grab(last)
+        window.xdotool("mousemove", x, y - 40)
+        state = window.wait("a pull upward", lambda state: state["poke"] is not None and state["poke"]["force"][1] > 0)
+        assert state["poke"]["particle"] == last
+        window.xdotool("mouseup", 1)
+        window.key("s")
+        state = window.wait("a screenshot", lambda state: state["screenshot"] is not None)
+        picture = np.asarray(Image.open(state["screenshot"]))[:, :, :3] / 255
+        torus = np.array(colours.BODIES[2])
+        strong = picture[picture.sum(axis=2) > 0.3]
+        alike = np.abs(strong / strong.sum(axis=1, keepdims=True) - torus / torus.sum()).max(axis=1) < 0.03
+        assert alike.sum() > 500
+    finally:
+        window.process.kill()
+        window.process.wait(timeout=10)
