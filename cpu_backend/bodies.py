@@ -1,0 +1,225 @@
+"""Soft and rigid bodies by shape matching on CPU threads: clusters in compressed form, any number a particle.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses split among
+clusters; see model/clusters.py. Kernels: `fused`, many steps in one call, and `stages`, a parallel loop a stage. In `exact`
+math both give the same bits, for any number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+from numba import prange
+
+from cpu_backend.bodies_kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
+from cpu_backend.bodies_layout import layout_of
+from cpu_backend.bodies_loops import make_bodies_apart, make_bodies_stages, make_bodies_together, make_matching_stages
+from cpu_backend.compile import Compiler
+from cpu_backend.layout import aligned_zeros
+from cpu_backend.mass_spring import processor_name
+from cpu_backend.threads import thread_count
+from model.cloth_parts import COLLIDER_KINDS
+from model.cloth_record import collider_rows
+from model.cluster_tables import matching_factors
+from model.errors import SceneError
+from model.plan import Executor
+from model.scene import Scene
+from model.simulation import Options, Simulation
+from model.xpbd_plan import xpbd_plan
+
+KERNELS = ("fused", "stages")
+UNEVEN = 1.3  # the busiest thread's work over its fair part, from where on threads share bodies
+
+
+def choose_kernel(wanted: str | None) -> str:
+    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for bodies on the cpu")
+    return wanted or "fused"
+
+
+@cache
+def make_first_bad(real: Any) -> Any:
+    """first_bad(position, velocity, slots, count, bound, bands, bad): of each band the first bad particle, or -1. No fast
+    math: NaN must be seen."""
+
+    def first_bad(position, velocity, slots, count, bound, bands, bad):
+        zero, particles = bound - bound, slots.size
+        for band in prange(bands):
+            bad[band] = -1
+            for k in range(particles * band // bands, particles * (band + 1) // bands):
+                good = True
+                for axis in range(AXES):
+                    place = axis * count + slots[k]
+                    good = good and abs(position[place]) <= bound  # false for NaN
+                    good = good and velocity[place] - velocity[place] == zero
+                if not good:
+                    bad[band] = k
+                    break
+
+    return Compiler(f"bodies_{np.dtype(real).name}", "exact").kernel(first_bad)
+
+
+class Bodies(Simulation):
+    """See model/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    backend = "cpu"
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads, self.device = thread_count(threads), processor_name()
+        self.kernel, self.plan = choose_kernel(options.kernel), xpbd_plan(scene, options.live)
+        self.record, real = self._record, self.real
+        self.clusters, crowd = scene.crowd.clusters, scene.crowd
+        copies = crowd.copies
+        bounds = (
+            np.array([*(copy.first_particle for copy in copies), crowd.particle_count]),
+            np.array([*(copy.first_cluster for copy in copies), self.clusters.count]),
+        )
+        self.layout = layout_of(self.clusters, bounds, real, self.threads)
+        count, clusters = self.layout.count, self.clusters.count
+        self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
+        self._weights = aligned_zeros(count, real)
+        self._weights[self.layout.slots] = self.body.inverse_mass * crowd.mass
+        self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
+        self._frames = aligned_zeros(FRAME * clusters, real)
+        self._kept = [np.zeros_like(array) for array in (self._even, self._velocity, self._rotation)]
+        self._factors = np.zeros(len(self.layout.of_entry), real)
+        self._own_factors = np.zeros(len(self.layout.of_own), real)
+        self._poked = -1
+        self.bodies = collider_rows(scene, real).reshape(-1)
+        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        self._bands = max(1, min(self.threads, count // LANES))
+        self._scratch = aligned_zeros(SCRATCH * LANES * self._bands, real)
+        self._bad = np.zeros(self._bands, np.int64)
+        self._bounds = self.layout.bands(self._bands)
+        self._apart = self.layout.evenness(self._bands) <= UNEVEN
+        self._set_factors()
+        staged = self.kernel == "stages"
+        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
+        self.reset()
+
+    def _set_factors(self) -> None:
+        method = self.scene.method
+        found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
+        self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
+        self._own_factors[:] = found[self.layout.of_own]
+
+    def _advance(self, step: int, steps: int) -> None:
+        method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
+        middle = self._velocity, self._weights, self.layout.arrays
+        own = self.layout.own, self._own_factors, self._rotation, self._frames, self._scratch
+        last = self.record, self._poked, self.bodies, self.kinds
+        times = steps, step, method.substeps, method.iterations
+        if self._apart:
+            make_bodies_apart(*variant)(
+                self._bands, self._bounds, self.layout.groups, *times, self._even, self._odd, *middle, self._factors, *own,
+                *last,
+            )  # fmt: skip
+        else:
+            make_bodies_together(*variant)(self._bands, *times, self._even, self._odd, *middle, *own, *last)
+        if steps * method.substeps % 2:
+            self._even, self._odd = self._odd, self._even
+
+    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself."""
+        stage = make_bodies_stages(self.real, self.options.math, self.plan.parts)
+        goals = make_matching_stages(self.real, self.options.math)
+        bands, substeps, count = self._bands, self.scene.method.substeps, self.layout.count
+        position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
+        now = {"substep": -1, "step": -1}  # of the step, set by `predict`
+
+        def predict(step: int, offset: float) -> None:
+            again = now["step"] == step and now["substep"] < substeps - 1
+            now.update(step=step, substep=now["substep"] + 1 if again else 0)
+            stage.predict(count, before, position, velocity, self._weights, self.record, a)
+
+        def move(step: int, offset: float) -> None:
+            goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
+
+        def collide(step: int, offset: float) -> None:
+            number = step * substeps + now["substep"]
+            stage.collide(bands, number, before, position, velocity, count, self.record, self.bodies, self.kinds)
+
+        return {
+            "gravity": lambda step, offset: stage.gravity(count, self.record, a),
+            "poke": lambda step, offset: stage.poke(count, self._weights, self.record, self._poked, a),
+            "predict": predict,
+            "match clusters": lambda step, offset: self._match(self._rotation),
+            "move to goals": move,
+            "update velocity": lambda step, offset: stage.update(bands, before, position, velocity, count, self.record),
+            "collide": collide,
+        }
+
+    def _match(self, turned: np.ndarray) -> None:
+        """The clusters' rotations where particles are now, into `turned`, and with their centres into the frames."""
+        make_matching_stages(self.real, self.options.math).match(
+            self._bands, self._even, self.layout.count, self.layout.arrays, self._rotation, turned, self._frames,
+            self._scratch,
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        numba.set_num_threads(self.threads)
+        self._executor.run(self.step, steps)
+
+    def _keep(self) -> None:
+        for kept, array in zip(self._kept, (self._even, self._velocity, self._rotation), strict=True):
+            kept[:] = array
+
+    def _restore(self) -> None:
+        for kept, array in zip(self._kept, (self._even, self._velocity, self._rotation), strict=True):
+            array[:] = kept
+
+    def _first_bad(self) -> int:
+        numba.set_num_threads(self.threads)
+        place = self.layout.slots, self.layout.count
+        make_first_bad(self.real)(self._even, self._velocity, *place, self.real(self._bound), self._bands, self._bad)
+        bad = self._bad[self._bad >= 0]
+        return int(bad[0]) if len(bad) else -1
+
+    def _parameters_changed(self) -> None:
+        self.record = self._record
+        self._poked = int(self.layout.slots[self._poke_particle]) if self._poke_particle >= 0 else -1
+        self._set_factors()
+
+    def _planes(self, array: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(array.reshape(AXES, -1)[:, self.layout.slots].T)
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._planes(self._even), self._planes(self._velocity)
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        for array, values in ((self._even, position), (self._velocity, velocity)):
+            array[:] = 0
+            array.reshape(AXES, -1)[:, self.layout.slots] = values.T
+
+    def _download_rotation(self) -> np.ndarray:
+        return np.ascontiguousarray(self._rotation.reshape(QUATERNION, -1).T)
+
+    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
+        planes = self._rotation.reshape(QUATERNION, -1)
+        if rotation is not None:
+            planes[:] = rotation.T
+            return
+        planes[:] = np.eye(QUATERNION, 1)
+        numba.set_num_threads(self.threads)
+        self._match(self._rotation)
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        numba.set_num_threads(self.threads)
+        self._match(self._turned)
+        turned = np.ascontiguousarray(self._turned.reshape(QUATERNION, -1).T)
+        return turned, np.ascontiguousarray(self._frames.reshape(-1, FRAME)[:, 9:])
+
+    def synchronize(self) -> None:
+        """Nothing to wait for: a call returns when its steps are done."""
+
+    def close(self) -> None:
+        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        self.__dict__.pop("_executor", None)

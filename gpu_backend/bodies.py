@@ -1,0 +1,274 @@
+"""Soft and rigid bodies by shape matching on CUDA: clusters in compressed form, any number a particle.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses split among
+clusters; see model/clusters.py. A substep: `begin` predicts positions; `iterations` times clusters are summed up, turned, and
+particles moved towards their goals; the last of these ways also makes velocities and lets particles meet the colliders.
+Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same
+bits, and the CPU's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.bodies_kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
+from gpu_backend.cloth_kernels import make_cloth_tools
+from gpu_backend.cloth_point import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES, knows_time
+from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.launch import Graphs, can_capture, new_stream
+from gpu_backend.quads import SIZE
+from gpu_backend.simulation import CudaSimulation
+from gpu_backend.xpbd_stages import make_xpbd_stages
+from model.cloth_record import collider_rows
+from model.cluster_tables import first_particles, leans, matching_factors
+from model.errors import SceneError
+from model.formulas.cluster import MOMENTS
+from model.memory import require
+from model.plan import Executor
+from model.scene import Scene
+from model.simulation import Options
+from model.xpbd_plan import xpbd_plan
+
+KERNELS = ("graph", "launch", "stages")
+MOST_NODES = 4096  # launches of one graph
+
+
+def choose_kernel(wanted: str | None) -> str:
+    """The kernel `wanted`, or the fastest there is. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for bodies on the gpu")
+    return wanted or ("graph" if can_capture() else "launch")
+
+
+class Bodies(CudaSimulation):
+    """See model/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    def __init__(self, scene: Scene, options: Options):
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.plan, self.kernel, self.threads = xpbd_plan(scene, options.live), choose_kernel(options.kernel), THREADS
+        self.clusters, self.particle_count = scene.crowd.clusters, len(self.body.position)
+        self._require_space()
+        self.stream = new_stream()
+        self._flat = self._over(self.particle_count)
+        self._allocate()
+        try:
+            self._build()
+        except Exception as error:
+            better = unsupported_code(error)
+            if better is None:
+                raise
+            raise better from error
+        self.reset()
+
+    def _over(self, count: int) -> tuple[int, int, Any]:
+        """A launch of at least `count` threads."""
+        return max(1, -(-count // THREADS)), THREADS, self.stream
+
+    def _require_space(self) -> None:
+        item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
+        needed = item * (8 * SIZE * self.particle_count + 2 * SIZE * entries + (MOMENTS + 7 * SIZE) * clusters)
+        needed += 4 * (2 * entries + self.particle_count + 2 * clusters)
+        if not simulated():
+            what = f"{self.particle_count} particles, {entries} entries of clusters"
+            require(needed, memory_info()[0], "bodies", what, "GPU memory")
+
+    # ------------------------------------------------------------------ arrays
+
+    def _on_device(self, array: np.ndarray) -> Any:
+        return cuda.to_device(np.ascontiguousarray(array).reshape(-1), stream=self.stream)
+
+    def _zeros(self, count: int) -> Any:
+        return self._on_device(np.zeros(count, self.real))
+
+    def _allocate(self) -> None:
+        scene, real, clusters = self.scene, self.real, self.clusters
+        quads = SIZE * self.particle_count
+        self.position, self.velocity = (
+            [self._zeros(quads), self._zeros(quads)],
+            [self._zeros(quads), self._zeros(quads)],
+        )
+        self.kept_position, self.kept_velocity = self._zeros(quads), self._zeros(quads)
+        self.rotation, self.turned, self.kept_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
+        self._current = 0
+        self.record = self._on_device(self._record)
+        kinds = [kind for kind, _ in scene.colliders]
+        self._integers = np.zeros(INTEGERS, np.uint64)
+        for place, kind in ((PLANES, "plane"), (SPHERES, "sphere"), (CAPSULES, "capsule"), (BOXES, "box")):
+            self._integers[place] = kinds.count(kind)
+        self.integers = self._on_device(self._integers)
+        self.bodies = self._on_device(collider_rows(scene, real) if kinds else np.zeros(1, real))
+        self._counter = self._on_device(np.zeros(1, np.int64))
+        self._bad = self._on_device(np.zeros(1, np.int32))
+        self._counts = knows_time(self.plan.parts)
+        self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
+        members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(real)
+        self._firsts = self._on_device(first_particles(clusters))
+        self._entries = (
+            self._on_device(clusters.offsets), self._firsts, self._on_device(clusters.indices), self._on_device(members)
+        )  # fmt: skip
+        self._leans = self._on_device(leans(clusters, real))
+        self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
+        starts, self._own = clusters.of_particle
+        self._own_members = self._on_device(self._in_own_order())
+        self._gathered = (
+            self._on_device(starts), self._on_device(clusters.owner[self._own]), self._own_members, self._frames
+        )  # fmt: skip
+
+    def _in_own_order(self) -> np.ndarray:
+        """(entries, 4): rest offsets and factors, particle by particle."""
+        method = self.scene.method
+        factors = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
+        return np.concatenate([self.clusters.rest, factors[:, None]], axis=1)[self._own].astype(self.real)
+
+    # ------------------------------------------------------------------ kernels
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        variant = self.real, self.options.math
+        self._parts = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
+        self._tools, self._cluster_kernels = make_cloth_tools(self.real), make_bodies_clusters(*variant)
+        self._ends = make_bodies_ends(*variant, self._parts)
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, self._stages())
+            return
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if not simulated():
+            self._advance_steps(0, 1)
+            self._cluster_kernels.move[self._flat](self.position[0], *self._gathered)
+            cuda.synchronize()
+        if self.kernel == "graph" and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _match(self, position: Any, turned: Any) -> None:
+        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames."""
+        blocks = max(1, -(-self.clusters.count // TOGETHER))
+        self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
+        self._cluster_kernels.turn[self._over(self.clusters.count)](
+            position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
+        )
+
+    # ------------------------------------------------------------------ a step
+
+    def _substep(self, place: int, substep: int) -> None:
+        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        before, velocity = self.position[self._current], self.velocity[self._current]
+        self._current = 1 - self._current
+        now, new_velocity = self.position[self._current], self.velocity[self._current]
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._ends.begin[self._flat](before, velocity, now, self.record, self.integers)
+        for iteration in range(self.scene.method.iterations):
+            if iteration:
+                self._cluster_kernels.move[self._flat](now, *self._gathered)
+            self._match(now, self.rotation)
+        self._ends.finish[self._flat](
+            before, now, new_velocity, *self._gathered, self.record, self.bodies, self.integers, *time
+        )
+
+    def _launch(self, parity: int, steps: int) -> None:
+        self._current = parity
+        for place in range(steps):
+            for substep in range(self.scene.method.substeps):
+                self._substep(place, substep)
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        method = self.scene.method
+        return method.substeps * (1 + 3 * method.iterations)
+
+    def _advance_steps(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        chunk = 256
+        while self._graphs is not None and steps:
+            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MOST_NODES):
+                parity = self._current
+                self._graphs.replay(parity, chunk)
+                self._current = parity ^ (chunk * self.scene.method.substeps & 1)
+                steps -= chunk
+            else:
+                chunk //= 2
+        if steps:
+            self._launch(self._current, steps)
+            self._count_on(steps)
+
+    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
+        substeps, flat, shape = self.scene.method.substeps, self._flat, (np.int32(1), np.int32(self.particle_count))
+        position, velocity, before = self.position[0], self.velocity[0], self.position[1]
+        a = self._zeros(SIZE * self.particle_count)
+        stage = make_xpbd_stages(self.real, self.options.math, self._parts, AXES)
+        now = {"step": -1, "substep": 0}
+
+        def predict(step: int, offset: float) -> None:
+            again = now["step"] == step and now["substep"] < substeps - 1
+            now.update(step=step, substep=now["substep"] + 1 if again else 0)
+            before.copy_to_device(position, stream=self.stream)
+            stage.predict[flat](before, velocity, a, position, self.record, *shape)
+
+        def collide(step: int, offset: float) -> None:
+            number = np.int64(step * substeps + now["substep"])
+            stage.collide[flat](before, position, velocity, self.record, self.bodies, self.integers, number)
+
+        return {
+            "gravity": lambda step, offset: stage.gravity[flat](self.record, a),
+            "poke": lambda step, offset: stage.poke[flat](position, self.record, self.integers, a),
+            "predict": predict,
+            "match clusters": lambda step, offset: self._match(position, self.rotation),
+            "move to goals": lambda step, offset: self._cluster_kernels.move[flat](position, *self._gathered),
+            "update velocity": lambda step, offset: stage.update_velocity[flat](
+                before, position, velocity, self.record
+            ),
+            "collide": collide,
+        }
+
+    # ------------------------------------------------------------------ the contract
+
+    def _keep(self) -> None:
+        super()._keep()
+        self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
+
+    def _restore(self) -> None:
+        super()._restore()
+        self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
+
+    def _parameters_changed(self) -> None:
+        self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
+        super()._parameters_changed()
+
+    def _to_host(self, array: Any) -> np.ndarray:
+        return np.ascontiguousarray(self._quads(array)[:, :AXES])
+
+    def _quads(self, array: Any) -> np.ndarray:
+        host = array.copy_to_host(stream=self.stream)
+        self.synchronize()
+        return host.reshape(-1, SIZE)
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        for array, values, spare in (
+            (self.position[self._current], position, self._weight),
+            (self.velocity[self._current], velocity, 0.0),
+        ):
+            quads = np.zeros((self.particle_count, SIZE), self.real)
+            quads[:, :AXES], quads[:, 3] = values, spare
+            array.copy_to_device(quads.reshape(-1), stream=self.stream)
+        self.synchronize()
+
+    def _download_rotation(self) -> np.ndarray:
+        return self._quads(self.rotation)
+
+    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
+        start = np.zeros((self.clusters.count, SIZE), self.real)
+        start[:, 0] = 1
+        self.rotation.copy_to_device((start if rotation is None else rotation).reshape(-1), stream=self.stream)
+        if rotation is None:
+            self._match(self.position[self._current], self.rotation)
+        self.synchronize()
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        self._match(self.position[self._current], self.turned)
+        return self._quads(self.turned), self._quads(self._frames).reshape(-1, ROWS, SIZE)[:, :, 3].copy()

@@ -1,0 +1,67 @@
+"""The CUDA kernels of bodies compile without a GPU where the compiler is there: no double in float32, no local memory."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction"})
+LETTERS = {  # of each kernel's arguments: R, I, U, L arrays of reals and integers, l a number
+    "sum_up": "RIIIRR",
+    "turn": "RIRRRRR",
+    "move": "RIIRR",
+    "begin": "RRRRU",
+    "finish": "RRRIIRRRRULlll",
+}
+
+
+@pytest.fixture(autouse=True)
+def compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
+    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
+    import numba.cuda.dispatcher as dispatcher
+    from numba import types
+
+    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
+    try:
+        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
+    except Exception as error:
+        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
+
+
+def ptx(name: str, real: Any, math: str) -> str:
+    from numba import cuda, types
+
+    from gpu_backend.bodies_kernels import make_bodies_clusters, make_bodies_ends
+
+    made = SimpleNamespace(**vars(make_bodies_clusters(real, math)), **vars(make_bodies_ends(real, math, PARTS)))
+    numbers = (types.float32 if real is np.float32 else types.float64)[::1]
+    known = {"R": numbers, "I": types.int32[::1], "U": types.uint64[::1], "L": types.int64[::1], "l": types.int64}
+    arguments = tuple(known[letter] for letter in LETTERS[name])
+    text, _ = cuda.compile_ptx(getattr(made, name).py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    return text[text.index(".entry") :]
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", LETTERS)
+def test_float32_holds_no_double_and_no_local_memory(name: str, math: str) -> None:
+    text = ptx(name, np.float32, math)
+    assert ".f64" not in text
+    assert ".local" not in text and "call" not in text
+
+
+@pytest.mark.parametrize("name", ["sum_up", "turn", "move"])
+def test_exact_kernels_contract_nothing(name: str) -> None:
+    """In float64, whose quotients are an instruction: no product runs into a sum."""
+    text = ptx(name, np.float64, "exact")
+    assert "fma.rn.f64" not in text and "mul.rn.f64" in text
+
+
+def test_particles_are_read_once_as_quads() -> None:
+    """A member is two accesses and an index; sums meet in shared memory behind one barrier."""
+    text = ptx("sum_up", np.float32, "fast")
+    assert text.count("bar.sync") == 1 and text.count("st.shared") == 12 and text.count("st.global") == 1
+    assert ptx("finish", np.float32, "fast").count("st.global.v4.f32") == 2
