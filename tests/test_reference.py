@@ -30,7 +30,7 @@ def test_independent_of_what_it_judges():
                 names = [node.module or ""]
             for name in names:
                 if name.split(".")[0] in ("model", "bench", "app", "cpu_backend", "gpu_backend"):
-                    allowed = {"model.scene", "model.errors", *SHARED.get(file.name, ())}
+                    allowed = {"model.scene", "model.errors", "model.kept", *SHARED.get(file.name, ())}
                     assert name.startswith("bench.reference") or name in allowed, (file, name)
 
 
