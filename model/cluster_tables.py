@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.clusters import Clusters
+from model.clusters import Clusters, matching_share
 from model.errors import InputError
 
 UNIT = 1e-3  # a quaternion's length may be off by: what float32 leaves, and what a text file with three digits does
@@ -12,9 +12,8 @@ UNIT = 1e-3  # a quaternion's length may be off by: what float32 leaves, and wha
 
 def matching_factors(clusters: Clusters, substep: float, iterations: int) -> np.ndarray:
     """(entries,) float64: how far an entry moves its particle towards its goal in one of `iterations` of a substep [s]: its
-    share of the particle times model.matching.matching_share of its cluster."""
-    with np.errstate(over="ignore"):
-        b = -np.expm1(-np.log1p(clusters.stiffness * substep**2) / iterations)
+    share of the particle times `matching_share` of its cluster."""
+    b = matching_share(clusters.stiffness, substep, iterations)
     factors: np.ndarray = clusters.shares * b[clusters.owner]
     return factors
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -129,6 +130,20 @@ def stiffness_of_coefficient(coefficient: float, step: float) -> float:
     100.0
     """
     return np.inf if coefficient == 1 else coefficient / ((1 - coefficient) * step**2)
+
+
+def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
+    """How far masses go towards their goals in one of `iterations`: b = 1 - (1 + w^2 h^2)^(-1 / n); `stiffness` w^2 [1/s^2],
+    a number or an array; `substep` h [s].
+
+    All n take a lone cluster's deviation to 1 / (1 + w^2 h^2) of it, which is a step of implicit Euler, for any n; so the
+    material stays the same when the step is changed, and converges with it at first order. A stiffness of inf is rigid.
+
+    >>> matching_share(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
+    [0.5, 1.0]
+    """
+    with np.errstate(over="ignore"):
+        return -np.expm1(-np.log1p(stiffness * substep**2) / iterations)
 
 
 def _check(clusters: Clusters) -> None:

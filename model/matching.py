@@ -59,19 +59,6 @@ def matching_stiffness(scene: Scene) -> float:
     return 3 * springs.stiffness / (region * (region + 1) * scene.grid.mass) if springs else 0.0
 
 
-def matching_share(stiffness: float, substep: float, iterations: int) -> float:
-    """How far masses go towards their goals in one of `iterations`: b = 1 - (1 + w^2 h^2)^(-1 / n); `stiffness` w^2 [1/s^2],
-    `substep` h [s].
-
-    All n take a lone cluster's deviation to 1 / (1 + w^2 h^2) of it, which is a step of implicit Euler, for any n; so the
-    material stays the same when the step is changed, and converges with it at first order. A stiffness of inf is rigid.
-
-    >>> round(matching_share(3600.0, 1 / 60, 1), 12), matching_share(float("inf"), 0.01, 5)
-    (0.5, 1.0)
-    """
-    return float(-np.expm1(-np.log1p(stiffness * substep**2) / iterations))
-
-
 def lattice_clusters(scene: Scene) -> Clusters:
     """The windows of a scene's grid in compressed form, row by row: what the tables stand for."""
     grid, region = scene.grid, scene.method.region

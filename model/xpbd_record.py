@@ -10,8 +10,9 @@ import numpy as np
 
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
+from model.clusters import matching_share
 from model.integrators import damping_rate
-from model.matching import matching_share, matching_stiffness
+from model.matching import matching_stiffness
 from model.record import rounded_record
 from model.scene import Scene
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import ball, box
+from closed_meshes import ball, box
 from test_mesh import binary_stl, write
 
 import model.baked

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from body_scenes import BEAM, METHOD, TORUS, beams_and_torus
+from bodies_scenes import BEAM, METHOD, TORUS, beams_and_torus
 from fake_cloth import FakeCloth
 from test_cli import KEYS, command  # noqa: F401  # a fixture
 
@@ -17,6 +17,7 @@ from app.plan_table import print_plan
 from app.run_parts import body_lines
 from app.scene_file import scene_toml
 from model.energy import energies, lattice_energy, masses, spring_strain
+from model.errors import SoftlabError
 from model.formulas import cluster
 from model.matching import lattice_clusters
 from model.scene import Scene, load_scene
@@ -182,3 +183,22 @@ def test_a_scene_of_bodies_is_read_back_as_it_was_written(name: str) -> None:
     assert "null" not in text and 'shape = { name = "' in text
     assert ('text = "O"' in text) == (name == "letters")
     assert again.replace({"gravity.enabled": False}).gravity is not None
+
+
+@pytest.mark.parametrize(
+    "changes,word",
+    [
+        ({"beam.link_radius": 0.1, "beam.link_stiffness": 10.0}, "beam.link_radius = 0.1: must be 0"),
+        ({"beam.particle_spacing": 3.0}, "beam.particle_spacing = 3.0: larger than the mesh"),
+        ({"beam.cluster_spacing": 0.4, "beam.cluster_radius": 0.1}, "the body will just fall apart"),
+        ({"beam.copies": (0, 1, 1)}, "beam.copies"),
+        ({"beam.axis": (0.0, 0.0, 0.0)}, "must point somewhere"),
+        ({"beam.file": "none.obj"}, "no such file"),
+        ({"method.solver": "xpbd"}, "must be shape-matching"),
+        ({"wind.drag": 1.0}, "does not go with bodies"),
+        ({"grid.rows": 3, "grid.columns": 3}, "does not go with bodies"),
+    ],
+)
+def test_what_bodies_cannot_be_is_told_with_the_part_s_name(changes: dict[str, Any], word: str) -> None:
+    with pytest.raises(SoftlabError, match=word):
+        assert SCENE.replace(changes).crowd

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies import rotation as rotation_by
 from bodies_scenes import (
     AWAY,
     BAR,
@@ -26,12 +25,13 @@ from bodies_scenes import (
     same,
     start,
 )
+from closed_meshes import rotation as rotation_by
 
 from app.files import read_state, write_state
 from bench.reference import shape_matching as reference
 from model.cluster_tables import matching_factors
+from model.clusters import matching_share
 from model.errors import Diverged, InputError, SceneError
-from model.matching import matching_share
 from model.scene import load_scene
 
 CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (-0.3, 0.3)])

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies import rotation
-from body_scenes import METHOD, PLANE, TORUS, beams_and_torus
+from bodies_scenes import METHOD, PLANE, TORUS, beams_and_torus
+from closed_meshes import rotation
 from fake_cloth import FakeCloth, open_fake
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 from test_viewer import Window, display, needs_display  # noqa: F401

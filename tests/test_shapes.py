@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import area_of, volume_of
+from closed_meshes import area_of, volume_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import ball, box, rotation
+from closed_meshes import ball, box, rotation
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

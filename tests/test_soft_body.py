@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from bodies import ball, both, box, rotation, soft
+from closed_meshes import ball, both, box, rotation, soft
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

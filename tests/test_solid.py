@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from bodies import ball, both, box, soft, turned_over, volume_of
+from closed_meshes import ball, both, box, soft, turned_over, volume_of
 from meshes import sheet, strip
 from test_mesh import binary_stl, obj, write
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import area_of, ball, both, box, rotation, turned_over, volume_of
+from closed_meshes import area_of, ball, both, box, rotation, turned_over, volume_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron

@@ -1,7 +1,7 @@
 """Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values, none of the lab's formulas.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; see model/clusters.py for split masses and
-model/matching.py for how far a mass goes towards its goals.
+its matching_share for how far a particle goes towards its goals.
 """
 
 from __future__ import annotations
