@@ -90,12 +90,17 @@ def start_at() -> Callable[..., Any]:
 
 # Of the parametrised tests in these files, which compile long for each variant, every n-th variant runs by default.
 THINNED = {
-    "test_simulated_xpbd.py": 4, "test_simulated_cloth_tiles.py": 4, "test_simulated_mesh.py": 2,
-    "test_simulated_contacts.py": 2, "test_simulated_motion.py": 2, "test_motion.py": 3, "test_implicit.py": 3,
-    "test_xpbd_cpu.py": 2, "test_xpbd_cpu_reference.py": 3, "test_xpbd_laws.py": 2, "test_xpbd_mesh_cpu.py": 2,
-    "test_contacts.py": 2, "test_contacts_scenes.py": 2, "test_hard_xpbd.py": 2, "test_accuracy_xpbd.py": 2,
-    "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 2, "test_xpbd_mesh_ptx.py": 2, "test_contacts_ptx.py": 2,
-    "test_matching.py": 2, "test_simulated_matching.py": 2,
+    "test_simulated_xpbd.py": 8, "test_simulated_cloth_tiles.py": 6, "test_simulated_mesh.py": 4,
+    "test_simulated_contacts.py": 4, "test_simulated_motion.py": 4, "test_simulated_matching.py": 3,
+    "test_simulated_bodies.py": 2, "test_simulated_cloth.py": 3, "test_simulated_hard.py": 3, "test_simulated_implicit.py": 3,
+    "test_simulated_tiles.py": 3, "test_simulated_alternating.py": 2, "test_simulated_gpu.py": 2,
+    "test_motion.py": 5, "test_implicit.py": 6, "test_xpbd_cpu.py": 4, "test_xpbd_cpu_reference.py": 4, "test_xpbd_laws.py": 3,
+    "test_xpbd_mesh_cpu.py": 4, "test_xpbd_assembly.py": 2, "test_cloth_reference.py": 3, "test_cloth_cpu.py": 3,
+    "test_cloth_orders.py": 3, "test_cloth_colliders.py": 2, "test_cloth_assembly.py": 2, "test_cpu_bits.py": 2,
+    "test_cpu_reference.py": 2, "test_b1.py": 2, "test_contacts.py": 3, "test_contacts_scenes.py": 2, "test_hard_cloth.py": 2,
+    "test_hard_xpbd.py": 2, "test_accuracy_xpbd.py": 2, "test_accuracy_s6.py": 2, "test_matching.py": 3,
+    "test_bodies_solver.py": 2, "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 3, "test_xpbd_mesh_ptx.py": 3,
+    "test_contacts_ptx.py": 3, "test_cloth_ptx.py": 2, "test_bodies_ptx.py": 2,
 }  # fmt: skip
 
 
