@@ -284,7 +284,7 @@ class BodiesWindow(Window):
         self.folder, self.state_file = folder, folder / "state.json"
         code = (
             "from pathlib import Path; from app.demo import Demo; from app.viewer import Viewer\n"
-            "from body_scenes import beams_and_torus; from fake_cloth import open_fake\n"
+            "from bodies_scenes import beams_and_torus; from fake_cloth import open_fake\n"
             "scene = beams_and_torus(gravity={'enabled': False})\n"
             f"with Demo([scene], open_world=open_fake) as demo: Viewer(demo, Path({str(self.state_file)!r}), None).run()"
         )
