@@ -127,10 +127,9 @@ class Scene:
             if kind not in OF_BODIES:
                 raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
         for name, part in self.bodies.items():
-            if getattr(part, "link_radius", 0.0) > 0:
-                raise SceneError(
-                    f"{name}.link_radius", part.link_radius, "must be 0: a scene's solver knows no links yet"
-                )  # type: ignore[attr-defined]
+            radius = getattr(part, "link_radius", 0.0)
+            if radius > 0:
+                raise SceneError(f"{name}.link_radius", radius, "must be 0: a scene's solver knows no links yet")
         method = self._one("method")
         if method is None:
             self.parts["method"], self.kinds["method"] = Method(solver="shape-matching"), "method"
