@@ -5,7 +5,7 @@ Lights and the ground's fading are those of app/shaders3d.py.
 
 from __future__ import annotations
 
-from app.shaders3d import FADE, LIGHT, SHADOW_FRAGMENT
+from app.shaders3d import LIGHT, SHADOW_FRAGMENT, shadow_fragment
 
 # A square that covers the sphere as the eye sees it: through its centre, across the line of sight, and as much larger than
 # the sphere as rays that touch it lie outside its middle.
@@ -81,23 +81,7 @@ void main() {
 }
 """
 
-SPHERE_SHADOW_FRAGMENT = (
-    """#version 330 core
-in vec3 place;
-in vec2 corner;
-uniform vec3 dark;
-uniform vec3 light;
-out vec4 pixel;
-"""
-    + FADE
-    + """
-void main() {
-    float left = fade(place);
-    if (left <= 0.0 || dot(corner, corner) > 1.0) discard;
-    pixel = vec4(mix(light, dark, left), 1.0);
-}
-"""
-)
+SPHERE_SHADOW_FRAGMENT = shadow_fragment("in vec2 corner;\n", "dot(corner, corner) > 1.0")
 
 # A vertex is the weighted mean of where four clusters take it (linear blend skinning, model/skin.py). A cluster is three
 # texels, the rows of its (3, 4) matrix, ACROSS of them a row of the texture; copies of a body follow each other.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.plan_report import BackendPlan, Pass
+from app.plan_report import BackendPlan, Pass, merged_pass
 from model.plan import Plan
 from model.scene import Scene
 from model.simulation import PRECISIONS
@@ -20,12 +20,7 @@ def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
         for stage in stages
         if stage not in last
     ]
-    end = Pass(
-        tuple(stage.name for stage in last),
-        float(max(stage.bytes(item, plan.dimensions) for stage in last)),
-        float(sum(stage.operations for stage in last)),
-        note,
-    )
+    end = merged_pass(last, item, plan.dimensions, note)
     return (*found, end)
 
 

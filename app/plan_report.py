@@ -55,6 +55,13 @@ class Pass:
     note: str
 
 
+def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str) -> Pass:
+    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way."""
+    moved = max(stage.bytes(item, dimensions) for stage in stages)
+    operations = sum(stage.operations for stage in stages)
+    return Pass(tuple(stage.name for stage in stages), float(moved), float(operations), note)
+
+
 @dataclass(frozen=True)
 class BackendPlan:
     """What a backend makes of a step: on `device`, by `kernel` (its `tile`, where it has one) for the reason `why`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.plan_report import BackendPlan, Pass
+from app.plan_report import BackendPlan, Pass, merged_pass
 from model.plan import Plan
 from model.scene import Scene
 from model.simulation import PRECISIONS
@@ -39,13 +39,7 @@ def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     stages = list({stage.name: stage for stage in plan.root.stages()}.values())
     middle = next(n for n, stage in enumerate(stages) if stage.name == "match clusters")
     groups = [stages[:middle], [stages[middle]], [stages[middle + 1]], stages[middle + 2 :]]
-    return tuple(
-        Pass(
-            tuple(stage.name for stage in group), float(max(stage.bytes(item, plan.dimensions) for stage in group)),
-            float(sum(stage.operations for stage in group)), note,
-        )
-        for group in groups
-    )  # fmt: skip
+    return tuple(merged_pass(group, item, plan.dimensions, note) for group in groups)
 
 
 def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

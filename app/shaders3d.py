@@ -151,22 +151,22 @@ void main() {
 }
 """
 
-SHADOW_FRAGMENT = (
-    """#version 330 core
+
+def shadow_fragment(inputs: str = "", outside: str = "false") -> str:
+    """Of what throws a shadow; more `inputs` tell which fragments are `outside` of it."""
+    uniforms = "uniform vec3 dark;\nuniform vec3 light;\nout vec4 pixel;\n"
+    return f"""#version 330 core
 in vec3 place;
-uniform vec3 dark;
-uniform vec3 light;
-out vec4 pixel;
-"""
-    + FADE
-    + """
-void main() {
+{inputs}{uniforms}{FADE}
+void main() {{
     float left = fade(place);
-    if (left <= 0.0) discard;
+    if (left <= 0.0 || {outside}) discard;
     pixel = vec4(mix(light, dark, left), 1.0);
-}
+}}
 """
-)
+
+
+SHADOW_FRAGMENT = shadow_fragment()
 
 GROUND_VERTEX = """#version 330 core
 layout(location = 0) in vec3 position;  // corners of a square, -1 to 1, in its plane

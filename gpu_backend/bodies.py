@@ -18,10 +18,10 @@ from numba import cuda
 from gpu_backend.bodies_kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.cloth_kernels import make_cloth_tools
 from gpu_backend.cloth_point import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES, knows_time
-from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, can_capture, new_stream
+from gpu_backend.quad_simulation import QuadSimulation
 from gpu_backend.quads import SIZE
-from gpu_backend.simulation import CudaSimulation
 from gpu_backend.xpbd_stages import make_xpbd_stages
 from model.cloth_record import collider_rows
 from model.cluster_tables import first_particles, leans, matching_factors
@@ -34,7 +34,6 @@ from model.simulation import Options
 from model.xpbd_plan import xpbd_plan
 
 KERNELS = ("graph", "launch", "stages")
-MOST_NODES = 4096  # launches of one graph
 
 
 def choose_kernel(wanted: str | None) -> str:
@@ -44,7 +43,7 @@ def choose_kernel(wanted: str | None) -> str:
     return wanted or ("graph" if can_capture() else "launch")
 
 
-class Bodies(CudaSimulation):
+class Bodies(QuadSimulation):
     """See model/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
@@ -56,13 +55,7 @@ class Bodies(CudaSimulation):
         self.stream = new_stream()
         self._flat = self._over(self.particle_count)
         self._allocate()
-        try:
-            self._build()
-        except Exception as error:
-            better = unsupported_code(error)
-            if better is None:
-                raise
-            raise better from error
+        self._build_or_explain()
         self.reset()
 
     def _over(self, count: int) -> tuple[int, int, Any]:
@@ -181,21 +174,6 @@ class Bodies(CudaSimulation):
         method = self.scene.method
         return method.substeps * (1 + 3 * method.iterations)
 
-    def _advance_steps(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        chunk = 256
-        while self._graphs is not None and steps:
-            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MOST_NODES):
-                parity = self._current
-                self._graphs.replay(parity, chunk)
-                self._current = parity ^ (chunk * self.scene.method.substeps & 1)
-                steps -= chunk
-            else:
-                chunk //= 2
-        if steps:
-            self._launch(self._current, steps)
-            self._count_on(steps)
-
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
         substeps, flat, shape = self.scene.method.substeps, self._flat, (np.int32(1), np.int32(self.particle_count))
@@ -239,24 +217,6 @@ class Bodies(CudaSimulation):
     def _parameters_changed(self) -> None:
         self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
         super()._parameters_changed()
-
-    def _to_host(self, array: Any) -> np.ndarray:
-        return np.ascontiguousarray(self._quads(array)[:, :AXES])
-
-    def _quads(self, array: Any) -> np.ndarray:
-        host = array.copy_to_host(stream=self.stream)
-        self.synchronize()
-        return host.reshape(-1, SIZE)
-
-    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        for array, values, spare in (
-            (self.position[self._current], position, self._weight),
-            (self.velocity[self._current], velocity, 0.0),
-        ):
-            quads = np.zeros((self.particle_count, SIZE), self.real)
-            quads[:, :AXES], quads[:, 3] = values, spare
-            array.copy_to_device(quads.reshape(-1), stream=self.stream)
-        self.synchronize()
 
     def _download_rotation(self) -> np.ndarray:
         return self._quads(self.rotation)

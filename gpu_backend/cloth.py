@@ -31,7 +31,7 @@ from gpu_backend.cloth_point import (
     knows_time,
 )  # fmt: skip
 from gpu_backend.cloth_stages import bind_cloth_stages
-from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, new_stream, prepare
 from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN
 from gpu_backend.quads import SIZE
@@ -80,13 +80,7 @@ class ClothMassSpring(CudaSimulation):
         self._grid = (blocks, BLOCK, self.stream)
         self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
         self._allocate()
-        try:
-            self._build()
-        except Exception as error:
-            better = unsupported_code(error)
-            if better is None:
-                raise
-            raise better from error
+        self._build_or_explain()
         self.reset()
 
     def new_array(self) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.choice import best_tile, default_kernel, named_tile
-from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN, make_passes, make_rk4_stages, make_tools
 from gpu_backend.mass_spring_stages import bind_stages
@@ -55,13 +55,7 @@ class MassSpring(CudaSimulation):
         self._grid = (blocks, BLOCK, self.stream)
         self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
         self._allocate()
-        try:
-            self._build()
-        except Exception as error:
-            better = unsupported_code(error)
-            if better is None:
-                raise
-            raise better from error
+        self._build_or_explain()
         self.reset()
 
     def _choose_kernel(self) -> None:

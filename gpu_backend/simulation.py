@@ -8,13 +8,14 @@ and `first_bad`), `_executor`, `_graphs`.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from gpu_backend.device import simulated
+from gpu_backend.device import simulated, unsupported_code
 from gpu_backend.launch import Graphs
 from model.plan import Executor
 from model.simulation import Simulation
@@ -47,6 +48,20 @@ class CudaSimulation(Simulation):
     @property
     def _is_rk4(self) -> bool:
         return self.scene.method.integrator == "rk4"
+
+    @abstractmethod
+    def _build(self) -> None:
+        """Compile and load every kernel."""
+
+    def _build_or_explain(self) -> None:
+        """`_build`; where the driver does not take the compiler's code, with what to do about it."""
+        try:
+            self._build()
+        except Exception as error:
+            better = unsupported_code(error)
+            if better is None:
+                raise
+            raise better from error
 
     # ------------------------------------------------------------------ passes
 
@@ -100,9 +115,9 @@ class CudaSimulation(Simulation):
         self.integers.copy_to_device(self._integers, stream=self.stream)
         self.synchronize()
 
+    @abstractmethod
     def _to_host(self, array: Any) -> np.ndarray:
         """A device array of the state as (particles, dimensions)."""
-        raise NotImplementedError
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         return self._to_host(self.position[self._current]), self._to_host(self.velocity[self._current])

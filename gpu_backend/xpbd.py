@@ -31,12 +31,13 @@ from gpu_backend.cloth_point import (
     knows_time,
 )  # fmt: skip
 from gpu_backend.contacts import Contacts, contact_bytes
-from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN
 from gpu_backend.matching import Matching
+from gpu_backend.quad_simulation import QuadSimulation
 from gpu_backend.quads import SIZE
-from gpu_backend.simulation import NOTHING_BAD, CudaSimulation
+from gpu_backend.simulation import NOTHING_BAD
 from gpu_backend.xpbd_choice import xpbd_kernel
 from gpu_backend.xpbd_constraints import compliant
 from gpu_backend.xpbd_kernels import (
@@ -62,11 +63,10 @@ from model.scene import Scene
 from model.simulation import Options
 from model.xpbd_plan import colour_order, families, xpbd_plan
 
-MOST_NODES = 4096  # launches of one graph
 NOT_YET = ("motion", "mesh")
 
 
-class PositionBased(CudaSimulation):
+class PositionBased(QuadSimulation):
     """See model/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
@@ -89,13 +89,7 @@ class PositionBased(CudaSimulation):
         self._grid = (blocks_over(rows, columns), BLOCK, self.stream)
         self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
         self._allocate()
-        try:
-            self._build()
-        except Exception as error:
-            better = unsupported_code(error)
-            if better is None:
-                raise
-            raise better from error
+        self._build_or_explain()
         self.reset()
 
     def _require_space(self) -> None:
@@ -275,22 +269,11 @@ class PositionBased(CudaSimulation):
         return method.substeps * (2 + method.iterations * iteration)
 
     def _advance_steps(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        if self._block is not None:
-            self._block.advance(steps)
+        if self._block is None:
+            super()._advance_steps(step, steps)
             return
-        chunk = 256
-        while self._graphs is not None and steps:
-            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MOST_NODES):
-                parity = self._current
-                self._graphs.replay(parity, chunk)
-                self._current = parity ^ (chunk * self.scene.method.substeps & 1)
-                steps -= chunk
-            else:
-                chunk //= 2
-        if steps:
-            self._launch(self._current, steps)
-            self._count_on(steps)
+        self._set_counter(step)
+        self._block.advance(steps)
 
     # ------------------------------------------------------------------ the contract
 
@@ -298,19 +281,3 @@ class PositionBased(CudaSimulation):
         if self.contacts:
             self.contacts.change(self.scene)
         super()._parameters_changed()
-
-    def _to_host(self, array: Any) -> np.ndarray:
-        host = array.copy_to_host(stream=self.stream)
-        self.synchronize()
-        return np.ascontiguousarray(host.reshape(-1, SIZE)[:, : self.scene.dimensions])
-
-    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        axes = self.scene.dimensions
-        for array, values, spare in (
-            (self.position[self._current], position, self._weight),
-            (self.velocity[self._current], velocity, 0.0),
-        ):
-            quads = np.zeros((self.particle_count, SIZE), self.real)
-            quads[:, :axes], quads[:, 3] = values, spare
-            array.copy_to_device(quads.reshape(-1), stream=self.stream)
-        self.synchronize()

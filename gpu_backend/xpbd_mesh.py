@@ -17,10 +17,10 @@ from numba import cuda
 
 from gpu_backend.cloth_kernels import make_cloth_tools
 from gpu_backend.cloth_point import BOXES, CAPSULES, EXTERNAL_SEED, INTEGERS, PLANES, SPHERES, WIND_SEED, knows_time
-from gpu_backend.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, can_capture, new_stream
+from gpu_backend.quad_simulation import QuadSimulation
 from gpu_backend.quads import SIZE
-from gpu_backend.simulation import CudaSimulation
 from gpu_backend.xpbd_kernels import make_attach, make_end
 from gpu_backend.xpbd_mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
 from gpu_backend.xpbd_mesh_projections import make_mesh_projection
@@ -38,7 +38,6 @@ from model.xpbd_mesh_plan import stage_name, xpbd_mesh_plan
 
 KERNELS = ("graph", "launch", "stages")
 THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
-MOST_NODES = 4096  # launches of one graph
 
 
 def choose_kernel(wanted: str | None) -> str:
@@ -48,7 +47,7 @@ def choose_kernel(wanted: str | None) -> str:
     return wanted or ("graph" if can_capture() else "launch")
 
 
-class MeshPositionBased(CudaSimulation):
+class MeshPositionBased(QuadSimulation):
     """See model/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
@@ -61,13 +60,7 @@ class MeshPositionBased(CudaSimulation):
         self.stream = new_stream()
         self._flat = self._over(self.particle_count)
         self._allocate()
-        try:
-            self._build()
-        except Exception as error:
-            better = unsupported_code(error)
-            if better is None:
-                raise
-            raise better from error
+        self._build_or_explain()
         self.reset()
 
     def _over(self, count: int) -> tuple[int, int, Any]:
@@ -184,21 +177,6 @@ class MeshPositionBased(CudaSimulation):
         method = self.scene.method
         return method.substeps * (2 + method.iterations * (len(self._colours) + (self.attachments > 0)))
 
-    def _advance_steps(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        chunk = 256
-        while self._graphs is not None and steps:
-            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MOST_NODES):
-                parity = self._current
-                self._graphs.replay(parity, chunk)
-                self._current = parity ^ (chunk * self.scene.method.substeps & 1)
-                steps -= chunk
-            else:
-                chunk //= 2
-        if steps:
-            self._launch(self._current, steps)
-            self._count_on(steps)
-
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
         substeps, flat = self.scene.method.substeps, self._flat
@@ -243,18 +221,3 @@ class MeshPositionBased(CudaSimulation):
 
     def _normal_arguments(self) -> tuple[Any, ...]:
         return tuple(self._lists)
-
-    def _to_host(self, array: Any) -> np.ndarray:
-        host = array.copy_to_host(stream=self.stream)
-        self.synchronize()
-        return np.ascontiguousarray(host.reshape(-1, SIZE)[:, :AXES])
-
-    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        for array, values, spare in (
-            (self.position[self._current], position, self._weight),
-            (self.velocity[self._current], velocity, 0.0),
-        ):
-            quads = np.zeros((self.particle_count, SIZE), self.real)
-            quads[:, :AXES], quads[:, 3] = values, spare
-            array.copy_to_device(quads.reshape(-1), stream=self.stream)
-        self.synchronize()

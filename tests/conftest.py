@@ -9,6 +9,7 @@ import os
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -86,6 +87,20 @@ def start_at() -> Callable[..., Any]:
         return State(position, velocity, build(scene).inverse_mass, 0.0, 0)
 
     return state
+
+
+@pytest.fixture
+def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CUDA kernels can be compiled without a GPU. Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
+    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
+    import numba.cuda.dispatcher as dispatcher
+    from numba import types
+
+    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
+    try:
+        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
+    except Exception as error:
+        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
 
 
 # Of the parametrised tests in these files, which compile long for each variant, every n-th variant runs by default.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_cloth_ptx import EVERYTHING, PLAIN, SPRINGS, compiler  # noqa: F401  # the fixture acts by being here
+from test_cloth_ptx import EVERYTHING, PLAIN, SPRINGS
 
 FOUR = frozenset({"structural", "gravity"})
 
@@ -32,6 +32,9 @@ def text_of(
     signature = (*head, types.int32, types.int32)
     text, _ = cuda.compile_ptx(compiled.py_func, signature, cc=(9, 0), fastmath=math == "fast")
     return text[text.index(".entry") :]
+
+
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,20 +10,14 @@ AIR = frozenset({"wind", "gust", "external", "poke", "gravity", "pins", "motion"
 BODIES = frozenset({"plane", "sphere", "capsule", "box", "friction"})
 EVERYTHING = SPRINGS | {f"{kind}-damping" for kind in SPRINGS} | AIR | BODIES | {"damping"}
 
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
+
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("parts", [SPRINGS | {"gravity", "pins"}, EVERYTHING], ids=["springs", "everything"])
-def test_float32_holds_no_double_and_no_local_memory(monkeypatch: pytest.MonkeyPatch, parts, math) -> None:
-    """Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
-    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
-    import numba.cuda.dispatcher as dispatcher
-    from numba import types
+def test_float32_holds_no_double_and_no_local_memory(parts, math) -> None:
+    from numba import cuda, types
 
-    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
-    try:
-        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
-    except Exception as error:
-        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
     from gpu_backend.cloth_implicit import make_cloth_implicit
 
     quads, count = types.float32[::1], types.int64[::1]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_xpbd_mesh_ptx import compiler, ptx
+from test_xpbd_mesh_ptx import ptx
 
-assert compiler  # a fixture: it runs for every test here, too
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

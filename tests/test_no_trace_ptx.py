@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_ptx import body, compiler, tile_kernel, tile_text  # noqa: F401  # the fixture acts by being here
+from test_ptx import body, tile_kernel, tile_text
 
 from model.record import PARAMETERS
 
@@ -41,6 +41,8 @@ FULL = frozenset({"springs", "gravity", "damping", "external", "poke", "pins"})
 RECORD_AT = {"pass": 4 * 7, "rk4": 8 * 7, "one-block": 4 * 7, "tiles": 4 * 7, "resident": 6 * 7 + 7 + 1 + 7}
 ARRAY, DATA = 7, 4  # parameters of an array, and which of them is its address
 MULTIPLIERS = ("3528531795", "3449720151")  # of the random generator
+
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def expected_reads(integrator: str, parts: frozenset[str]) -> set[str]:

@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 import re
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-
-@pytest.fixture(autouse=True)
-def compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
-    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
-    import numba.cuda.dispatcher as dispatcher
-    from numba import types
-
-    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
-    try:
-        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
-    except Exception as error:
-        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def signature(kind: str, real: Any) -> tuple:

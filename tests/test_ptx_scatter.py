@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_ptx import compiler  # noqa: F401  # the fixture acts by being here
+
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,19 +9,7 @@ import pytest
 
 from model.formulas import rotation
 
-
-@pytest.fixture(autouse=True)
-def compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
-    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
-    import numba.cuda.dispatcher as dispatcher
-    from numba import types
-
-    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
-    try:
-        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
-    except Exception as error:
-        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(real: Any, math: str) -> str:
