@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from model.baked import baked
 from model.cloth_parts import ZERO, Number, Vector
-from model.parts import Count, Part, Positive
+from model.parts import Count, NotNegative, Part, Positive
 from model.shapes import Shape
 from model.soft_body import BakedBody, RigidBody, SoftBody
 from model.topology import mesh_path
 
 Copies = tuple[Count, Count, Count]
+Group = Annotated[int, Field(ge=0, le=31, strict=True)]
 MOST_COPIES = 1_000_000
 
 
@@ -34,6 +35,13 @@ class Placed(Part):
     axis: Vector = (0.0, 1.0, 0.0)
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s
+    radius: Positive | None = None  # m, of a particle in contacts; half the particle spacing
+    group: Group = 0  # that others may avoid
+    avoids: tuple[Group, ...] = ()  # groups that its particles pass through
+    self_collision: bool | None = None  # whether the body meets itself; a soft one does unless told otherwise
+    adhesion: NotNegative = (
+        0.0  # m/s^2: the acceleration with which contacts hold what pulls away; of two the larger one
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Placed:
@@ -56,6 +64,15 @@ class Placed(Part):
     def count(self) -> int:
         """How many copies."""
         return self.copies[0] * self.copies[1] * self.copies[2]
+
+    @property
+    def contact_radius(self) -> float:
+        """[m]"""
+        return self.baked.spacing / 2 if self.radius is None else self.radius
+
+    @property
+    def meets_itself(self) -> bool:
+        return isinstance(self, SoftBody) if self.self_collision is None else self.self_collision
 
     @cached_property
     def baked(self) -> BakedBody:

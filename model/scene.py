@@ -23,6 +23,7 @@ from model.crowd import Crowd, make_crowd
 from model.errors import InputError, SceneError
 from model.mesh_parts import CONTRADICTIONS, MESH_KINDS, Mesh
 from model.motion import Motion, motions_of_pins
+from model.particle_contact import Contact, check_contact
 from model.parts import (
     FIELDS_OF_SOLVER,
     GRID_KINDS,
@@ -40,13 +41,13 @@ from model.parts import (
 from model.self_collision import SelfCollision, check_self_collision
 from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
-KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | MESH_KINDS | XPBD_KINDS | BODY_KINDS
+KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | MESH_KINDS | XPBD_KINDS | BODY_KINDS | {"contact": Contact}
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
 MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
 ELASTIC_KINDS = ("springs", *SPRING_KINDS)
-OF_BODIES = (*BODY_KINDS, "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
+OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 SEVERAL = (
     *SHEETS,
     *BODY_KINDS,
@@ -130,6 +131,7 @@ class Scene:
             radius = getattr(part, "link_radius", 0.0)
             if radius > 0:
                 raise SceneError(f"{name}.link_radius", radius, "must be 0: a scene's solver knows no links yet")
+        check_contact(self)
         method = self._one("method")
         if method is None:
             self.parts["method"], self.kinds["method"] = Method(solver="shape-matching"), "method"
@@ -284,6 +286,11 @@ class Scene:
     @property
     def self_collision(self) -> SelfCollision | None:
         return self._one("self_collision")
+
+    @property
+    def contact(self) -> Contact | None:
+        """What makes particles of bodies meet."""
+        return self._one("contact")
 
     @property
     def fold(self) -> Fold | None:

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_plan import TRIANGLES_EACH, cloth_parts
-from model.formulas import cluster, colliders, contact, distance, shape_matching, wind
+from model.formulas import cluster, colliders, contact, distance, particle_contact, shape_matching, wind
 from model.formulas import random as random_formulas
+from model.particle_contact_record import contact_parts
 from model.plan import Node, Plan, Stage
 from model.scene import Scene
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
+BODIES_LOOKED_AT = 27  # particles of the cells around one, a lattice's
+BODIES_MET = 4  # contacts of a particle at a body's surface; of one inside none
 LOOKED_AT = 4  # triangles that a mass of a cloth in a few layers is held against
 
 
@@ -52,7 +55,7 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     parts = set(cloth_parts(scene, live))
     method = scene.method
     if method.matches_shapes:
-        return frozenset(parts - set(SPRING_KINDS)) | {"clusters"}
+        return frozenset(parts - set(SPRING_KINDS)) | {"clusters"} | contact_parts(scene)
     kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
     if scene.springs:
         parts.add("structural")
@@ -164,6 +167,10 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         search = (Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST),)
         sweep = Stage("project contacts", 2, 1, scene.self_collision.sweeps * contact.OPERATIONS_CONTACT)
         colours += (sweep,)
+    if scene.contact:
+        search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
+        met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
+        colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()

@@ -1,0 +1,105 @@
+"""Particles that meet: the ways that a particle takes out of its contacts, all from one state.
+
+The constraint |x_i - x_j| >= distance with Coulomb friction as a change of position: M. Macklin et al., "Unified Particle
+Physics for Real-Time Applications", SIGGRAPH 2014, sections 4 and 6 (eq. 24). All contacts are projected at once, each for
+masses that are split among their contacts, so that linear momentum is kept however many meet: R. Tonge et al., "Mass Splitting
+for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012. Of n_i contacts each has a mass m_i / n_i of particle i, and
+the mean of its parts moves by the sum over j of w_i C n / (w_i n_i + w_j n_j), w = 1/m. Seen from j it is the same, the other
+way. Normal pushes keep angular momentum, too; friction acts at the particles' middles, not where they touch, and changes it by
+the distance times its impulse. Adhesion pulls together what is just apart, at a bounded acceleration.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+OPERATIONS_SEARCH = 9  # a particle that is looked at: the distance's square and its comparison
+OPERATIONS_COUNT = 9  # a neighbour
+OPERATIONS_PROJECT = 60  # a contact: two lengths, the normal, friction, three sums
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`. Vectors are three numbers, from the other particle to the asking one."""
+    zero, one, nowhere = real(0), real(1), real(1e-6)
+    squared_length_3d = make_lengths(real, compiled).squared_length_3d
+
+    @compiled
+    def squared(dx, dy, dz):
+        return squared_length_3d(dx, dy, dz)
+
+    @compiled
+    def scaled(x, inverse_cell):
+        """A coordinate in cells of space."""
+        return x * inverse_cell
+
+    @compiled
+    def within(squared_distance, distance):
+        """Whether it is shorter than that; never, where the distance is 0."""
+        return squared_distance < distance * distance
+
+    @compiled
+    def split(weight, contacts, other_weight, other_contacts):
+        """1 / (w_i n_i + w_j n_j); 0 where neither can move."""
+        stiffness = weight * contacts + other_weight * other_contacts
+        return one / stiffness if stiffness > zero else zero
+
+    @compiled
+    def held(distance, bx, by, bz, push):
+        """What the contact keeps [m]: the distance; of what began the substep nearer (b) no more than `push` beyond it."""
+        return min(distance, sqrt(squared_length_3d(bx, by, bz)) + push)
+
+    @compiled
+    def direction(dx, dy, dz, distance, first):
+        """(length, unit normal); of two in one place the one that is asked for `first` goes down, the other one up."""
+        length = sqrt(squared_length_3d(dx, dy, dz))
+        if length > nowhere * distance:
+            return length, dx / length, dy / length, dz / length
+        return length, zero, -one if first else one, zero
+
+    @compiled
+    def depth(length, kept, distance, pull):
+        """How far [m] along the normal both are moved apart; negative: together, by adhesion, which moves what is farther
+        than the distance by `pull` at most."""
+        if length < kept:
+            return kept - length
+        return max(distance - length, -pull) if length > distance else zero
+
+    @compiled
+    def slip(dx, dy, dz, bx, by, bz, nx, ny, nz):
+        """How one slid along the other within the substep [m]: from b to d, less what is along the normal."""
+        sx, sy, sz = dx - bx, dy - by, dz - bz
+        along = (sx * nx + sy * ny) + sz * nz
+        return sx - along * nx, sy - along * ny, sz - along * nz
+
+    @compiled
+    def grip(sx, sy, sz, depth, pull, static_friction, dynamic_friction):
+        """The part of the slip that friction takes back: all of it within the cone of the static coefficient (eq. 24). What
+        presses is the depth, and the pull of adhesion."""
+        sliding, pressed = sqrt(squared_length_3d(sx, sy, sz)), max(depth, zero) + pull
+        if sliding <= static_friction * pressed:
+            return one
+        return dynamic_friction * pressed / sliding
+
+    @compiled
+    def added(total, share, depth, n):
+        """A sum of ways with that of a contact, one axis."""
+        return total + share * (depth * n)
+
+    @compiled
+    def added_rubbing(total, share, depth, n, gripped, s):
+        """The same with friction."""
+        return total + share * (depth * n - gripped * s)
+
+    @compiled
+    def moved(position, weight, total):
+        """A particle after all its contacts, one axis."""
+        return position + weight * total
+
+    return SimpleNamespace(
+        squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
+        grip=grip, added=added, added_rubbing=added_rubbing, moved=moved,
+    )  # fmt: skip

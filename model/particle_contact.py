@@ -1,0 +1,50 @@
+"""The part of a scene that makes particles of bodies meet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import model_validator
+
+from model.errors import SceneError
+from model.parts import Count, NotNegative, Part, Positive
+
+if TYPE_CHECKING:
+    from model.scene import Scene
+
+MOST_KINDS = 64  # bodies of a scene, copies not counted: their table is of all pairs
+
+
+class Contact(Part):
+    """Particles of bodies keep their distance, the sum of both radii, with Coulomb friction.
+
+    Each substep searches who may meet whom; each sweep, after each iteration, pushes all apart at once. What begins nearer is
+    moved apart at `separation_speed` at most. Which bodies meet: `group`, `avoids`, `self_collision`, and how they
+    stick: `adhesion`, all of the bodies. A particle never moves faster than `maximum_speed`, if given: what moves half a
+    distance in a substep relative to another may pass it.
+    """
+
+    static_friction: NotNegative = 0.4
+    dynamic_friction: NotNegative = 0.3
+    separation_speed: Positive = 1.0  # m/s
+    adhesion_reach: NotNegative = 0.25  # of the distance, beyond it: how far adhesion pulls
+    sweeps: Count = 1
+    maximum_speed: Positive | None = None  # m/s
+    sleeping_speed: NotNegative = 0.0  # m/s: what moved slower in a substep stays where it was
+
+    @model_validator(mode="after")
+    def _friction_is_ordered(self) -> Contact:
+        if self.dynamic_friction > self.static_friction:
+            raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
+        return self
+
+
+def check_contact(scene: Scene) -> None:
+    """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
+    if scene.contact is not None and len(scene.bodies) > MOST_KINDS:
+        raise SceneError("contact", len(scene.bodies), f"at most {MOST_KINDS} kinds of bodies; use copies")
+    for name, body in scene.bodies.items():
+        if scene.contact is None:
+            for field in ("group", "avoids", "adhesion", "self_collision", "radius"):
+                if field in body.model_fields_set and getattr(body, field) not in (None, 0, ()):
+                    raise SceneError(f"{name}.{field}", getattr(body, field), "needs contacts: add a table [contact]")
