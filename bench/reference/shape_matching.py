@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.reference import cloth, mass_spring, xpbd
+from bench.reference.particle_contacts import Contacts
 from model.clusters import Clusters
 from model.errors import SceneError
 from model.matching import lattice_clusters
@@ -48,14 +49,21 @@ def simulate(
     drag = (scene.damping.coefficient if scene.damping else 0.0) / clusters.mass[:, None]
     h = method.dt / method.substeps
     fine = scene.replace({"method.dt": h})
+    contacts = Contacts(scene) if scene.contact else None
     for step in range(first_step, first_step + steps):
         for substep in range(method.substeps):
             time = (step * method.substeps + substep) * h
             a = xpbd.accelerations(scene, p, v, time, step, poke, clusters.mass)
             before = p
             p = np.where(free, p + h * (v * (1 - h * drag) + h * a), p)
+            if contacts:
+                contacts.find(p)
             for _ in range(method.iterations):
                 p = np.where(free, iterate(clusters, p, h, method.iterations), p)
+                if contacts:
+                    p = contacts.sweep(before, p)
+            if contacts:
+                p = contacts.ended(before, p)
             v = np.where(free, (p - before) / h, 0.0)
             if scene.colliders:
                 rows = before[None], p[None], v[None]

@@ -1,0 +1,80 @@
+"""Contacts between particles in NumPy, float64, all pairs by brute force: none of the lab's formulas or records.
+
+See model/particle_contact.py for what they are, and model/formulas/particle_contact.py for where from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.particle_contact_record import MARGIN, REST
+from model.scene import Scene
+
+
+class Contacts:
+    """The contacts of a scene's bodies. `weight` (particles,): inverse masses [1/kg], which may be 0."""
+
+    def __init__(self, scene: Scene):
+        part, crowd = scene.contact, scene.crowd
+        assert part is not None
+        self.part, self.weight, self.h = part, 1 / crowd.clusters.mass, scene.method.dt / scene.method.substeps
+        bodies = [scene.bodies[copy.name] for copy in crowd.copies]
+        radius = np.array([body.contact_radius for body in bodies])[crowd.body]
+        sticky = np.array([body.adhesion for body in bodies])[crowd.body]
+        mine = crowd.body[:, None] == crowd.body
+        self.distance = radius[:, None] + radius
+        meets = np.array([[a.group not in b.avoids and b.group not in a.avoids for a in bodies] for b in bodies])
+        self.meets = meets[np.ix_(crowd.body, crowd.body)] & ~mine
+        itself = np.array([body.meets_itself for body in bodies])[crowd.body]
+        rest = np.linalg.norm(crowd.position[:, None] - crowd.position, axis=2)
+        self.meets |= mine & itself[:, None] & (rest >= REST * self.distance)
+        np.fill_diagonal(self.meets, False)
+        self.pull = np.where(mine, 0.0, np.maximum(sticky[:, None], sticky)) * self.h**2
+        self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
+        self.pairs = np.zeros((0, 2), np.int64)
+
+    def find(self, predicted: np.ndarray) -> None:
+        """Keep who may meet whom within the substep, each pair once. `predicted` (particles, 3) [m]."""
+        between = np.linalg.norm(predicted[:, None] - predicted, axis=2)
+        one, other = np.nonzero(np.triu(self.meets & (between < self.active * (1 + MARGIN))))
+        self.pairs = np.stack([one, other], axis=1)
+
+    def sweep(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """The positions [m] after all sweeps of an iteration."""
+        for _ in range(self.part.sweeps):
+            now = self.project(before, now)
+        return now
+
+    def project(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """The positions [m] after one sweep over all contacts at once; no two may be in one place. `before`: at the
+        substep's beginning."""
+        i, j = self.pairs.T
+        d = now[i] - now[j]
+        length = np.linalg.norm(d, axis=1)
+        touching = length < self.active[i, j]
+        i, j, d, length = i[touching], j[touching], d[touching], length[touching]
+        contacts = np.bincount(np.concatenate([i, j]), minlength=len(now))
+        stiffness = self.weight[i] * contacts[i] + self.weight[j] * contacts[j]
+        normal = d / length[:, None]
+        distance, pull, b = self.distance[i, j], self.pull[i, j], before[i] - before[j]
+        kept = np.minimum(distance, np.linalg.norm(b, axis=1) + self.part.separation_speed * self.h)
+        depth = np.where(length < kept, kept - length, np.clip(distance - length, -pull, 0.0))
+        slip = (d - b) - ((d - b) * normal).sum(axis=1)[:, None] * normal
+        sliding, pressed = np.linalg.norm(slip, axis=1), np.maximum(depth, 0.0) + pull
+        held = sliding <= self.part.static_friction * pressed
+        grip = np.where(held, 1.0, self.part.dynamic_friction * pressed / np.where(sliding > 0, sliding, 1.0))
+        way = (depth[:, None] * normal - grip[:, None] * slip) / np.where(stiffness > 0, stiffness, np.inf)[:, None]
+        moved = now.copy()
+        np.add.at(moved, i, self.weight[i][:, None] * way)
+        np.add.at(moved, j, -self.weight[j][:, None] * way)
+        return moved
+
+    def ended(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """The positions [m] at the substep's end: nobody went faster than allowed, and what hardly moved stays."""
+        way = now - before
+        length = np.linalg.norm(way, axis=1)[:, None]
+        if self.part.maximum_speed is not None:
+            fastest = self.part.maximum_speed * self.h
+            now = np.where(length > fastest, before + way * (fastest / np.maximum(length, fastest)), now)
+        asleep = length < self.part.sleeping_speed * self.h
+        return np.where(asleep, before, now)
