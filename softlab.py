@@ -93,6 +93,15 @@ def run(
         tuple[str, Path] | None, typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
     ] = None,
     render: Annotated[Path | None, typer.Option(help="Draw the end (.png) or the whole run (.mp4).")] = None,
+    export_to: Annotated[
+        str | None,
+        typer.Option(
+            "--export", metavar="FILE", help="Meshes of the end (.ply, .glb); body-{frame:04d}.ply: of frames."
+        ),
+    ] = None,
+    export_every: Annotated[
+        float | None, typer.Option(help="Seconds simulated between two frames of --export (default 1/60).")
+    ] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
     judge: Annotated[
         bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
@@ -106,6 +115,7 @@ def run(
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
+        export_to, export_every,
     )  # fmt: skip
     result = run_scene(_scene(scene, settings), request)
     for note in result.notes:
@@ -167,49 +177,34 @@ def sweep(
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
     from bench.store import Store
-    from bench.sweep import run_sweep
     from bench.tables import print_kernels, print_sweep
 
     if peers and (kernels or kernel):
         from model.errors import SceneError
 
         raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
-    if kernels:
-        from bench.kernel_sweep import run_kernel_sweep
-
-        with Store(store) as opened:
-            summary = run_kernel_sweep(
-                opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds, total_seconds=total_seconds,
-                repeats=repeats, min_seconds=min_ms and min_ms / 1000, precisions=_precisions(precision),
-                kernels=kernel, energy=energy, starts=starts, command=" ".join(["softlab", *sys.argv[1:]]),
-            )  # fmt: skip
-            print_kernels(out, opened, summary.machine)
-            print_sweep(out, summary)
-        if summary.interrupted:
-            raise typer.Exit(130)
-        return
-    if peers:
-        from bench.peer_results import print_peers
-        from bench.peer_sweep import run_peers
-
-        with Store(store) as opened:
-            summary = run_peers(
-                opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds, total_seconds=total_seconds,
-                repeats=repeats, min_seconds=min_ms and min_ms / 1000, precisions=_precisions(precision),
-                command=" ".join(["softlab", *sys.argv[1:]]),
-            )  # fmt: skip
-            print_peers(out, opened, summary.machine)
-            print_sweep(out, summary)
-        if summary.interrupted:
-            raise typer.Exit(130)
-        return
+    how: dict[str, Any] = {
+        "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
+        "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": _precisions(precision),
+        "command": " ".join(["softlab", *sys.argv[1:]]),
+    }  # fmt: skip
+    summary: Any
     with Store(store) as opened:
-        summary = run_sweep(
-            opened, quick=quick, backends=backend, sizes=size, max_seconds=max_seconds,
-            total_seconds=total_seconds, graphics=graphics, repeats=repeats, min_seconds=min_ms and min_ms / 1000,
-            precisions=_precisions(precision),
-            command=" ".join(["softlab", *sys.argv[1:]]),
-        )  # fmt: skip
+        if kernels:
+            from bench.kernel_sweep import run_kernel_sweep
+
+            summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, **how)
+            print_kernels(out, opened, summary.machine)
+        elif peers:
+            from bench.peer_results import print_peers
+            from bench.peer_sweep import run_peers
+
+            summary = run_peers(opened, **how)
+            print_peers(out, opened, summary.machine)
+        else:
+            from bench.sweep import run_sweep
+
+            summary = run_sweep(opened, graphics=graphics, **how)
         print_sweep(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)

@@ -4,40 +4,40 @@ clusters on the graphics card, with what they collide with and a ground. The win
 
 from __future__ import annotations
 
-import ctypes
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from app import body_shaders, colours
-from app.body_shaders import ACROSS
 from app.camera3d import Camera3D
 from app.opengl import shader_program
+from app.particle_colours import COLOURINGS, cluster_colours, particle_colours
 from app.scenery import KEY, Lit
 from app.skinning import ClusterFrames
+from app.skins import ClusterTexture, Skins
 from app.smooth_target import SAMPLES
 from app.space_view import SpaceView
-from app.vertex_arrays import NORMAL, POSITION, delete_all, static_buffer, uniform_matrix, vertex_array
-from model.crowd import Copy
+from app.vertex_arrays import POSITION, delete_all, static_buffer, uniform_matrix, vertex_array
 from model.scene import Scene
 from model.simulation import Simulation
 
-CLUSTER, WEIGHT, LOOK = 2, 3, 4  # where the shaders of app/body_shaders.py look for them
+LOOK = 4  # where the shaders of app/body_shaders.py look for it
 PARTICLE_RADIUS = 0.5  # of the particle spacing
 SKIN_COVER = 0.22  # of the particles behind it, where both are shown
-SMALL = 0.45  # times a particle's radius then, so that they lie inside
+SMALL = 0.45  # times a particle's radius then, and beside clusters, so that they lie inside
 SKIN_SHINE, PARTICLE_SHINE = 0.16, 0.10
 
 
 class BodiesView(SpaceView):
     """See SpaceView. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
-    skin."""
+    skin. `clusters`: their middles, too. `colouring`: what gives particles their colours, of COLOURINGS."""
 
     def __init__(self, scene: Scene, samples: int = SAMPLES):
         super().__init__(scene, samples)
         crowd = scene.crowd
-        self.particles, self.skin = False, True
+        self.particles, self.skin, self.clusters = False, True, False
+        self.colouring = COLOURINGS[0]
         self.frames = ClusterFrames(scene)
         number = str(len(colours.BODIES))
         skin_vertex = body_shaders.SKIN_VERTEX.replace("COLOURS", number)
@@ -45,24 +45,36 @@ class BodiesView(SpaceView):
         self._lit_spheres = Lit(body_shaders.SPHERE_VERTEX, body_shaders.SPHERE_FRAGMENT)
         self._skin_shadow = shader_program(body_shaders.SKIN_SHADOW_VERTEX, body_shaders.SKIN_SHADOW_FRAGMENT)
         self._sphere_shadow = shader_program(body_shaders.SPHERE_SHADOW_VERTEX, body_shaders.SPHERE_SHADOW_FRAGMENT)
-        look = np.empty((crowd.particle_count, 4), np.float32)
-        look[:, :3] = np.array(colours.BODIES, np.float32)[crowd.body % len(colours.BODIES)]
-        look[:, 3] = PARTICLE_RADIUS * np.array([copy.baked.spacing for copy in crowd.copies])[crowd.body]
-        self._buffers = [static_buffer(look), static_buffer(np.zeros(1, np.uint32))]
-        self._spheres = self._sphere_array()
+        spacing = np.array([copy.baked.spacing for copy in crowd.copies])
+        self._radius = PARTICLE_RADIUS * spacing[crowd.body]
+        owner = np.repeat(np.arange(len(crowd.copies)), [copy.baked.clusters.count for copy in crowd.copies])
+        middles = np.column_stack([cluster_colours(crowd), PARTICLE_RADIUS * spacing[owner]])
+        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in crowd.copies])
+        zero = np.zeros((crowd.clusters.count, 3), np.float32)
+        self._buffers = [
+            static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, middles.astype(np.float32))
+        ]
+        self._spheres = self._sphere_array(self.vertices.position_buffer, self._buffers[0])
+        self._middles = self._sphere_array(*self._buffers[2:])
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1])
         self._skins = [Skins(list(copies)) for _, copies in groupby(crowd.copies, key=lambda copy: copy.name)]
         self._cluster_texture = ClusterTexture(crowd.clusters.count)
         self._constants()
         self.upload(crowd.position)
 
-    def _sphere_array(self) -> Any:
+    def _look(self) -> np.ndarray:
+        """(particles, 4) float32: colours and radii [m]."""
+        found = particle_colours(self.scene, self.colouring)
+        return np.ascontiguousarray(np.column_stack([found, self._radius]), np.float32)
+
+    @staticmethod
+    def _sphere_array(position: int, look: int) -> Any:
         from pyglet import gl
 
         array = gl.GLuint()
         gl.glGenVertexArrays(1, array)
         gl.glBindVertexArray(array)
-        for place, buffer, size in ((POSITION, self.vertices.position_buffer, 3), (LOOK, self._buffers[0], 4)):
+        for place, buffer, size in ((POSITION, position, 3), (LOOK, look, 4)):
             gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
             gl.glEnableVertexAttribArray(place)
             gl.glVertexAttribPointer(place, size, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
@@ -99,13 +111,30 @@ class BodiesView(SpaceView):
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """Send positions (particles, 3) [m]; the clusters follow from them. Raises InputError."""
         self.vertices.upload_state(position, False)
-        self._cluster_texture.send(self.frames.of_state(position))
+        self._send(self.frames.of_state(position))
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
         """Send the state of a simulation, with the clusters as its solver has them; `position` (particles, 3) float32, if
         the caller has read it already."""
         self.vertices.upload(simulation, False, position)
-        self._cluster_texture.send(self.frames.of_simulation(simulation, position))
+        self._send(self.frames.of_simulation(simulation, position))
+
+    def _send(self, matrices: np.ndarray) -> None:
+        """Where clusters are, (clusters, 3, 4), for the skins and for their middles."""
+        self._cluster_texture.send(matrices)
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.vertices.send(
+                self._buffers[2], np.einsum("nij,nj->ni", matrices[:, :, :3], self._rest) + matrices[:, :, 3]
+            )
+
+    def next_colouring(self) -> None:
+        """The next of COLOURINGS."""
+        self.colouring = COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)]
+        self.vertices.send(self._buffers[0], self._look())
+
+    def toggle_clusters(self) -> None:
+        """Show or hide the middles of the clusters."""
+        self.clusters = not self.clusters
 
     def toggle_lines(self) -> bool:
         """Particles in place of the skin, or the skin in place of them; whether it is particles now."""
@@ -130,29 +159,39 @@ class BodiesView(SpaceView):
     # ------------------------------------------------------------------ the picture
 
     def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
-        if self.particles:
+        if self._inside:
             self._draw_spheres(camera)
         else:
             self._draw_skins(camera, 1.0)
 
+    @property
+    def _inside(self) -> bool:
+        """Whether something is to be seen through the skin."""
+        return self.particles or self.clusters
+
     def _draw_spheres(self, camera: Camera3D) -> None:
         from pyglet import gl
 
-        smooth = self._target.samples > 1
+        smooth, program = self._target.samples > 1, self._lit_spheres.program
         self._lit_spheres.use(camera)
-        self._lit_spheres.program["upward"] = tuple(camera.axes[1].tolist())
-        self._lit_spheres.program["size"] = SMALL if self.skin else 1.0
+        program["upward"] = tuple(camera.axes[1].tolist())
         if smooth:
             gl.glEnable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
-        self._draw_squares()
+        if self.particles:
+            program["size"] = SMALL if self.skin or self.clusters else 1.0
+            self._draw_squares(self._spheres, self.scene.grid.particle_count)
+        if self.clusters:
+            program["size"] = 1.0
+            self._draw_squares(self._middles, self.frames.count)
         gl.glDisable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
-        self._lit_spheres.program.stop()
+        program.stop()
 
-    def _draw_squares(self) -> None:
+    @staticmethod
+    def _draw_squares(spheres: Any, count: int) -> None:
         from pyglet import gl
 
-        gl.glBindVertexArray(self._spheres)
-        gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, self.scene.grid.particle_count)
+        gl.glBindVertexArray(spheres)
+        gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, count)
 
     def _draw_skins(self, camera: Camera3D, cover: float) -> None:
         self._lit_skin.use(camera)
@@ -176,7 +215,7 @@ class BodiesView(SpaceView):
 
     def _shade_spheres(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
         self._use_shadow(self._sphere_shadow, camera, flatten, centre)
-        self._draw_squares()
+        self._draw_squares(self._spheres, self.scene.grid.particle_count)
         self._sphere_shadow.stop()
 
     @staticmethod
@@ -188,7 +227,7 @@ class BodiesView(SpaceView):
     def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
         from pyglet import gl
 
-        if self.skin and self.particles:
+        if self.skin and self._inside:
             gl.glEnable(gl.GL_CULL_FACE)
             self._draw_skins(camera, SKIN_COVER)
             gl.glDisable(gl.GL_CULL_FACE)
@@ -199,81 +238,8 @@ class BodiesView(SpaceView):
 
     def delete(self) -> None:
         """Free the buffers."""
-        delete_all([self._spheres, self._points], self._buffers)
+        delete_all([self._spheres, self._middles, self._points], self._buffers)
         for skins in self._skins:
             skins.delete()
         self._cluster_texture.delete()
         super().delete()
-
-
-class Skins:
-    """The skins of the copies of one body, which follow one another: one mesh on the graphics card, drawn so many times."""
-
-    def __init__(self, copies: list[Copy]):
-        from pyglet import gl
-
-        skin = copies[0].baked.skin
-        self.number, self.count = copies[0].number, len(copies)
-        self._first, self._each = copies[0].first_cluster, copies[0].baked.clusters.count
-        self._elements = skin.triangles.size
-        arrays = (skin.position, skin.normal, skin.clusters, skin.weights)
-        data = [np.ascontiguousarray(array, np.int32 if array is skin.clusters else np.float32) for array in arrays]
-        self._buffers = [static_buffer(part) for part in [*data, skin.triangles.astype(np.uint32)]]
-        self._array = vertex_array(self._buffers[POSITION], self._buffers[-1], self._buffers[NORMAL])
-        gl.glBindVertexArray(self._array)
-        for place in (CLUSTER, WEIGHT):
-            gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._buffers[place])
-            gl.glEnableVertexAttribArray(place)
-        gl.glVertexAttribPointer(WEIGHT, 4, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._buffers[CLUSTER])
-        gl.glVertexAttribIPointer(CLUSTER, 4, gl.GL_INT, 0, None)
-        gl.glBindVertexArray(0)
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
-
-    def draw(self, program: Any) -> None:
-        """With a program that is in use, of SKINNING."""
-        from pyglet import gl
-
-        program["first"], program["each"] = self._first, self._each
-        gl.glBindVertexArray(self._array)
-        gl.glDrawElementsInstanced(gl.GL_TRIANGLES, self._elements, gl.GL_UNSIGNED_INT, None, self.count)
-
-    def delete(self) -> None:
-        """Free the buffers."""
-        delete_all([self._array], self._buffers)
-
-
-class ClusterTexture:
-    """The clusters' matrices where shaders find them: in a texture, three texels of four numbers for each."""
-
-    def __init__(self, clusters: int) -> None:
-        from pyglet import gl
-
-        self._data = np.zeros((-(-clusters // ACROSS), ACROSS, 3, 4), np.float32)
-        self._texture = gl.GLuint()
-        gl.glGenTextures(1, self._texture)
-        self.bind()
-        for name in (gl.GL_TEXTURE_MIN_FILTER, gl.GL_TEXTURE_MAG_FILTER):
-            gl.glTexParameteri(gl.GL_TEXTURE_2D, name, gl.GL_NEAREST)
-
-    def send(self, matrices: np.ndarray) -> None:
-        """(clusters, 3, 4) float32."""
-        from pyglet import gl
-
-        self._data.reshape(-1, 3, 4)[: len(matrices)] = matrices
-        rows, pointer = len(self._data), self._data.ctypes.data_as(ctypes.c_void_p)
-        self.bind()
-        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, gl.GL_RGBA32F, 3 * ACROSS, rows, 0, gl.GL_RGBA, gl.GL_FLOAT, pointer)
-
-    def bind(self) -> None:
-        """For the sampler of unit 0."""
-        from pyglet import gl
-
-        gl.glActiveTexture(gl.GL_TEXTURE0)
-        gl.glBindTexture(gl.GL_TEXTURE_2D, self._texture)
-
-    def delete(self) -> None:
-        """Free it."""
-        from pyglet import gl
-
-        gl.glDeleteTextures(1, self._texture)

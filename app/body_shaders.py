@@ -96,12 +96,21 @@ uniform sampler2D clusters;
 uniform int first;          // cluster of the first copy
 uniform int each;           // clusters a copy
 vec4 rows[3];
+vec3 cofactors[3];          // of normals: a rotation's are its own rows
 void take_rows() {
-    for (int row = 0; row < 3; ++row) rows[row] = vec4(0.0);
+    for (int row = 0; row < 3; ++row) {
+        rows[row] = vec4(0.0);
+        cofactors[row] = vec3(0.0);
+    }
     for (int k = 0; k < 4; ++k) {
         int number = first + gl_InstanceID * each + cluster[k];
         ivec2 texel = ivec2(3 * (number % ACROSS), number / ACROSS);
-        for (int row = 0; row < 3; ++row) rows[row] += weight[k] * texelFetch(clusters, texel + ivec2(row, 0), 0);
+        vec4 own[3];
+        for (int row = 0; row < 3; ++row) own[row] = texelFetch(clusters, texel + ivec2(row, 0), 0);
+        for (int row = 0; row < 3; ++row) {
+            rows[row] += weight[k] * own[row];
+            cofactors[row] += weight[k] * cross(own[(row + 1) % 3].xyz, own[(row + 2) % 3].xyz);
+        }
     }
 }
 vec3 taken(vec4 point) {
@@ -120,7 +129,7 @@ flat out vec3 colour;
 void main() {
     take_rows();
     place = taken(vec4(position, 1.0));
-    outward = taken(vec4(normal, 0.0));
+    outward = vec3(dot(cofactors[0], normal), dot(cofactors[1], normal), dot(cofactors[2], normal));
     colour = palette[(copy + gl_InstanceID) % COLOURS];
     gl_Position = transform * vec4(place, 1.0);
 }

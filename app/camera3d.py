@@ -171,8 +171,9 @@ class Camera3D:
         self.distance *= exp(log(other.distance / self.distance) * share)
 
 
-def pick(camera: Camera3D, position: np.ndarray, x: float, y: float, reach: float) -> int | None:
-    """The mass of `position` (particles, 3) within `reach` pixels of the window point (x, y) that is meant, or None.
+def pick(camera: Camera3D, position: np.ndarray, x: float, y: float, reach: float | np.ndarray) -> int | None:
+    """The mass of `position` (particles, 3) within `reach` pixels, or (particles,), of the window point (x, y) that is meant,
+    or None.
 
     The nearest in the window, unless it lies behind another: a pixel's length further from the eye than the foremost
     candidate counts as BEHIND pixels further from the pointer.

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from model.cloth_parts import Box, Capsule, Collider, Plane, Sphere
+from model.mesh_collider import MeshCollider, turn_matrix
 from model.scene import Scene
 
 RINGS, SECTORS = 20, 64  # of half a ball: flat enough that no edge shows
 GROUND_STEPS = 8  # of the ground's height over the scene's size: it moves seldom, not with the lowest mass
 GROUND_GAP = 0.03  # of the scene's size, between the lowest mass and the ground
+
+EDGE = np.radians(40.0)  # between a facet and the surface around a vertex, from where on an edge is drawn sharp
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -20,12 +23,25 @@ UP = np.array([0.0, 1.0, 0.0])
 @dataclass(frozen=True)
 class Mesh:
     """`vertices` and unit `normals` (vertices, 3) float32 at time 0, `triangles` (triangles, 3) uint32, counter-clockwise
-    from outside; `velocity` (3,) [m/s]."""
+    from outside; `velocity` (3,) [m/s]; `spin` (3,) [rad/s] about `origin` (3,) [m]."""
 
     vertices: np.ndarray
     normals: np.ndarray
     triangles: np.ndarray
     velocity: np.ndarray
+    spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it does more than move."""
+        return bool(self.spin.any())
+
+    def turned(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """(vertices, normals) (vertices, 3) float32 at `time` [s], where nothing but the spin has moved them."""
+        turn = turn_matrix(self.spin * time).T
+        vertices, normals = (self.vertices - self.origin) @ turn + self.origin, self.normals @ turn
+        return _vectors(vertices), _vectors(normals)
 
 
 @dataclass(frozen=True)
@@ -89,11 +105,28 @@ def box_mesh(center: Sequence[float], half_size: Sequence[float], velocity: Sequ
 
 
 def _mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, velocity: Sequence[float]) -> Mesh:
-    def vectors(array: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(array.reshape(-1, 3), dtype=np.float32)
-
     indices = np.ascontiguousarray(faces.reshape(-1, 3), dtype=np.uint32)
-    return Mesh(vectors(vertices), vectors(normals), indices, np.array(velocity, dtype=np.float64))
+    return Mesh(_vectors(vertices), _vectors(normals), indices, np.array(velocity, dtype=np.float64))
+
+
+def _vectors(array: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(array.reshape(-1, 3), dtype=np.float32)
+
+
+def surface_mesh(collider: MeshCollider) -> Mesh:
+    """A mesh of triangles, three vertices each: smooth where its facets meet at less than EDGE, with edges elsewhere."""
+    corners = np.asarray(collider.origin) + collider.position[collider.triangles]
+    facets = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # a file may tell a vertex again for each of its triangles
+    _, place = np.unique(collider.position, axis=0, return_inverse=True)
+    vertex = place.reshape(-1)[collider.triangles].ravel()
+    around = np.stack([np.bincount(vertex, np.repeat(axis, 3)) for axis in facets.T], axis=1)
+    around /= np.maximum(np.linalg.norm(around, axis=1), np.finfo(float).tiny)[:, None]
+    facets /= np.linalg.norm(facets, axis=1)[:, None]
+    own, smooth = np.repeat(facets, 3, axis=0), around[vertex]
+    normals = np.where(np.einsum("ij,ij->i", own, smooth)[:, None] > np.cos(EDGE), smooth, own)
+    mesh = _mesh(corners, normals, np.arange(len(vertex)), collider.velocity)
+    return replace(mesh, spin=np.array(collider.spin, dtype=np.float64), origin=np.array(collider.origin))
 
 
 def collider_mesh(collider: Collider) -> Mesh | None:
@@ -104,6 +137,8 @@ def collider_mesh(collider: Collider) -> Mesh | None:
         return capsule_mesh(collider.start, collider.end, collider.radius, collider.velocity)
     if isinstance(collider, Box):
         return box_mesh(collider.center, collider.half_size, collider.velocity)
+    if isinstance(collider, MeshCollider):
+        return surface_mesh(collider)
     return None
 
 
@@ -116,17 +151,26 @@ def _extent(collider: Collider) -> tuple[np.ndarray, np.ndarray] | None:
         return ends.min(axis=0) - collider.radius, ends.max(axis=0) + collider.radius
     if isinstance(collider, Box):
         return np.subtract(collider.center, collider.half_size), np.add(collider.center, collider.half_size)
+    if isinstance(collider, MeshCollider):
+        origin = np.array(collider.origin)
+        if any(collider.spin):
+            reach = float(np.linalg.norm(collider.position, axis=1).max())
+            return origin - reach, origin + reach
+        return origin + collider.position.min(axis=0), origin + collider.position.max(axis=0)
     return None
 
 
 def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
-    """The scene's planes at `time` [s], or a level ground a little below `lowest` [m], where it has none."""
+    """The scene's planes at `time` [s], or a level ground a little below `lowest` [m], where it has none and no mesh to
+    fall on."""
     planes = [collider for _, collider in scene.colliders if isinstance(collider, Plane)]
     found = []
     for plane in planes:
         across, along, normal = plane_axes(plane.normal)
         found.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
     if not found:
+        if any(isinstance(collider, MeshCollider) for _, collider in scene.colliders):
+            return []  # it has a ground of its own
         size = scene.grid.extent
         step = size / GROUND_STEPS
         across, along, normal = plane_axes(UP)

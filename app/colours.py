@@ -20,6 +20,8 @@ COLLIDER = (0.70, 0.71, 0.73)
 GROUND = (0.92, 0.93, 0.94)
 GROUND_LINE = (0.66, 0.69, 0.73)
 SHADOW = (0.80, 0.82, 0.85)
+PHYSICS = (0.16, 0.36, 0.60)  # in the graph of frame times; apart in lightness
+DRAWING = (0.80, 0.62, 0.24)
 
 BODIES = (  # of neighbouring numbers; apart in lightness or from blue to yellow, which every colour vision tells
     (0.82, 0.56, 0.14),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from app.mouse import PlaneMouse, SpaceMouse
@@ -25,6 +26,8 @@ KEYS = (
     ("wheel", "zoom at the pointer"),
     ("right", "drag: move the view"),
     ("F", "frame everything"),
+    ("M", "milliseconds of frames: graph"),
+    ("N", "numbers at the top"),
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
@@ -38,9 +41,13 @@ SPACE_KEYS = (
 BODY_KEYS = (  # without springs there is no stiffness to change
     *KEYS[:2],
     *KEYS[3:8],
-    ("P K", "particles, skin"),
-    ("L", "one or the other"),
-    *SPACE_KEYS[9:],
+    ("P K C", "particles, skin, clusters"),
+    ("L", "particles or skin"),
+    ("O", "colour by body, group, cluster"),
+    ("mouse", "drag a body: pull it"),
+    ("arrows", "select a particle"),
+    ("Enter", "push its body (down, or arrow)"),
+    *SPACE_KEYS[12:],
 )
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
@@ -51,7 +58,7 @@ SPACE_HINT = (
     "space: pause    R: restart    Escape: close"
 )
 BODY_HINT = (
-    "H: keys    P: particles    K: skin    drag beside the bodies: turn    drag a particle to pull it    F: frame    "
+    "H: keys    P: particles    K: skin    drag beside the bodies: turn    drag a body to pull it    F: frame    "
     "space: pause    R: restart    Escape: close"
 )
 
@@ -64,10 +71,10 @@ def hint(space: bool = False, bodies: bool = False) -> str:
 def keys_text(width: int, space: bool = False, bodies: bool = False) -> str:
     """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
     one of bodies."""
-    lines = [f"{key:8}{meaning:30}" for key, meaning in (BODY_KEYS if bodies else SPACE_KEYS if space else KEYS)]
+    lines = [f"{key:8}{meaning:32}" for key, meaning in (BODY_KEYS if bodies else SPACE_KEYS if space else KEYS)]
     if width >= TWO_COLUMNS_FROM:
-        half = len(lines) // 2
-        lines = [left + right for left, right in zip(lines[:half], lines[half:], strict=True)]
+        half = (len(lines) + 1) // 2
+        lines = [left + right for left, right in zip_longest(lines[:half], lines[half:], fillvalue="")]
     return "\n".join(line.rstrip() for line in [*lines, "H       shows and hides these keys"])
 
 
@@ -86,11 +93,15 @@ class Controls:
             key.B: demo.switch_backend,
             key.T: demo.cycle_threads,
             key.S: viewer.ask_for_screenshot,
-            key.H: viewer.toggle_keys,
+            key.H: viewer.overlay.toggle_keys,
+            key.M: viewer.overlay.toggle_graph,
+            key.N: viewer.overlay.toggle_numbers,
             key.F: viewer.frame_everything,
             key.L: viewer.toggle_lines,
             key.P: viewer.toggle_particles,
             key.K: viewer.toggle_skin,
+            key.C: viewer.toggle_clusters,
+            key.O: viewer.next_colouring,
             key.ENTER: demo.press_key,
             key.NUM_ENTER: demo.press_key,
             key.ESCAPE: viewer.close,

@@ -94,7 +94,7 @@ class CudaVertices(HostVertices):
         require_same_gpu(self._runtime)
         discard = self._runtime.cudaGraphicsRegisterFlags.cudaGraphicsRegisterFlagsWriteDiscard
         for buffer in (self.position_buffer, self.normal_buffer):
-            self._send(buffer, self._normal, gl.GL_DYNAMIC_COPY)  # a store for what the GPU writes and the GPU draws
+            self.send(buffer, self._normal, gl.GL_DYNAMIC_COPY)  # a store for what the GPU writes and the GPU draws
             registered = self._runtime.cudaGraphicsGLRegisterBuffer(buffer, int(discard))
             (self._resources[buffer],) = _checked(registered, "sharing a buffer")
 

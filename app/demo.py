@@ -99,7 +99,8 @@ class Demo(Worlds):
         def back() -> None:
             for world, scene in zip(self.worlds, self.scenes, strict=True):
                 world.reset()
-                world.poke(None)
+                if "poke" in world.options.live:
+                    world.poke(None)
                 world.set("method.dt", scene.method.dt)
                 world.set("gravity.enabled", bool(scene.gravity and scene.gravity.enabled))
                 for path, stiffness in stiffness_paths(scene).items():

@@ -52,11 +52,12 @@ def strain_text(demo: Demo) -> str:
 
 
 def masses_text(scene: Scene) -> str:
-    """How many masses there are, in words; of bodies also how many clusters and bodies."""
-    if scene.bodies:
-        crowd = scene.crowd
-        return f"{crowd.particle_count} particles in {crowd.clusters.count} clusters of {len(crowd.copies)} bodies"
-    return f"{scene.grid.rows} x {scene.grid.columns} masses"
+    """How many masses there are, in words; of bodies also how many clusters and bodies; and colliders."""
+    crowd, colliders = scene.crowd if scene.bodies else None, len(scene.colliders)
+    found = f"{scene.grid.rows} x {scene.grid.columns} masses"
+    if crowd is not None:
+        found = f"{crowd.particle_count} particles in {crowd.clusters.count} clusters of {len(crowd.copies)} bodies"
+    return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
 def demo_state(demo: Demo, camera: Camera | Camera3D) -> dict[str, Any]:

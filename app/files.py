@@ -31,15 +31,15 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 
 def write_state(path: Path | str, state: State) -> Path:
     """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`; of bodies
-    `rotation` (clusters, 4)."""
-    names = ("position", "velocity", "inverse_mass", "rotation")
+    `rotation` (clusters, 4), and of plastic ones `plastic` (clusters, 3, 3)."""
+    names = ("position", "velocity", "inverse_mass", "rotation", "plastic")
     arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
     return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
 
 
 def read_state(path: Path | str, scene: Scene) -> State:
     """The state in a .npz file: `position` is needed; velocity is 0, the masses are the scene's and the rotations of bodies
-    those that fit where not given.
+    those that fit where not given, and nothing is bent.
 
     Raises InputError for a file that is missing, unreadable, no .npz, or holds no position; what the arrays hold is
     checked where they are loaded.
@@ -71,7 +71,7 @@ def read_state(path: Path | str, scene: Scene) -> State:
     if not np.isfinite(time) or step < 0:
         raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step})")
     velocity = arrays.get("velocity", np.zeros_like(position))
-    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"))
+    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"))
 
 
 def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:

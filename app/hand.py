@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.grip import Grip
 from model.simulation import Simulation
 
 NO_POKE: tuple[None, tuple[float, ...]] = (None, ())
@@ -32,10 +33,16 @@ class Hand:
         self.direction = self.down
         self._given: tuple[int | None, tuple[float, ...]] = NO_POKE  # what the world holds now
         self._before: tuple[int, np.ndarray] | None = None  # the mass that was pulled last, and where it was then
+        self._grip: Grip | None = None  # on a body
 
     def forget(self) -> None:
         """The world holds no poke (any more): it is a new one, or was reset."""
-        self._given = NO_POKE
+        self._given, self._grip = NO_POKE, None
+
+    def _hold(self, world: Simulation, particle: int) -> Grip:
+        if self._grip is None or self._grip.particle != particle:
+            self._grip = Grip(world, particle)
+        return self._grip
 
     def move(self, columns: int, rows: int, world: Simulation, direction: tuple[float, ...]) -> int:
         """Select the neighbour `columns` to the right and `rows` up; with nothing selected yet, the middle mass.
@@ -66,25 +73,38 @@ class Hand:
         nothing = (0.0,) * len(self.down)
         if self.held is None:
             return nothing
-        gain = pointer_stiffness(world, self.held.particle, hold_time)
+        if world.scene.bodies:
+            place, grip = position[self.held.particle].astype(float), self._hold(world, self.held.particle)
+            found = grip.force(world, place, self.held.target, self.held.direction, hold_time)
+            return tuple(found.tolist()) if np.isfinite(found).all() else nothing
+        gain = pointer_stiffness(world, hold_time)
         if self.held.target is None:
             reach = 2 * world.scene.grid.spacing
             return tuple(part * gain * reach for part in self.held.direction)
         place = position[self.held.particle].astype(float)
         wanted = gain * (np.array(self.held.target) - place)
         if len(place) == 3 and self._before is not None and self._before[0] == self.held.particle:
-            damping = pointer_damping(taken_mass(world, self.held.particle), gain, hold_time)
+            damping = pointer_damping(world.scene.grid.mass, gain, hold_time)
             wanted -= damping * (place - self._before[1]) / hold_time
         force = tuple(wanted.tolist())
         return force if all(map(math.isfinite, force)) else nothing
 
     def push(self, world: Simulation, position: np.ndarray, hold_time: float) -> None:
-        """Give the world the force of the held poke, or let go. Raises what `Simulation.poke` raises."""
+        """Give the world the force of the held poke, or let go. Raises what `Simulation.poke` raises. A body is not poked
+        but pulled, see `pull`."""
+        if world.scene.bodies:
+            self._grip = self._grip if self.held else None
+            return
         wanted = (self.held.particle, self.force(world, position, hold_time)) if self.held else NO_POKE
         self._before = (self.held.particle, position[self.held.particle].astype(float)) if self.held else None
         if wanted != self._given:  # every call makes the simulation look at its whole state
             world.poke(*wanted)
             self._given = wanted
+
+    def pull(self, world: Simulation, hold_time: float) -> None:
+        """Pull the held body for the steps of `hold_time` [s] that follow. Raises Diverged."""
+        if self.held is not None and world.scene.bodies:
+            self._hold(world, self.held.particle).pull(world, self.held.target, self.held.direction, hold_time)
 
 
 def nearest(position: np.ndarray, x: float, y: float, reach: float) -> int | None:
@@ -107,18 +127,13 @@ def neighbour(position: np.ndarray, own: np.ndarray, selected: int, direction: t
     return int(own[np.argmin(np.where(that_way, distance, np.inf))])
 
 
-def taken_mass(world: Simulation, particle: int) -> float:
-    """The mass [kg] that a pull is made for: of bodies the particle's own, else the sheet's."""
-    return float(1 / world.body.inverse_mass[particle]) if world.scene.bodies else world.scene.grid.mass
-
-
 def pointer_damping(mass: float, stiffness: float, hold_time: float) -> float:
-    """Newton seconds per metre that a pulled `mass` [kg] of a cloth or a body is slowed by: critical for the mass alone, but
+    """Newton seconds per metre that a pulled `mass` [kg] of a cloth is slowed by: critical for the mass alone, but
     never so much that the force, `hold_time` [s] old, takes more than half of its velocity."""
     return min(2 * math.sqrt(stiffness * mass), 0.5 * mass / hold_time)
 
 
-def pointer_stiffness(world: Simulation, particle: int, hold_time: float) -> float:
+def pointer_stiffness(world: Simulation, hold_time: float) -> float:
     """Newtons per metre between mass and pointer.
 
     One spring's stiffness: the force is renewed once a frame only, and a mass in a grid gives way by less than
@@ -129,5 +144,5 @@ def pointer_stiffness(world: Simulation, particle: int, hold_time: float) -> flo
     scene = world.scene
     if scene.springs and scene.grid.spring_count:
         return scene.springs.stiffness
-    alone = 0.2 * taken_mass(world, particle) / hold_time**2
+    alone = 0.2 * scene.grid.mass / hold_time**2
     return min(alone, max((springs.stiffness for springs in scene.cloth_springs.values()), default=alone))

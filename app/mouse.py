@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 REACH = 22.0  # pixels from the pointer within which a mass is taken
 SPACE_REACH = 10.0  # in space, where beside the masses is what turns the view
+BODY_REACH = 0.9  # particle spacings, if that is more: what is seen of a body is taken, between its particles too
 ZOOM = 1.15  # per notch of the wheel
 
 
@@ -78,8 +79,8 @@ class PlaneMouse:
 
 
 class SpaceMouse(PlaneMouse):
-    """Left drags a mass, in the plane parallel to the window in which it lay when it was taken; left beside the masses and
-    middle turn the view, right moves it."""
+    """Left drags a mass, or a body by one of its particles, in the plane parallel to the window in which that lay when it was
+    taken; left beside them and middle turn the view, right moves it."""
 
     def __init__(self, viewer: Viewer):
         super().__init__(viewer)
@@ -87,11 +88,19 @@ class SpaceMouse(PlaneMouse):
 
     def _take(self, x: float, y: float) -> bool:
         position = self.demo.positions[0]
-        particle = pick(self._camera, position, x, y, SPACE_REACH)
+        particle = pick(self._camera, position, x, y, self._reach(position))
         if particle is None:
             return False
         self._taken = position[particle].astype(np.float64)
         return self.demo.take(particle, self._camera.on_plane(x, y, self._taken))
+
+    def _reach(self, position: np.ndarray) -> float | np.ndarray:
+        """Pixels, of bodies (particles,)."""
+        scene = self.demo.world.scene
+        if not scene.bodies:
+            return SPACE_REACH
+        _, depth = self._camera.project(position)
+        return np.fmax(SPACE_REACH, BODY_REACH * scene.grid.spacing * self._camera.focal / depth)
 
     def pull(self) -> None:
         """As in the plane, in which the mass was taken."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from app.driver import open_simulation
+from app.export import Exporter, Target, check_export
 from app.files import check_state_target, read_state, write_state, write_trajectory
 from app.run_parts import bodies_report, body_lines, contact_report
 from app.video import check_render, render
@@ -32,7 +33,8 @@ PROGRESS_SECONDS = 0.2  # how often the progress bar moves
 
 @dataclass(frozen=True)
 class Request:
-    """What `softlab run` was asked to do. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]."""
+    """What `softlab run` was asked to do. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]. `export`: a
+    file's name, with {frame} in it for a file every `export_every` [s]."""
 
     backend: str = "cpu"
     threads: str = "1x"
@@ -47,6 +49,8 @@ class Request:
     record: Path | None = None
     render: Path | None = None
     allow_unstable: bool = False
+    export: str | None = None
+    export_every: float | None = None
 
 
 @dataclass
@@ -92,8 +96,9 @@ def step_count(scene: Scene, request: Request, notes: list[str]) -> int:
     return steps
 
 
-def check_targets(scene: Scene, request: Request, steps: int) -> None:
-    """Everything that could stop a result from being written, before any work. Raises InputError, SceneError."""
+def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) -> Target | None:
+    """Everything that could stop a result from being written, before any work; where meshes are exported to. Raises
+    InputError, SceneError."""
     if request.out:
         check_state_target(request.out)
     if request.render:
@@ -104,13 +109,18 @@ def check_targets(scene: Scene, request: Request, steps: int) -> None:
         item = 8 if request.precision == "float64" else 4
         needed = 2 * frames * scene.grid.particle_count * 2 * scene.dimensions * item
         require(needed, available_bytes(), "--record", f"every={request.record_every}", "main memory")
+    if request.export:
+        return check_export(request.export, request.export_every, scene.method.dt, notes)
+    if request.export_every is not None:
+        raise SceneError("--export-every", request.export_every, "needs --export body-{frame:04d}.ply")
+    return None
 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
     notes = [*mesh_lines(scene), *body_lines(scene), *overlap_lines(scene)]
     steps = step_count(scene, request, notes)
-    check_targets(scene, request, steps)
+    target = check_targets(scene, request, steps, notes)
     initial = read_state(request.initial, scene) if request.initial else None
     begin = time.perf_counter()
     simulation = open_simulation(
@@ -123,12 +133,15 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         compile_seconds = time.perf_counter() - begin
         clip = request.render is not None and request.render.suffix.lower() == ".mp4"
         recorder = _Recorder(start, request.record_every if request.record else 0)
-        seconds, diverged = _advance(simulation, steps, recorder, progress)
+        exporter = Exporter(simulation, target) if target else None
+        seconds, diverged = _advance(simulation, steps, [recorder, exporter] if exporter else [recorder], progress)
         state = simulation.state()
         result = Result(
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
             notes=notes, diverged=diverged,
         )  # fmt: skip
+        if exporter:
+            result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, clip)
         if diverged is not None:
             notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
@@ -175,8 +188,10 @@ class _Recorder:
             self.states.append(simulation.state())
 
 
-def _advance(simulation: Simulation, steps: int, recorder: _Recorder, progress: bool) -> tuple[float, Diverged | None]:
-    """Seconds of stepping alone, and the divergence that ended it, if any."""
+def _advance(
+    simulation: Simulation, steps: int, keepers: Sequence[_Recorder | Exporter], progress: bool
+) -> tuple[float, Diverged | None]:
+    """Seconds of stepping alone, and the divergence that ended it, if any. `keepers` keep states as it goes on."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -185,14 +200,15 @@ def _advance(simulation: Simulation, steps: int, recorder: _Recorder, progress: 
     shown = None
     try:
         while done < steps:
-            now = min(batch, steps - done, recorder.steps_to_next(done))
+            now = min(batch, steps - done, *(keeper.steps_to_next(done) for keeper in keepers))
             begin = time.perf_counter()
             simulation.advance(now)
             simulation.synchronize()
             took = time.perf_counter() - begin
             seconds += took
             done += now
-            recorder.keep(simulation, done)
+            for keeper in keepers:
+                keeper.keep(simulation, done)
             if progress and took > 0:
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
                 if shown is None and seconds / done * (steps - done) > 1:

@@ -11,7 +11,7 @@ from app import colours, shaders3d
 from app.camera3d import Camera3D
 from app.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
 from app.opengl import shader_program
-from app.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
+from app.vertex_arrays import delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
 from model.scene import Scene
 
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
@@ -65,11 +65,15 @@ class Scenery:
         self._ground_program = shader_program(shaders3d.GROUND_VERTEX, shaders3d.GROUND_FRAGMENT)
         self._buffers: list[int] = []
         self._meshes: list[tuple[Drawn, np.ndarray]] = []
+        self._turning: list[tuple[int, int, Mesh]] = []  # buffers of vertices and normals
+        self._turned_to = 0.0  # s
         for _, collider in scene.colliders:
             mesh = collider_mesh(collider)
             if mesh is not None:
                 drawn = (self._array(mesh.vertices, mesh.triangles, mesh), gl.GL_TRIANGLES, mesh.triangles.size)
                 self._meshes.append((drawn, mesh.velocity))
+                if mesh.turns:
+                    self._turning.append((self._buffers[-3], self._buffers[-1], mesh))
         self._square = self._array(SQUARE, np.array([0, 1, 2, 0, 2, 3], dtype=np.uint32))
         self._ground_constants()
 
@@ -78,6 +82,15 @@ class Scenery:
         buffers = [static_buffer(part) for part in data]
         self._buffers += buffers
         return vertex_array(*buffers)
+
+    def _turn_to(self, time: float) -> None:
+        """Send anew what turns, where it is at `time` [s]."""
+        if time != self._turned_to:
+            for place, facing, mesh in self._turning:
+                vertices, normals = mesh.turned(time)
+                refill(place, vertices)
+                refill(facing, normals)
+            self._turned_to = time
 
     def _ground_constants(self) -> None:
         program = self._ground_program
@@ -96,6 +109,7 @@ class Scenery:
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
         """Every collider but planes where it is at `time` [s]; `lit` is in use."""
+        self._turn_to(time)
         for drawn, velocity in self._meshes:
             lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
             draw_elements(*drawn)

@@ -22,7 +22,7 @@ class ClusterFrames:
 
     def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """(clusters, 3, 4) float32: of points of the mesh with a 1 behind; with the clusters at `centre` (clusters, 3) [m]
-        and turned since the start by `rotation` (clusters, 3, 3)."""
+        and turned since the start by `rotation` (clusters, 3, 3), or deformed, which comes after the turn at the start."""
         turn = rotation @ self._turn
         found = np.empty((self.count, 3, 4), np.float32)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -31,20 +31,30 @@ class ClusterFrames:
         return found
 
     def of_state(self, position: np.ndarray) -> np.ndarray:
-        """The same from positions (particles, 3) [m] alone, rotations by singular values. Where a cluster is not at finite
-        places its matrix is not finite either."""
+        """The same from positions (particles, 3) [m] alone, rotations by singular values; what is plastic, whose strain they
+        do not tell, by the nearest linear map. Where a cluster is not at finite places its matrix is not finite either."""
         position = np.asarray(position, dtype=np.float64)
         if np.isfinite(position).all():
-            return self.matrices(self._clusters.centres(position), self._clusters.rotations(position))
+            return self.matrices(self._clusters.centres(position), self._deformations(position))
         return np.full((self.count, 3, 4), np.nan, np.float32)
 
+    def _deformations(self, position: np.ndarray) -> np.ndarray:
+        clusters = self._clusters
+        if "plastic" not in clusters.parts:
+            return clusters.deformations(position)
+        return np.where(clusters.flat[:, None, None], clusters.rotations(position), clusters.strained(position))
+
     def of_simulation(self, simulation: Simulation, position: np.ndarray | None = None) -> np.ndarray:
-        """As the solver has them, or from `position` (None: read) where it does not tell."""
+        """As the solver has them, or from `position` (None: read) where it does not tell. Clusters that do more than turn go
+        by the whole of what takes rest offsets to goals."""
         try:
-            centre, turn = simulation.read("centre"), simulation.read("rotation")
+            centre = np.asarray(simulation.read("centre"), np.float64)
+            if self._clusters.parts & {"linear", "plastic"}:
+                return self.matrices(centre, np.asarray(simulation.read("deformation"), np.float64))
+            turn = simulation.read("rotation")
         except (SceneError, NotImplementedError):
             return self.of_state(simulation.read("position") if position is None else position)
-        return self.matrices(np.asarray(centre, np.float64), of_quaternions(np.asarray(turn, np.float64)))
+        return self.matrices(centre, of_quaternions(np.asarray(turn, np.float64)))
 
 
 def of_quaternions(quaternion: np.ndarray) -> np.ndarray:

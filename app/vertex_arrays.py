@@ -11,7 +11,7 @@ POSITION, NORMAL = 0, 1  # where the shaders of app/shaders3d.py look for them
 
 
 def static_buffer(data: np.ndarray) -> int:
-    """A buffer that holds `data` (C-contiguous) and is never written to again."""
+    """A buffer that holds `data` (C-contiguous) and is written to again seldom or never."""
     from pyglet import gl
 
     buffer = gl.GLuint()
@@ -20,6 +20,15 @@ def static_buffer(data: np.ndarray) -> int:
     gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_STATIC_DRAW)
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
     return int(buffer.value)
+
+
+def refill(buffer: int, data: np.ndarray) -> None:
+    """Put `data` (C-contiguous) in place of the same number of bytes."""
+    from pyglet import gl
+
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+    gl.glBufferSubData(gl.GL_ARRAY_BUFFER, 0, data.nbytes, data.ctypes.data_as(ctypes.c_void_p))
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
 
 def vertex_array(position: int, elements: int, normal: int | None = None) -> Any:

@@ -36,7 +36,7 @@ class HostVertices:
         gl.glGenBuffers(2, self._buffers)
         self.position_buffer, self.normal_buffer = int(self._buffers[0]), int(self._buffers[1])
         for buffer in self._buffers:  # something lies there before the first state comes
-            self._send(buffer, self._normal)
+            self.send(buffer, self._normal)
 
     def straight(self, simulation: Simulation) -> bool:
         """Whether `upload` means to have the simulation's state without the host: then nobody needs to read it for it."""
@@ -48,9 +48,9 @@ class HostVertices:
         if position is None:
             with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
                 position = simulation.read("position", into=self._position)
-        self._send(self.position_buffer, position)
+        self.send(self.position_buffer, position)
         if normals:
-            self._send(self.normal_buffer, simulation.read("normal", into=self._normal))
+            self.send(self.normal_buffer, simulation.read("normal", into=self._normal))
 
     def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
         """Positions (particles, 3) [m] of a state that no simulation holds, with its unit normals, if they are known.
@@ -59,15 +59,15 @@ class HostVertices:
         """
         if position.shape != self._position.shape:
             raise InputError(f"position has shape {position.shape}, this scene needs {self._position.shape}")
-        self._send(self.position_buffer, position)
+        self.send(self.position_buffer, position)
         if normals and normal is None:
             with np.errstate(over="ignore", invalid="ignore"):
                 normal = scene_normals(self.scene, position)
         if normals and normal is not None:
-            self._send(self.normal_buffer, normal)
+            self.send(self.normal_buffer, normal)
 
     @staticmethod
-    def _send(buffer: int, array: Any, usage: int | None = None) -> None:
+    def send(buffer: int, array: Any, usage: int | None = None) -> None:
         """A fresh store for `buffer`, which holds `array`: the driver need not wait until the last frame's vertices have
         been drawn. `usage` None: written by the host for each frame."""
         from pyglet import gl

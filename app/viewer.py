@@ -5,7 +5,6 @@ pyglet is imported inside functions: this module can be imported where there is 
 
 from __future__ import annotations
 
-import math as mathematics
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -15,18 +14,16 @@ from typing import Any
 import numpy as np
 
 from app import colours
-from app.controls import Controls, hint, keys_text
+from app.controls import Controls
 from app.demo import Demo
-from app.demo_report import demo_state, numbers_text, write_state
-from app.opengl import drawing_text, load_pyglet, open_window
+from app.demo_report import demo_state, write_state
+from app.opengl import load_pyglet, open_window
 from app.pictures import write_png
 from app.views import camera_of, seen_bounds, view_of
 from model.errors import SoftlabError
 from model.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
-MESSAGE_SECONDS = 8.0
-TEXT_INTERVAL = 0.1  # s between two renewals of the numbers: faster cannot be read
 MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
 FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
 FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowing up, not shrinking out of sight
@@ -37,7 +34,7 @@ class Viewer:
     """The window over a Demo: draws it frame by frame, and turns keys and mouse into its actions."""
 
     def __init__(self, demo: Demo, state_file: Path | None, frames: int | None):
-        from app.panels import Arrow, Panel, legend_of
+        from app.overlay import Overlay
 
         self.pyglet = load_pyglet(False)
         self.demo = demo
@@ -48,36 +45,22 @@ class Viewer:
         try:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
-            with drawing_text():
-                self.legend = legend_of(demo.world.scene)
-                self.numbers, self.keys = Panel("top-left", 10), Panel("centre", 11)
-                self.hint = Panel("bottom-left", 9, monospaced=False)
-                self.notice, self.warning = Panel("top-left", 10), Panel("top-left", 11, warning=True)
-                self.arrow = Arrow()
+            self.overlay = Overlay(self)
         except BaseException:
             self.window.close()
             raise
         width, height = self.window.get_framebuffer_size()
         self.camera: Any = camera_of(demo.world.scene, width, height)
         self.follow = True
-        self.show_keys = False
-        self.keys_seen = False
         self.frame_count = 0
         self.frame_seconds = 1 / 60
         self.draw_seconds = 0.0
         self.screenshot: Path | None = None
         self._wanted_screenshot = False
         self._last_frame = perf_counter()
-        self._text_due = 0.0
-        self._message = (demo.message_count, perf_counter())
         self._approach_everything(1.0)
         self.controls = Controls(self)
         self.window.push_handlers(on_draw=self._draw)
-
-    def toggle_keys(self) -> None:
-        """H"""
-        self.show_keys = not self.show_keys
-        self.keys_seen = True
 
     def frame_everything(self) -> None:
         """F: show everything now, and follow it from now on."""
@@ -103,11 +86,24 @@ class Viewer:
         if self.bodies:
             self._show(lambda view: view.toggle_skin())
 
+    def toggle_clusters(self) -> None:
+        """C: the middles of the clusters of bodies."""
+        if self.bodies:
+            self._show(lambda view: view.toggle_clusters())
+
+    def next_colouring(self) -> None:
+        """O: particles coloured by body, by group, by cluster."""
+        if self.bodies:
+            for view in self.views:
+                view.next_colouring()
+            hidden = "" if self.views[0].particles else " (P shows them)"
+            self.demo.say(f"particles coloured by {self.views[0].colouring}{hidden}")
+
     def _show(self, change: Callable[[Any], object]) -> None:
         for view in self.views:
             change(view)
-        shown = [name for name in ("particles", "skin") if getattr(self.views[0], name)]
-        self.demo.say(" behind the ".join(shown))
+        inside = " and ".join(name for name in ("particles", "clusters") if getattr(self.views[0], name))
+        self.demo.say(" behind the ".join(word for word in (inside, "skin" if self.views[0].skin else "") if word))
 
     def ask_for_screenshot(self) -> None:
         """S: save the next frame, which is then complete."""
@@ -169,10 +165,11 @@ class Viewer:
         for view, world in zip(self.views, demo.worlds, strict=True):
             selected = demo.hand.selected if view is self.views[0] else None
             view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
-        self._draw_poke()
-        self._draw_panels(start)
+        self.overlay.draw(start)
         gl.glFinish()  # so that drawing is timed, and not only the asking for it
-        self.draw_seconds += 0.1 * (perf_counter() - start - self.draw_seconds)
+        drawing = perf_counter() - start
+        self.overlay.times.add(demo.physics_seconds, drawing)
+        self.draw_seconds += 0.1 * (drawing - self.draw_seconds)
         if self._wanted_screenshot:
             self._wanted_screenshot = False
             self._save_screenshot()
@@ -181,48 +178,6 @@ class Viewer:
             write_state(self.state_file, self.state())
         if self.frames is not None and self.frame_count >= self.frames:
             self.close()
-
-    def _draw_poke(self) -> None:
-        held = self.demo.hand.held
-        if held is None:
-            return
-        place = self.demo.positions[0][held.particle].astype(float)
-        start = self.camera.to_window(place)
-        force = self.demo.force()
-        if held.target is not None:
-            end = self.camera.to_window(np.array(held.target))
-        else:
-            way = self.camera.to_window(place + self.demo.world.scene.grid.spacing * np.array(held.direction)) - start
-            end = start + 70 * way / (np.hypot(*way) or 1.0)
-        if np.isfinite([start, end]).all():
-            self.arrow.draw(tuple(start.tolist()), tuple(end.tolist()), f"{mathematics.hypot(*force):.3g} N")
-
-    def _draw_panels(self, now: float) -> None:
-        width, height, demo = self.camera.width, self.camera.height, self.demo
-        if now >= self._text_due:
-            self._text_due = now + TEXT_INTERVAL
-            way = f" ({self.views[0].vertices.way})" if self.space else ""
-            self.numbers.place(numbers_text(demo, self.frame_seconds, self.draw_seconds, way), width, height)
-        self.numbers.draw()
-        if self.legend is not None and (not self.space or self.views[0].lines):
-            self.legend.place(width, demo.statistics.strain_range)
-            self.legend.draw()
-        if demo.message_count != self._message[0]:
-            self._message = (demo.message_count, now)
-        below = self.numbers.height + 8
-        if demo.frozen:
-            self.warning.place(demo.failure, width, height, below)
-            self.warning.draw()
-            below += self.warning.height + 8
-        if demo.message and now < self._message[1] + MESSAGE_SECONDS:
-            self.notice.place(demo.message, width, height, below)
-            self.notice.draw()
-        if self.show_keys:
-            self.keys.place(keys_text(width, self.space, self.bodies), width, height)
-            self.keys.draw()
-        elif not self.keys_seen:
-            self.hint.place(hint(self.space, self.bodies), width, height)
-            self.hint.draw()
 
     def _save_screenshot(self) -> None:
         from app.offscreen import read_pixels
@@ -245,13 +200,16 @@ class Viewer:
         shown = {
             "frame": self.frame_count,
             "window": [self.camera.width, self.camera.height],
-            "keys_shown": self.show_keys,
+            "keys_shown": self.overlay.show_keys,
+            "numbers_shown": self.overlay.show_numbers,
+            "graph_shown": self.overlay.show_graph,
             "screenshot": str(self.screenshot) if self.screenshot else None,
         }
         if self.space:
             shown |= {"lines": self.views[0].lines, "way": self.views[0].vertices.way}
         if self.bodies:
-            shown |= {"particles": self.views[0].particles, "skin": self.views[0].skin}
+            names = ("particles", "skin", "clusters", "colouring")
+            shown |= {name: getattr(self.views[0], name) for name in names}
         return demo_state(self.demo, self.camera) | self.camera.told() | shown
 
     def run(self) -> None:

@@ -23,7 +23,7 @@ ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in
 WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
 STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 FRAME = 1 / 60  # s
-MOST_BATCHES = 20  # in a frame, while a cloth is pulled
+MOST_BATCHES, BODY_BATCHES = 20, 4  # in a frame, while a cloth or a body is pulled
 STATISTICS_INTERVAL = 0.1  # s, at least
 STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
 
@@ -38,8 +38,10 @@ def stiffness_paths(scene: Scene) -> dict[str, float]:
 
 
 def live_parts(scene: Scene) -> tuple[str, ...]:
-    """What the demo can change in this scene while it runs. Gravity and pokes always; stiffness where springs are."""
-    return ("gravity", "poke", "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
+    """What the demo can change in this scene while it runs: gravity always, stiffness where springs are, pokes but of bodies,
+    which are pulled through their state (app/grip.py)."""
+    poked = () if scene.bodies else ("poke",)
+    return ("gravity", *poked, "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
 
 
 def first_steps(scene: Scene) -> int:
@@ -153,17 +155,19 @@ class Worlds:
                 self.world.read("position", into=self._positions[0])
             steps = self.steps_per_frame * batch // self._batches() - done
             self._guard(self._push)
-            if not self._guard(lambda steps=steps: self._advance(steps)):  # type: ignore[misc]
+            if not self._guard(lambda steps=steps: self._pull_and_advance(steps)):  # type: ignore[misc]
                 return
             done += steps
 
     def _batches(self) -> int:
         """Of a frame's steps. A cloth gives way to a pull across it without resistance, and little dampens it: it would swing
-        up about the pointer, were the force as old as a frame."""
-        pulled = self.hand.held is not None and self.world.scene.dimensions == 3
-        return min(self.steps_per_frame, MOST_BATCHES) if pulled else 1
+        up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
+        if self.hand.held is None or self.world.scene.dimensions == 2:
+            return 1
+        return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MOST_BATCHES)
 
-    def _advance(self, steps: int) -> None:
+    def _pull_and_advance(self, steps: int) -> None:
+        self.hand.pull(self.world, steps * self.world.scene.method.dt)
         for world in self.worlds:
             world.advance(steps)
         for world in self.worlds:

@@ -15,16 +15,21 @@ import numba
 import numpy as np
 from numba import prange
 
+from cpu_backend.bodies_damping import at_damping, make_damping_stage
 from cpu_backend.bodies_kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.bodies_layout import layout_of
+from cpu_backend.bodies_links import make_link_stage
 from cpu_backend.bodies_loops import make_bodies_apart, make_bodies_stages, make_bodies_together, make_matching_stages
+from cpu_backend.bodies_material import ClusterArrays
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import aligned_zeros
 from cpu_backend.mass_spring import processor_name
+from cpu_backend.particle_contacts import ParticleContacts
+from cpu_backend.particle_contacts_project import PACES, make_settle_stage
 from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
-from model.cloth_record import collider_rows
-from model.cluster_tables import matching_factors
+from model.cloth_record import collider_numbers
+from model.cluster_tables import matching_factors, shaping
 from model.errors import SceneError
 from model.plan import Executor
 from model.scene import Scene
@@ -87,17 +92,25 @@ class Bodies(Simulation):
         self._weights[self.layout.slots] = self.body.inverse_mass * crowd.mass
         self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
         self._frames = aligned_zeros(FRAME * clusters, real)
-        self._kept = [np.zeros_like(array) for array in (self._even, self._velocity, self._rotation)]
         self._factors = np.zeros(len(self.layout.of_entry), real)
         self._own_factors = np.zeros(len(self.layout.of_own), real)
         self._poked = -1
-        self.bodies = collider_rows(scene, real).reshape(-1)
+        self.bodies = collider_numbers(scene, real)
         self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
         self._bands = max(1, min(self.threads, count // LANES))
         self._scratch = aligned_zeros(SCRATCH * LANES * self._bands, real)
         self._bad = np.zeros(self._bands, np.int64)
         self._bounds = self.layout.bands(self._bands)
-        self._apart = self.layout.evenness(self._bands) <= UNEVEN
+        self._apart = not self.plan.parts & {"links", "contacts"} and self.layout.evenness(self._bands) <= UNEVEN
+        links = crowd.links
+        ends = self.layout.slots[links.ends].astype(np.int32)
+        self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
+        self._kept = [np.zeros_like(array) for array in self._state()]
+        self._links = ends, np.zeros((links.count, 2), real), np.zeros(links.count, real), links.starts
+        self._contacts: ParticleContacts | None = None
+        if scene.contact:
+            place = self.layout.slots, count, self._bands
+            self._contacts = ParticleContacts(scene, real, options.math, self.plan.parts, *place)
         self._set_factors()
         staged = self.kernel == "stages"
         self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
@@ -105,13 +118,16 @@ class Bodies(Simulation):
 
     def _set_factors(self) -> None:
         method = self.scene.method
+        self._material.change(method)
         found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
         self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
         self._own_factors[:] = found[self.layout.of_own]
+        crowd = self.scene.crowd
+        self._links[1][:] = crowd.links.values(method.dt / method.substeps, crowd.mass)
 
     def _advance(self, step: int, steps: int) -> None:
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
-        middle = self._velocity, self._weights, self.layout.arrays
+        middle = self._velocity, self._weights, self._material.steps
         own = self.layout.own, self._own_factors, self._rotation, self._frames, self._scratch
         last = self.record, self._poked, self.bodies, self.kinds
         times = steps, step, method.substeps, method.iterations
@@ -121,21 +137,32 @@ class Bodies(Simulation):
                 *last,
             )  # fmt: skip
         else:
-            make_bodies_together(*variant)(self._bands, *times, self._even, self._odd, *middle, *own, *last)
+            make_bodies_together(*variant)(
+                self._bands, *times, self._even, self._odd, *middle, self._links, *own, *last,
+                self._contacts.arrays if self._contacts else (),
+            )  # fmt: skip
         if steps * method.substeps % 2:
             self._even, self._odd = self._odd, self._even
 
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
         """What runs each stage of the plan by itself."""
         stage = make_bodies_stages(self.real, self.options.math, self.plan.parts)
-        goals = make_matching_stages(self.real, self.options.math)
+        goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts))
         bands, substeps, count = self._bands, self.scene.method.substeps, self.layout.count
         position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
-        now = {"substep": -1, "step": -1}  # of the step, set by `predict`
+        ends, values, multipliers, starts = self._links
+        contacts: Any = self._contacts
+        settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
+        project_links = make_link_stage(self.real, self.options.math)
+        now = {
+            "substep": -1,
+            "step": -1,
+            "links": 0,
+        }  # set by `predict`; links: colours projected so far in the substep
 
         def predict(step: int, offset: float) -> None:
             again = now["step"] == step and now["substep"] < substeps - 1
-            now.update(step=step, substep=now["substep"] + 1 if again else 0)
+            now.update(step=step, substep=now["substep"] + 1 if again else 0, links=0)
             stage.predict(count, before, position, velocity, self._weights, self.record, a)
 
         def move(step: int, offset: float) -> None:
@@ -145,20 +172,45 @@ class Bodies(Simulation):
             number = step * substeps + now["substep"]
             stage.collide(bands, number, before, position, velocity, count, self.record, self.bodies, self.kinds)
 
-        return {
+        def update(step: int, offset: float) -> None:
+            if self.plan.parts & PACES:
+                settle(bands, count, before, position, contacts.record)
+            stage.update(bands, before, position, velocity, count, self.record)
+
+        def damp(step: int, offset: float) -> None:
+            run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
+            run(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+
+        def link(number: int) -> Callable[[int, float], None]:
+            def run(step: int, offset: float) -> None:
+                colour, fresh = starts[number : number + 2], now["links"] < len(starts) - 1
+                project_links(bands, *colour, position, self._weights, ends, values, multipliers, fresh)
+                now["links"] += 1
+
+            return run
+
+        return {f"project links {number}": link(number) for number in range(len(starts) - 1)} | {
             "gravity": lambda step, offset: stage.gravity(count, self.record, a),
             "poke": lambda step, offset: stage.poke(count, self._weights, self.record, self._poked, a),
             "predict": predict,
-            "match clusters": lambda step, offset: self._match(self._rotation),
+            "match clusters": lambda step, offset: self._match(self._rotation, self._material.steps),
             "move to goals": move,
-            "update velocity": lambda step, offset: stage.update(bands, before, position, velocity, count, self.record),
+            "update velocity": update,
+            "damp clusters": damp,
             "collide": collide,
+            "find neighbours": lambda step, offset: contacts.find(position, self._weights),
+            "project contacts": lambda step, offset: contacts.project(before, position, self._weights),
         }
 
-    def _match(self, turned: np.ndarray) -> None:
+    @property
+    def contacts_lost(self) -> int:
+        """Neighbours of particles beyond the MOST_NEIGHBOURS of each, since the simulation was opened."""
+        return self._contacts.lost if self._contacts else 0
+
+    def _match(self, turned: np.ndarray, arrays: tuple[Any, ...]) -> None:
         """The clusters' rotations where particles are now, into `turned`, and with their centres into the frames."""
-        make_matching_stages(self.real, self.options.math).match(
-            self._bands, self._even, self.layout.count, self.layout.arrays, self._rotation, turned, self._frames,
+        make_matching_stages(self.real, self.options.math, shaping(self.plan.parts)).match(
+            self._bands, self._even, self.layout.count, arrays, self._rotation, turned, self._frames,
             self._scratch,
         )  # fmt: skip
 
@@ -168,12 +220,15 @@ class Bodies(Simulation):
         numba.set_num_threads(self.threads)
         self._executor.run(self.step, steps)
 
+    def _state(self) -> tuple[np.ndarray, ...]:
+        return self._even, self._velocity, self._rotation, self._material.plastic
+
     def _keep(self) -> None:
-        for kept, array in zip(self._kept, (self._even, self._velocity, self._rotation), strict=True):
+        for kept, array in zip(self._kept, self._state(), strict=True):
             kept[:] = array
 
     def _restore(self) -> None:
-        for kept, array in zip(self._kept, (self._even, self._velocity, self._rotation), strict=True):
+        for kept, array in zip(self._kept, self._state(), strict=True):
             array[:] = kept
 
     def _first_bad(self) -> int:
@@ -186,6 +241,8 @@ class Bodies(Simulation):
     def _parameters_changed(self) -> None:
         self.record = self._record
         self._poked = int(self.layout.slots[self._poke_particle]) if self._poke_particle >= 0 else -1
+        if self._contacts:
+            self._contacts.change(self.scene)
         self._set_factors()
 
     def _planes(self, array: np.ndarray) -> np.ndarray:
@@ -209,13 +266,24 @@ class Bodies(Simulation):
             return
         planes[:] = np.eye(QUATERNION, 1)
         numba.set_num_threads(self.threads)
-        self._match(self._rotation)
+        self._match(self._rotation, self._material.look)
+
+    def _download_plastic(self) -> np.ndarray | None:
+        plastic = self._material.plastic
+        return plastic.reshape(-1, AXES, AXES).copy() if len(plastic) else None
+
+    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
+        self._material.plastic.reshape(-1, AXES, AXES)[:] = np.eye(AXES) if plastic is None else plastic
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         numba.set_num_threads(self.threads)
-        self._match(self._turned)
+        self._match(self._turned, self._material.look)
         turned = np.ascontiguousarray(self._turned.reshape(QUATERNION, -1).T)
         return turned, np.ascontiguousarray(self._frames.reshape(-1, FRAME)[:, 9:])
+
+    def _read_deformation(self) -> np.ndarray:
+        self._read_clusters()
+        return self._frames.reshape(-1, FRAME)[:, :9].reshape(-1, AXES, AXES).copy()
 
     def synchronize(self) -> None:
         """Nothing to wait for: a call returns when its steps are done."""

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.bodies_shapes import ENTRIES, make_shapes
 from cpu_backend.cloth_colliders import make_collide_mass
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
@@ -26,11 +27,12 @@ AXES = 3
 FRAME = 12  # numbers of a cluster that particles go by: its rotation, by rows, and its centre
 QUATERNION = 4
 # rows of a band's scratch, LANES numbers each: the lanes of a cluster's moments, the moments of LANES clusters, their
-# leans, their rotations of before, the new ones and whether those are reached
+# leans, their rotations of before, the new ones and whether those are reached, their linear maps
 AT_SUMS, AT_LEAN = MOMENTS, 2 * MOMENTS
 AT_OLD = AT_LEAN + AXES
 AT_NEW = AT_OLD + QUATERNION
-SCRATCH = AT_NEW + QUATERNION + 1
+AT_MAPS = AT_NEW + QUATERNION + 1
+SCRATCH = AT_MAPS + ENTRIES
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
@@ -110,7 +112,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     return SimpleNamespace(begin=begin, rate=rate, collide=collide)
 
 
-def make_clusters(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
     """`match(first, last, position, count, arrays, rotation, turned, frames, scratch)`: clusters, at most LANES of them:
     `sum_up(c, place, position, count, arrays, scratch)`, the moments of cluster c into place `place` of the scratch, and
     `turn`, their rotations, from `rotation` into `turned` and, with their centres, into `frames`."""
@@ -122,6 +124,8 @@ def make_clusters(compiler: Compiler, real: Any) -> SimpleNamespace:
         rotation.make(real, compiler.compiled).rotation_3d_far,
         turns.matrix_of,
     )
+    shapes = make_shapes(compiler, real, shaping, AXES)
+    prepare, finish = shapes.prepare, shapes.finish
     zero, one = real(0), real(1)
 
     def make_sum(gathers: bool) -> Any:
@@ -217,6 +221,9 @@ def make_clusters(compiler: Compiler, real: Any) -> SimpleNamespace:
             for axis in range(AXES):
                 lean[axis * LANES + n] = leans[4 * (first + n) + axis]
         raise_rows(lean, sums)
+        maps = row_at(scratch, np.int64(AT_MAPS * LANES))
+        for n in range(last - first):
+            prepare(first + n, n, arrays, sums, maps)
         near_rows(sums, old, new)
         for n in range(last - first):
             c, k = first + n, np.int64(firsts[first + n])
@@ -232,8 +239,8 @@ def make_clusters(compiler: Compiler, real: Any) -> SimpleNamespace:
             turned[2 * clusters + c] = y
             turned[3 * clusters + c] = z
             frame = row_at(frames, np.int64(FRAME * c))
-            (frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8]) = matrix_of(
-                w, x, y, z
+            (frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8]) = finish(
+                c, n, arrays, maps, *matrix_of(w, x, y, z)
             )
             for axis in range(AXES):
                 frame[9 + axis] = centre(
@@ -303,7 +310,8 @@ def make_goals(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 @cache
-def make_matching(real: Any, math: str) -> SimpleNamespace:
-    """What does not hang on a scene's parts, compiled once for all of them: `make_clusters` and `make_goals`."""
-    compiler = Compiler(f"bodies_{np.dtype(real).name}_{math}", math)
-    return SimpleNamespace(**vars(make_clusters(compiler, real)), **vars(make_goals(compiler, real)))
+def make_matching(real: Any, math: str, shaping: frozenset[str] = frozenset()) -> SimpleNamespace:
+    """What hangs on no other parts of a scene than `shaping`, compiled once for all of them: `make_clusters` and
+    `make_goals`."""
+    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping)]), math)
+    return SimpleNamespace(**vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real)))

@@ -12,23 +12,29 @@ from typing import Any
 import numpy as np
 from numba import prange
 
+from cpu_backend.bodies_damping import at_damping, make_damping
 from cpu_backend.bodies_kernels import AXES, SCRATCH, make_matching, make_particles
+from cpu_backend.bodies_links import make_link_projection
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.particle_contacts_find import make_find
+from cpu_backend.particle_contacts_project import PACES, make_project, make_settle
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import C_DT, C_GRAVITY, C_POKE_X
+from model.cluster_tables import shaping
 from model.formulas import distance
 from model.formulas.cluster import LANES
 from model.xpbd_record import X_DRAG
 
 
 @cache
-def make_matching_stages(real: Any, math: str) -> SimpleNamespace:
+def make_matching_stages(real: Any, math: str, shaping: frozenset[str] = frozenset()) -> SimpleNamespace:
     """`match(bands, position, count, arrays, rotation, turned, frames, scratch)`, all clusters, and `move(bands, position,
     count, own, own_factors, frames)`, all particles: a parallel loop each, over `bands` parts. `count`: particles and
     ghosts; `scratch`: flat, SCRATCH * LANES a band."""
-    compiler, made = Compiler(f"bodies_{np.dtype(real).name}_{math}", math), make_matching(real, math)
+    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping)]), math)
+    made = make_matching(real, math, shaping)
     match_some, move_some = made.match, made.move
 
     def match(bands, position, count, arrays, rotation, turned, frames, scratch):
@@ -99,7 +105,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     cluster, whether they are lone; `even`: positions when it begins, and after every other substep.
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
-    of_one, made = make_particles(compiler, real, parts), make_matching(real, math)
+    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
+    damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
+    gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     sum_up, turn, move_lone = made.sum_up, made.turn, made.move_lone
     has_bodies = bool(parts & set(COLLIDER_KINDS))
@@ -124,6 +132,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
                     rate(first, last, count, before, after, velocity, record)
+                    if has_damping:
+                        gather(c, after, velocity, count, arrays, room)
+                        slow(first, last, after, velocity, count, arrays)
                     if has_bodies:
                         collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
 
@@ -139,6 +150,10 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
             move(first, last, after, count, own, own_factors, frames)
         rate(first, last, count, before, after, velocity, record)
+        if has_damping:
+            for c in range(low, high):
+                gather(c, after, velocity, count, arrays, room)
+            slow(first, last, after, velocity, count, arrays)
         if has_bodies:
             collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
 
@@ -170,17 +185,24 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, own, own_factors, rotation,
-    frames, scratch, record, poked, bodies, kinds): as `make_bodies_apart`, for bodies too few or too large to be shared
-    out: over clusters, then over particles, with the velocities of a substep and the predictions of the next."""
+    """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
+    rotation, frames, scratch, record, poked, bodies, kinds, contacts): as `make_bodies_apart`, for bodies too few or too large to be
+    shared out: over clusters, then over particles, with the velocities of a substep and the predictions of the next."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
-    of_one, made = make_particles(compiler, real, parts), make_matching(real, math)
+    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
+    damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
+    gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
-    has_bodies = bool(parts & set(COLLIDER_KINDS))
+    has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
+    project = make_link_projection(compiler, real)
+    has_contacts, has_pace = "contacts" in parts, bool(parts & PACES)
+    find, settle = make_find(real, math), make_settle(compiler, real, parts)
+    take_out = make_project(real, math, "rubbing" in parts, "sticking" in parts)
+    at_once = not (has_contacts or has_damping)  # particles end with the last way to their goals
 
     def advance(
-        bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, own, own_factors, rotation, frames,
-        scratch, record, poked, bodies, kinds,
+        bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors, rotation,
+        frames, scratch, record, poked, bodies, kinds, contacts,
     ):  # fmt: skip
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
@@ -189,7 +211,17 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
             begin(first, last, count, even, odd, velocity, weights, record, poked)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
+            if has_contacts:
+                constants, reach, many, sweeps, searched, touching = contacts
+                find(bands, after, weights, constants, reach, many, *searched)
             for iteration in range(iterations):
+                if has_links:
+                    ends, values, multipliers, starts = links
+                    for colour in range(starts.size - 1):
+                        begins, size = starts[colour], starts[colour + 1] - starts[colour]
+                        for band in prange(bands):
+                            low, high = begins + size * band // bands, begins + size * (band + 1) // bands
+                            project(low, high, after, weights, ends, values, multipliers, iteration == 0)
                 for band in prange(bands):
                     room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                     stop = clusters * (band + 1) // bands
@@ -198,12 +230,34 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                 for band in prange(bands):
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     move(first, last, after, count, own, own_factors, frames)
-                    if iteration == iterations - 1:
+                    if at_once and iteration == iterations - 1:
                         rate(first, last, count, before, after, velocity, record)
                         if has_bodies:
                             number = step * substeps + n
                             collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
                         if n < passes - 1:
                             begin(first, last, count, after, before, velocity, weights, record, poked)
+                if has_contacts:
+                    take_out(bands, sweeps, before, after, weights, constants, searched[3], touching)
+            if not at_once:
+                for band in prange(bands):
+                    first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                    if has_pace:
+                        settle(first, last, count, before, after, constants)
+                    rate(first, last, count, before, after, velocity, record)
+                if has_damping:
+                    for band in prange(bands):
+                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                            gather(c, after, velocity, count, arrays, room)
+                for band in prange(bands):
+                    first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                    if has_damping:
+                        slow(first, last, after, velocity, count, arrays)
+                    if has_bodies:
+                        number = step * substeps + n
+                        collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
+                    if n < passes - 1:
+                        begin(first, last, count, after, before, velocity, weights, record, poked)
 
     return compiler.kernel(advance)

@@ -13,8 +13,11 @@ from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import (
     B_DYNAMIC,
     B_RADIUS,
+    B_SPIN,
     B_STATIC,
     B_THICKNESS,
+    B_TREE,
+    B_TURNS,
     B_U,
     B_V,
     B_VX,
@@ -26,22 +29,23 @@ from model.cloth_record import (
     B_Z,
     COLLIDER_FIELDS,
 )  # fmt: skip
-from model.formulas import cloth, colliders
+from model.formulas import cloth, colliders, triangle_tree
 
-PLANE, SPHERE, CAPSULE, BOX = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
+PLANE, SPHERE, CAPSULE, BOX, MESH = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
 
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """By kind: touch(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
 
-    `body`: a row of model/cloth_record.py; `begin`, `end`: time [s] of the step; a: where the mass was before the step;
-    p, v: where it is after it, and at what velocity.
+    `body`: a row of model/cloth_record.py, and what follows it; `begin`, `end`: time [s] of the step; a: where the mass was
+    before the step; p, v: where it is after it, and at what velocity.
     """
     compiled = compiler.compiled
     formulas, sums = colliders.make(real, compiled), cloth.make(real, compiled)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     sphere_entry, respond = formulas.sphere_entry, formulas.respond
     moved, between, pushed = sums.moved, sums.between, sums.pushed
+    meet_mesh = triangle_tree.make(real, compiled).touch
     has_friction = "friction" in parts
     zero, one = real(0), real(1)
 
@@ -105,15 +109,30 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
         return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
 
-    return SimpleNamespace(plane=touch_plane, sphere=touch_sphere, capsule=touch_capsule, box=touch_box)
+    @compiled
+    def touch_mesh(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+        """Swept, see model/formulas/triangle_tree.py."""
+        static, dynamic = zero, zero
+        if has_friction:
+            static, dynamic = body[B_STATIC], body[B_DYNAMIC]
+        return meet_mesh(
+            body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z], body[B_VX],
+            body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin, end, ax, ay, az,
+            px, py, pz, vx, vy, vz,
+        )  # fmt: skip
+
+    return SimpleNamespace(
+        plane=touch_plane, sphere=touch_sphere, capsule=touch_capsule, box=touch_box, mesh_collider=touch_mesh
+    )
 
 
 def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """collide_mass(bodies, kinds, step, dt, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass and
-    all colliders, in their order. `bodies`: their rows, flat; `kinds`: PLANE and so on."""
+    all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
     touches, instant = make_touches(compiler, real, parts), cloth.make(real, compiler.compiled).instant
     plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
-    has_plane, has_sphere, has_capsule, has_box = (kind in parts for kind in COLLIDER_KINDS)
+    mesh = touches.mesh_collider
+    has_plane, has_sphere, has_capsule, has_box, has_mesh = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
     def collide_mass(bodies, kinds, step, dt, ax, ay, az, px, py, pz, vx, vy, vz):
@@ -128,6 +147,8 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
                 px, py, pz, vx, vy, vz = capsule(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
             if has_box and kinds[b] == BOX:
                 px, py, pz, vx, vy, vz = box(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_mesh and kinds[b] == MESH:
+                px, py, pz, vx, vy, vz = mesh(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
         return px, py, pz, vx, vy, vz
 
     return collide_mass
@@ -157,8 +178,8 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         touch_row.__name__ = f"{kind}_touch_row"
         return compiler.row(touch_row)
 
-    plane_row, sphere_row, capsule_row, box_row = (make_loop(kind) for kind in COLLIDER_KINDS)
-    has_plane, has_sphere, has_capsule, has_box = (kind in parts for kind in COLLIDER_KINDS)
+    plane_row, sphere_row, capsule_row, box_row, mesh_row = (make_loop(kind) for kind in COLLIDER_KINDS)
+    has_plane, has_sphere, has_capsule, has_box, has_mesh = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
     def collide_row(bodies, kinds, step, dt, blocks, source, here, plane, target, there, target_plane):
@@ -177,5 +198,7 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
                 capsule_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
             if has_box and kinds[b] == BOX:
                 box_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_mesh and kinds[b] == MESH:
+                mesh_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
 
     return collide_row

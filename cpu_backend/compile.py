@@ -21,6 +21,7 @@ import model.cloth_record
 import model.contact_record
 import model.formulas
 import model.implicit_record
+import model.particle_contact_record
 import model.record
 import model.xpbd_plan
 import model.xpbd_record
@@ -35,7 +36,8 @@ FAST = frozenset({"contract", "arcp", "afn", "nsz"})
 def backend_digest() -> str:
     """A hash of the sources that this backend's machine code is made from."""
     records = (
-        model.record, model.cloth_record, model.contact_record, model.implicit_record, model.xpbd_record, model.xpbd_plan
+        model.record, model.cloth_record, model.contact_record, model.implicit_record, model.xpbd_record, model.xpbd_plan,
+        model.particle_contact_record,
     )  # fmt: skip
     return source_digest(
         Path(model.formulas.__file__).parent, *(Path(str(m.__file__)) for m in records), Path(__file__).parent

@@ -32,7 +32,7 @@ from cpu_backend.xpbd_tables import Tables
 from cpu_backend.xpbd_walk import keeps_velocity
 from model.build import rest_positions
 from model.cloth_parts import COLLIDER_KINDS
-from model.cloth_record import collider_rows
+from model.cloth_record import collider_numbers
 from model.errors import SceneError
 from model.plan import Executor
 from model.scene import Scene
@@ -82,7 +82,7 @@ class PositionBased(CpuSimulation):
         seeds = (part.seed if part else 0 for part in (scene.external, scene.wind))
         self.integers = np.zeros(3, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none; seed of gusts
         self.integers[::2] = list(seeds)
-        self.bodies = collider_rows(scene, self.real).reshape(-1)
+        self.bodies = collider_numbers(scene, self.real)
         self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
         self.tables = Tables(scene, self.body, self.real, self.plan.parts)
         self.attachments = self._attachments()

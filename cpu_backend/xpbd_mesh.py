@@ -20,7 +20,7 @@ from cpu_backend.mass_spring import processor_name
 from cpu_backend.threads import thread_count
 from cpu_backend.xpbd_mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
 from model.cloth_parts import COLLIDER_KINDS
-from model.cloth_record import collider_rows
+from model.cloth_record import collider_numbers
 from model.errors import SceneError
 from model.mesh_constraints import Family, families
 from model.mesh_tables import vertex_attachments, wind_lists
@@ -75,7 +75,7 @@ class MeshPositionBased(Simulation):
         self.record, real = self._record, self.real
         self.integers = np.zeros(3, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none; seed of gusts
         self.integers[::2] = [part.seed if part else 0 for part in (scene.external, scene.wind)]
-        self.bodies = collider_rows(scene, real).reshape(-1)
+        self.bodies = collider_numbers(scene, real)
         self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
         count = len(self.body.position)
         self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))

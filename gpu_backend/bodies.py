@@ -16,14 +16,17 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.bodies_kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
+from gpu_backend.bodies_links import make_link_projection
 from gpu_backend.cloth_kernels import make_cloth_tools
-from gpu_backend.cloth_point import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES, knows_time
+from gpu_backend.cloth_point import COLLIDER_COUNTS, INTEGERS, knows_time
 from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, can_capture, new_stream
+from gpu_backend.particle_contacts import ParticleContacts, particle_contact_bytes
+from gpu_backend.particle_contacts_project import make_contact_ends
 from gpu_backend.quad_simulation import QuadSimulation
 from gpu_backend.quads import SIZE
 from gpu_backend.xpbd_stages import make_xpbd_stages
-from model.cloth_record import collider_rows
+from model.cloth_record import collider_numbers
 from model.cluster_tables import first_particles, leans, matching_factors
 from model.errors import SceneError
 from model.formulas.cluster import MOMENTS
@@ -66,6 +69,8 @@ class Bodies(QuadSimulation):
         item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
         needed = item * (8 * SIZE * self.particle_count + 2 * SIZE * entries + (MOMENTS + 7 * SIZE) * clusters)
         needed += 4 * (2 * entries + self.particle_count + 2 * clusters)
+        if self.scene.contact:
+            needed += particle_contact_bytes(self.scene, item)
         if not simulated():
             what = f"{self.particle_count} particles, {entries} entries of clusters"
             require(needed, memory_info()[0], "bodies", what, "GPU memory")
@@ -91,10 +96,10 @@ class Bodies(QuadSimulation):
         self.record = self._on_device(self._record)
         kinds = [kind for kind, _ in scene.colliders]
         self._integers = np.zeros(INTEGERS, np.uint64)
-        for place, kind in ((PLANES, "plane"), (SPHERES, "sphere"), (CAPSULES, "capsule"), (BOXES, "box")):
+        for place, kind in COLLIDER_COUNTS:
             self._integers[place] = kinds.count(kind)
         self.integers = self._on_device(self._integers)
-        self.bodies = self._on_device(collider_rows(scene, real) if kinds else np.zeros(1, real))
+        self.bodies = self._on_device(collider_numbers(scene, real) if kinds else np.zeros(1, real))
         self._counter = self._on_device(np.zeros(1, np.int64))
         self._bad = self._on_device(np.zeros(1, np.int32))
         self._counts = knows_time(self.plan.parts)
@@ -106,11 +111,23 @@ class Bodies(QuadSimulation):
         )  # fmt: skip
         self._leans = self._on_device(leans(clusters, real))
         self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
+        self.contacts = ParticleContacts(scene, real, self.options.math, self.stream) if scene.contact else None
         starts, self._own = clusters.of_particle
         self._own_members = self._on_device(self._in_own_order())
         self._gathered = (
             self._on_device(starts), self._on_device(clusters.owner[self._own]), self._own_members, self._frames
         )  # fmt: skip
+
+        links = self.scene.crowd.links
+        if links.count:
+            self._link_ends, self._link_values = self._on_device(links.ends.T), self._on_device(self._of_links())
+            self._multipliers = self._zeros(links.count)
+
+    def _of_links(self) -> np.ndarray:
+        """(2, links): rest lengths and compliances."""
+        method, crowd = self.scene.method, self.scene.crowd
+        found: np.ndarray = crowd.links.values(method.dt / method.substeps, crowd.mass).T.astype(self.real)
+        return found
 
     def _in_own_order(self) -> np.ndarray:
         """(entries, 4): rest offsets and factors, particle by particle."""
@@ -124,13 +141,18 @@ class Bodies(QuadSimulation):
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
         variant = self.real, self.options.math
         self._parts = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
+        if "spare" in self._parts:
+            self._parts |= {"pins"}  # what is parked stays
         self._tools, self._cluster_kernels = make_cloth_tools(self.real), make_bodies_clusters(*variant)
         self._ends = make_bodies_ends(*variant, self._parts)
+        self._contact_ends = make_contact_ends(*variant, self._parts) if self.contacts else None
+        self._project_links = make_link_projection(*variant) if "links" in self._parts else None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, self._stages())
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
+            self._upload(self.body.position, self.body.velocity)  # all in one place would all meet
             self._advance_steps(0, 1)
             self._cluster_kernels.move[self._flat](self.position[0], *self._gathered)
             cuda.synchronize()
@@ -145,6 +167,15 @@ class Bodies(QuadSimulation):
             position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
         )
 
+    def _link(self, position: Any, number: int, fresh: bool) -> None:
+        """The links of a colour; `fresh`: the first time in a substep."""
+        starts = self.scene.crowd.links.starts
+        start, stop = starts[number], starts[number + 1]
+        assert self._project_links is not None
+        self._project_links[self._over(int(stop - start))](
+            position, self._link_ends, self._link_values, self._multipliers, start, stop, starts[-1], fresh
+        )
+
     # ------------------------------------------------------------------ a step
 
     def _substep(self, place: int, substep: int) -> None:
@@ -154,13 +185,23 @@ class Bodies(QuadSimulation):
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         self._ends.begin[self._flat](before, velocity, now, self.record, self.integers)
+        if self.contacts:
+            self.contacts.find(now)
         for iteration in range(self.scene.method.iterations):
-            if iteration:
+            if iteration and not self.contacts:
                 self._cluster_kernels.move[self._flat](now, *self._gathered)
+            for number in range(self.scene.crowd.links.colours):
+                self._link(now, number, iteration == 0)
             self._match(now, self.rotation)
-        self._ends.finish[self._flat](
-            before, now, new_velocity, *self._gathered, self.record, self.bodies, self.integers, *time
-        )
+            if self.contacts:
+                self._cluster_kernels.move[self._flat](now, *self._gathered)
+                self.contacts.project(before, now)
+        last = self.record, self.bodies, self.integers, *time
+        if self.contacts:
+            assert self._contact_ends is not None
+            self._contact_ends.finish[self._flat](before, now, new_velocity, self.contacts.record, *last)
+        else:
+            self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
 
     def _launch(self, parity: int, steps: int) -> None:
         self._current = parity
@@ -171,8 +212,9 @@ class Bodies(QuadSimulation):
     @property
     def _launches(self) -> int:
         """Of a step."""
-        method = self.scene.method
-        return method.substeps * (1 + 3 * method.iterations)
+        method, contacts = self.scene.method, self.contacts
+        iteration = 3 + self.scene.crowd.links.colours + (contacts.projecting if contacts else 0)
+        return method.substeps * (1 + iteration * method.iterations + (1 + contacts.finding if contacts else 0))
 
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
@@ -180,31 +222,51 @@ class Bodies(QuadSimulation):
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
         a = self._zeros(SIZE * self.particle_count)
         stage = make_xpbd_stages(self.real, self.options.math, self._parts, AXES)
-        now = {"step": -1, "substep": 0}
+        now = {"step": -1, "substep": 0, "links": 0}  # links: colours projected so far in the substep
 
         def predict(step: int, offset: float) -> None:
             again = now["step"] == step and now["substep"] < substeps - 1
-            now.update(step=step, substep=now["substep"] + 1 if again else 0)
+            now.update(step=step, substep=now["substep"] + 1 if again else 0, links=0)
             before.copy_to_device(position, stream=self.stream)
             stage.predict[flat](before, velocity, a, position, self.record, *shape)
+
+        def update(step: int, offset: float) -> None:
+            if self.contacts:
+                assert self._contact_ends is not None
+                self._contact_ends.update_velocity[flat](before, position, velocity, self.contacts.record, self.record)
+            else:
+                stage.update_velocity[flat](before, position, velocity, self.record)
 
         def collide(step: int, offset: float) -> None:
             number = np.int64(step * substeps + now["substep"])
             stage.collide[flat](before, position, velocity, self.record, self.bodies, self.integers, number)
 
-        return {
+        def link(number: int) -> Callable[[int, float], None]:
+            def run(step: int, offset: float) -> None:
+                self._link(position, number, now["links"] < colours)
+                now["links"] += 1
+
+            return run
+
+        colours = self.scene.crowd.links.colours
+        return {f"project links {number}": link(number) for number in range(colours)} | {
             "gravity": lambda step, offset: stage.gravity[flat](self.record, a),
             "poke": lambda step, offset: stage.poke[flat](position, self.record, self.integers, a),
             "predict": predict,
             "match clusters": lambda step, offset: self._match(position, self.rotation),
             "move to goals": lambda step, offset: self._cluster_kernels.move[flat](position, *self._gathered),
-            "update velocity": lambda step, offset: stage.update_velocity[flat](
-                before, position, velocity, self.record
-            ),
+            "find neighbours": lambda step, offset: self.contacts and self.contacts.find(position),
+            "project contacts": lambda step, offset: self.contacts and self.contacts.project(before, position),
+            "update velocity": update,
             "collide": collide,
         }
 
     # ------------------------------------------------------------------ the contract
+
+    @property
+    def contacts_lost(self) -> int:
+        """Of particles' neighbours, those that there was no room for since the start."""
+        return self.contacts.lost if self.contacts else 0
 
     def _keep(self) -> None:
         super()._keep()
@@ -215,7 +277,11 @@ class Bodies(QuadSimulation):
         self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
 
     def _parameters_changed(self) -> None:
+        if self.scene.crowd.links.count:
+            self._link_values.copy_to_device(self._of_links().reshape(-1), stream=self.stream)
         self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
+        if self.contacts:
+            self.contacts.change(self.scene)
         super()._parameters_changed()
 
     def _download_rotation(self) -> np.ndarray:

@@ -21,12 +21,9 @@ from gpu_backend.cloth_kernels import make_cloth_passes, make_cloth_rk4_stages, 
 from gpu_backend.cloth_launch import ClothTiles
 from gpu_backend.cloth_pins import pin_marks
 from gpu_backend.cloth_point import (
-    BOXES,
-    CAPSULES,
+    COLLIDER_COUNTS,
     EXTERNAL_SEED,
     INTEGERS,
-    PLANES,
-    SPHERES,
     WIND_SEED,
     knows_time,
 )  # fmt: skip
@@ -98,7 +95,7 @@ class ClothMassSpring(CudaSimulation):
         self._integers = np.zeros(INTEGERS, np.uint64)
         self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
         self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
-        for place, kind in ((PLANES, "plane"), (SPHERES, "sphere"), (CAPSULES, "capsule"), (BOXES, "box")):
+        for place, kind in COLLIDER_COUNTS:
             self._integers[place] = kinds.count(kind)
         self.integers = cuda.to_device(self._integers, stream=self.stream)
         self._rows, self._first_pin = body_rows(scene, self.body, self.real)

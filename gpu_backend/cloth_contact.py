@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.cloth_point import BOXES, CAPSULES, COLLIDERS, PLANES, SPHERES
+from gpu_backend.cloth_point import BOXES, CAPSULES, COLLIDERS, MESHES, PLANES, SPHERES
 from gpu_backend.formulas import device_formulas
 from gpu_backend.strips import inlined
 from model.cloth_record import (
     B_DYNAMIC,
     B_RADIUS,
+    B_SPIN,
     B_STATIC,
     B_THICKNESS,
+    B_TREE,
+    B_TURNS,
     B_U,
     B_V,
     B_VX,
@@ -27,7 +30,7 @@ from model.cloth_record import (
     C_DT,
     COLLIDER_FIELDS,
 )  # fmt: skip
-from model.formulas import cloth, colliders
+from model.formulas import cloth, colliders, triangle_tree
 
 
 @cache
@@ -35,15 +38,17 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
 
     `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
-    model/cloth_record.py one after the other, how many of each kind says `integers`.
+    model/cloth_record.py one after the other, then trees; how many of each kind says `integers`.
     """
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     sphere_entry, respond = formulas.sphere_entry, formulas.respond
     instant, moved, between, pushed = sums.instant, sums.moved, sums.between, sums.pushed
+    meet_triangles = device_formulas(triangle_tree.make, real, math).touch
     inline = inlined(math)
     has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
-    has_boxes, has_friction, has_colliders = "box" in parts, "friction" in parts, bool(parts & COLLIDERS)
+    has_boxes, has_meshes = "box" in parts, "mesh_collider" in parts
+    has_friction, has_colliders = "friction" in parts, bool(parts & COLLIDERS)
     zero, one, next_one = real(0), real(1), np.int64(1)
 
     @inline
@@ -112,6 +117,18 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
         return push(px, py, pz, vx, vy, vz, surface, bodies, at)
 
     @inline
+    def meet_mesh(before, px, py, pz, vx, vy, vz, bodies, at, begin, end):
+        static, dynamic = zero, zero
+        if has_friction:
+            static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
+        return meet_triangles(
+            bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
+            bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ],
+            bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], begin, end,
+            before[0], before[1], before[2], px, py, pz, vx, vy, vz,
+        )  # fmt: skip
+
+    @inline
     def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
         if has_colliders:
             end, at = instant(step + next_one, record[C_DT]), np.int32(0)
@@ -131,6 +148,11 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
             if has_boxes:
                 for _ in range(np.int32(integers[BOXES])):
                     px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_meshes:
+                begin = instant(step, record[C_DT])
+                for _ in range(np.int32(integers[MESHES])):
+                    px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)
         return px, py, pz, vx, vy, vz
 

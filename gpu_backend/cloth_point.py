@@ -17,6 +17,7 @@ import numpy as np
 from gpu_backend.formulas import device_formulas
 from gpu_backend.quads import load_quad
 from gpu_backend.strips import inlined
+from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import (
     C_BENDING,
     C_DAMPING,
@@ -39,9 +40,10 @@ from model.cloth_record import (
 from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
 
 # Numbers of the integer record, all uint64:
-EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES = range(7)  # POKED: 1 + the particle, 0 for none
-INTEGERS = 7
-COLLIDERS = frozenset({"plane", "sphere", "capsule", "box"})
+INTEGERS = 8
+EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES = range(INTEGERS)  # POKED: 1 + it, 0 for none
+COLLIDER_COUNTS = tuple(zip((PLANES, SPHERES, CAPSULES, BOXES, MESHES), COLLIDER_KINDS, strict=True))  # place, kind
+COLLIDERS = frozenset(COLLIDER_KINDS)
 
 
 def knows_time(parts: frozenset[str]) -> bool:

@@ -20,6 +20,7 @@ import model.cloth_record
 import model.contact_record
 import model.formulas
 import model.implicit_record
+import model.particle_contact_record
 import model.record
 import model.xpbd_plan
 import model.xpbd_record
@@ -45,6 +46,7 @@ def _digest() -> str:
             model.cloth_record,
             model.contact_record,
             model.implicit_record,
+            model.particle_contact_record,
             model.xpbd_record,
             model.xpbd_plan,
         )

@@ -1,7 +1,7 @@
 """Exclusive prefix sums of whole numbers on CUDA: what a counting sort needs between counting and filling.
 
 Each block sums a chunk of its own in shared memory (W. D. Hillis, G. L. Steele, "Data parallel algorithms", CACM 29, 1986),
-one thread then sums the chunks' totals, and all add theirs. Whole numbers: the same sums in any order.
+one block then sums the chunks' totals, a strip a thread, and all add theirs. Whole numbers: the same sums in any order.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ def make_scan() -> SimpleNamespace:
     """The kernels `chunks`, `totals` and `add`."""
     zero = np.int32(0)
 
-    def chunks(counts, starts, totals):
-        """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
+    @cuda.jit(device=True)
+    def before(own):
+        """What the block's threads before this one have together; every thread of the block must call it."""
         memory = cuda.shared.array(TWO_COPIES, np.int32)
-        t, k = np.int32(cuda.threadIdx.x), np.int32(cuda.grid(1))
-        own = counts[k] if k < counts.size else zero
+        t = np.int32(cuda.threadIdx.x)
         memory[t] = own
         cuda.syncthreads()
         reach, side = np.int32(1), zero
@@ -41,19 +41,30 @@ def make_scan() -> SimpleNamespace:
             memory[side + t] = total
             cuda.syncthreads()
             reach = np.int32(2 * reach)
+        return np.int32(memory[side + t] - own)
+
+    def chunks(counts, starts, totals):
+        """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
+        k = np.int32(cuda.grid(1))
+        own = counts[k] if k < counts.size else zero
+        start = before(own)
         if k < counts.size:
-            starts[k] = memory[side + t] - own
-        if t == CHUNK - 1:
-            totals[cuda.blockIdx.x] = memory[side + t]
+            starts[k] = start
+        if cuda.threadIdx.x == CHUNK - 1:
+            totals[cuda.blockIdx.x] = start + own
 
     def totals(sums):
-        """The same in place, over all chunks: one thread, since there are few."""
-        if cuda.grid(1) == 0:
-            before = zero
-            for k in range(sums.size):
-                own = sums[k]
-                sums[k] = before
-                before = np.int32(before + own)
+        """The same in place, over all chunks: one block, each thread a strip of its own."""
+        strip = np.int32((sums.size + CHUNK - 1) // CHUNK)
+        first = np.int32(strip * cuda.threadIdx.x)
+        last, own = min(first + strip, sums.size), zero
+        for k in range(first, last):
+            own = np.int32(own + sums[k])
+        start = before(own)
+        for k in range(first, last):
+            number = sums[k]
+            sums[k] = start
+            start = np.int32(start + number)
 
     def add(starts, sums, cursors):
         """The chunks' sums added, and a copy for a counting sort to move on."""
@@ -79,5 +90,5 @@ class Scan:
         """starts and cursors = what comes before each of the counts; device arrays (count,) int32."""
         kernels, launch = make_scan(), (self._blocks, CHUNK, self._stream)
         kernels.chunks[launch](counts, starts, self._totals)
-        kernels.totals[1, 1, self._stream](self._totals)
+        kernels.totals[1, CHUNK, self._stream](self._totals)
         kernels.add[launch](starts, self._totals, cursors)

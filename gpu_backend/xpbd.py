@@ -21,12 +21,9 @@ from numba import cuda
 
 from gpu_backend.cloth_kernels import make_cloth_tools
 from gpu_backend.cloth_point import (
-    BOXES,
-    CAPSULES,
+    COLLIDER_COUNTS,
     EXTERNAL_SEED,
     INTEGERS,
-    PLANES,
-    SPHERES,
     WIND_SEED,
     knows_time,
 )  # fmt: skip
@@ -54,7 +51,7 @@ from gpu_backend.xpbd_kernels import (
 from gpu_backend.xpbd_launch import BlockLauncher, TiledLauncher
 from gpu_backend.xpbd_stages import bind_xpbd_stages
 from model.build import rest_positions
-from model.cloth_record import collider_rows
+from model.cloth_record import collider_numbers
 from model.errors import SceneError
 from model.geodesic import sheet_attachments
 from model.memory import require
@@ -126,10 +123,10 @@ class PositionBased(QuadSimulation):
         self._integers = np.zeros(INTEGERS, np.uint64)
         self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
         self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
-        for place, kind in ((PLANES, "plane"), (SPHERES, "sphere"), (CAPSULES, "capsule"), (BOXES, "box")):
+        for place, kind in COLLIDER_COUNTS:
             self._integers[place] = kinds.count(kind)
         self.integers = self._on_device(self._integers)
-        rows = collider_rows(scene, self.real).reshape(-1)
+        rows = collider_numbers(scene, self.real)
         self.bodies = self._on_device(rows if kinds else np.zeros(1, self.real))
         self._counter = self._on_device(np.zeros(1, np.int64))
         self._bad = self._on_device(np.full(1, NOTHING_BAD, np.int32))

@@ -16,7 +16,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.cloth_kernels import make_cloth_tools
-from gpu_backend.cloth_point import BOXES, CAPSULES, EXTERNAL_SEED, INTEGERS, PLANES, SPHERES, WIND_SEED, knows_time
+from gpu_backend.cloth_point import COLLIDER_COUNTS, EXTERNAL_SEED, INTEGERS, WIND_SEED, knows_time
 from gpu_backend.device import memory_info, require_gpu, simulated
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.quad_simulation import QuadSimulation
@@ -25,7 +25,7 @@ from gpu_backend.xpbd_kernels import make_attach, make_end
 from gpu_backend.xpbd_mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
 from gpu_backend.xpbd_mesh_projections import make_mesh_projection
 from gpu_backend.xpbd_stages import make_xpbd_stages
-from model.cloth_record import collider_rows
+from model.cloth_record import collider_numbers
 from model.errors import SceneError
 from model.memory import require
 from model.mesh_constraints import Family, families
@@ -93,10 +93,10 @@ class MeshPositionBased(QuadSimulation):
         self._integers = np.zeros(INTEGERS, np.uint64)
         self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
         self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
-        for place, kind in ((PLANES, "plane"), (SPHERES, "sphere"), (CAPSULES, "capsule"), (BOXES, "box")):
+        for place, kind in COLLIDER_COUNTS:
             self._integers[place] = kinds.count(kind)
         self.integers = self._on_device(self._integers)
-        self.bodies = self._on_device(collider_rows(scene, real) if kinds else np.zeros(1, real))
+        self.bodies = self._on_device(collider_numbers(scene, real) if kinds else np.zeros(1, real))
         self._counter = self._on_device(np.zeros(1, np.int64))
         self._bad = self._on_device(np.zeros(1, np.int32))
         self._counts = knows_time(self.plan.parts)

@@ -20,12 +20,24 @@ from model.errors import InputError, SoftlabError
 from model.kept import cache_folder, read_arrays, write_arrays
 from model.shapes import Shape
 from model.skin import INFLUENCES, Skin
-from model.soft_body import BakedBody, Meshes, Report, RigidBody
+from model.soft_body import MATERIAL, BakedBody, Meshes, Report, RigidBody
 
 VERSION = 1  # of the files: what is in them, and how
 SOURCES = (
-    *("baked", "clustering", "clusters", "mesh", "mesh_edges", "mesh_files", "nearby", "normals", "sampling", "shapes"),
-    *("skin", "soft_body", "solid", "strokes", "surface_nets", "voxels"),
+    *(
+        "baked",
+        "clustering",
+        "clusters",
+        "material",
+        "mesh",
+        "mesh_edges",
+        "mesh_files",
+        "nearby",
+        "normals",
+        "sampling",
+        "shapes",
+    ),
+    *("skin", "soft_body", "soft_sheet", "solid", "strokes", "surface_nets", "voxels"),
 )
 
 Source = Shape | str | Path | Meshes
@@ -43,20 +55,21 @@ def baked(
     if not keep:
         return parameters.bake(_mesh(mesh, scale))
     key = body_key(parameters, mesh, scale)
+    bare = parameters.model_copy(update={name: field.default for name, field in _material(parameters).items()})
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
     held = read_arrays(file)
     found = _unpacked(held, key) if held else None
     if found is None:
-        found = parameters.bake(_mesh(mesh, scale))
+        found = bare.bake(_mesh(mesh, scale))
         write_arrays(file, **_packed(found, key))
-    return found
+    return parameters.furnish(found)
 
 
 def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
-    """32 hexadecimal digits of the mesh (a file's bytes, a shape's fields, or the arrays), of all parameters, and of the
-    code. Raises InputError (a file that cannot be read)."""
+    """32 hexadecimal digits of the mesh (a file's bytes, a shape's fields, or the arrays), of all parameters but the
+    material's, and of the code. Raises InputError (a file that cannot be read)."""
     digest = hashlib.sha256(f"{VERSION} {_sources()} {type(parameters).__name__} ".encode())
-    digest.update(parameters.model_dump_json().encode())
+    digest.update(parameters.model_dump_json(exclude=set(_material(parameters))).encode())
     if isinstance(mesh, Shape):
         digest.update(b" shape " + mesh.model_dump_json().encode())
     elif isinstance(mesh, str | Path):
@@ -68,6 +81,11 @@ def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
         digest.update(f" arrays {position.shape} {triangles.shape} {json.dumps(told)} ".encode())
         digest.update(position.tobytes() + triangles.tobytes())
     return digest.hexdigest()[:32]
+
+
+def _material(parameters: RigidBody) -> dict[str, Any]:
+    """The fields that bodies are furnished by after they were baked."""
+    return {name: field for name, field in type(parameters).model_fields.items() if name in MATERIAL}
 
 
 @cache

@@ -12,7 +12,8 @@ from model.baked import baked
 from model.cloth_parts import ZERO, Number, Vector
 from model.parts import Count, NotNegative, Part, Positive
 from model.shapes import Shape
-from model.soft_body import BakedBody, RigidBody, SoftBody
+from model.soft_body import MATERIAL, BakedBody, RigidBody, SoftBody
+from model.soft_sheet import NOT_OF_SHEETS, SoftSheet
 from model.topology import mesh_path
 
 Copies = tuple[Count, Count, Count]
@@ -47,6 +48,8 @@ class Placed(Part):
     def _one_source(self) -> Placed:
         if (self.shape is None) == (self.file is None):
             raise ValueError('file: give either a file or a shape, such as shape = { name = "star" }')
+        if self.shape is not None and self.shape.name == "terrain":
+            raise ValueError("shape: a terrain is a surface that bodies fall on; it belongs to a mesh_collider")
         if self.shape is not None and (self.digest is not None or self.scale != 1):
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
         if self.angle != 0 and not any(self.axis):
@@ -79,9 +82,9 @@ class Placed(Part):
         """The body, from the user's cache where it was made before. Raises SceneError, InputError."""
         if not isinstance(self, RigidBody):
             raise TypeError("a placed body is a soft or a rigid one")
-        known = (SoftBody if isinstance(self, SoftBody) else RigidBody).model_fields
-        given = {name: getattr(self, name) for name in known if name in self.model_fields_set}
-        parameters = (SoftBody if isinstance(self, SoftBody) else RigidBody)(**given)
+        made_of = next(kind for kind in (SoftSheet, SoftBody, RigidBody) if isinstance(self, kind))
+        given = {name: getattr(self, name) for name in made_of.model_fields if name in self.model_fields_set}
+        parameters = made_of(**given)
         source = self.shape if self.shape is not None else mesh_path(self.file or "")
         return baked(parameters, source, scale=self.scale)
 
@@ -107,11 +110,18 @@ class Placed(Part):
         fields = serialize(self)
         idle = {"file", "digest", "scale"} if self.shape is not None else {"shape"}
         idle.add("density" if fields.get("mass") is not None else "mass")
+        if isinstance(self, SoftSheet):
+            idle |= set(NOT_OF_SHEETS)
+        idle |= {name for name in MATERIAL if not fields.get(name)}  # as scenes were written before there was any
         return {name: value for name, value in fields.items() if name not in idle and value is not None}
 
 
 class SoftBodyPart(Placed, SoftBody):
     """A soft body, see model/soft_body.py, and its copies."""
+
+
+class SoftSheetPart(Placed, SoftSheet):
+    """A sheet of cloth, see model/soft_sheet.py, and its copies."""
 
 
 class RigidBodyPart(Placed, RigidBody):
@@ -128,4 +138,8 @@ def file_digest(file: str) -> str:
 BODY_CONTRADICTIONS = {
     "density": ("mass",), "mass": ("density",), "shape": ("file", "digest", "scale"), "file": ("shape", "digest"),
 }  # fmt: skip
-BODY_KINDS: dict[str, type[Part]] = {"soft_body": SoftBodyPart, "rigid_body": RigidBodyPart}
+BODY_KINDS: dict[str, type[Part]] = {
+    "soft_body": SoftBodyPart,
+    "soft_sheet": SoftSheetPart,
+    "rigid_body": RigidBodyPart,
+}

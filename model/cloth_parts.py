@@ -150,5 +150,5 @@ CLOTH_KINDS: dict[str, type[Part]] = {
     "motion": Motion,
     "fold": Fold,
 }
-COLLIDER_KINDS = ("plane", "sphere", "capsule", "box")
+COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", "mesh_collider")
 SPRING_KINDS = ("structural", "shear", "bending")

@@ -93,12 +93,12 @@ FIELDS = {
 REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
 
 # A collider's row, lengths in m and speeds in m/s, at time 0:
-COLLIDER_FIELDS = 13
+COLLIDER_FIELDS = 16
 (
-    B_X,  # a point of the plane, the centre, or the capsule's start
+    B_X,  # a point of the plane, the centre, the capsule's start, or the mesh's origin
     B_Y,
     B_Z,
-    B_U,  # the plane's unit normal, from the capsule's start to its end, or half the box's edges
+    B_U,  # the plane's unit normal, from the capsule's start to its end, half the box's edges, or the mesh's axis of spin
     B_V,
     B_W,
     B_RADIUS,
@@ -108,6 +108,9 @@ COLLIDER_FIELDS = 13
     B_THICKNESS,
     B_STATIC,  # coefficients of friction
     B_DYNAMIC,
+    B_SPIN,  # of a mesh, rad/s
+    B_TURNS,  # 1/s
+    B_TREE,  # where its tree begins, counted from its row
 ) = range(COLLIDER_FIELDS)
 
 
@@ -178,22 +181,42 @@ def cloth_values(scene: Scene, dt: float, poke: tuple[float, ...]) -> dict[str, 
 
 
 def collider_rows(scene: Scene, real: type) -> np.ndarray:
-    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`."""
+    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`; B_TREE is 0."""
     rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
     for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
         part = collider.model_dump()
-        row[B_X : B_Z + 1] = part.get("center") or part.get("point") or part["start"]
+        row[B_X : B_Z + 1] = part.get("center") or part.get("point") or part.get("origin") or part["start"]
         if kind == "plane":
             row[B_U : B_W + 1] = np.array(part["normal"]) / np.linalg.norm(part["normal"])
         elif kind == "capsule":
             row[B_U : B_W + 1] = np.subtract(part["end"], part["start"])
         elif kind == "box":
             row[B_U : B_W + 1] = part["half_size"]
+        elif kind == "mesh_collider":
+            speed = hypot(*part["spin"])
+            row[B_U : B_W + 1] = np.array(part["spin"]) / (speed or 1.0)
+            row[B_SPIN], row[B_TURNS] = speed, speed / (2 * pi)
         row[B_RADIUS] = part.get("radius", 0.0)
         row[B_VX : B_VZ + 1] = part["velocity"]
         row[B_THICKNESS] = part["thickness"]
         row[B_STATIC], row[B_DYNAMIC] = part["static_friction"], part["dynamic_friction"]
     return rows.astype(real)
+
+
+def collider_numbers(scene: Scene, real: type) -> np.ndarray:
+    """`collider_rows` and after them the trees of meshes, flat. Raises SceneError (a tree that the arithmetic cannot number),
+    InputError (a file that is no mesh)."""
+    rows = collider_rows(scene, real)
+    end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # whole numbers up to there
+    parts: Any = scene.parts
+    meshes = {name: parts[name] for name, kind in scene.kinds.items() if kind == "mesh_collider"}
+    for number, (name, mesh) in enumerate(meshes.items(), len(rows) - len(meshes)):
+        rows[number, B_TREE] = end - number * COLLIDER_FIELDS
+        end += mesh.tree_size
+        if end + MOTION_FIELDS * len(scene.motions) > most:
+            allowed = f"{np.dtype(real).name} counts to {most}, and a triangle takes 25 numbers: decimate it"
+            raise SceneError(f"{name}.{'file' if mesh.file else 'shape'}", f"{len(mesh.triangles)} triangles", allowed)
+    return np.concatenate([rows.reshape(-1), *(mesh.tree(real) for mesh in meshes.values())])
 
 
 def motion_rows(scene: Scene, real: type) -> np.ndarray:
@@ -210,23 +233,22 @@ def motion_rows(scene: Scene, real: type) -> np.ndarray:
     return rows.astype(real)
 
 
-def pin_rows(scene: Scene, body: Body, real: type) -> np.ndarray:
-    """(pins, PIN_FIELDS) in the arithmetic `real`, in the order of `body.pinned`."""
+def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
+    """(pins, PIN_FIELDS) in the arithmetic `real`, in the order of `body.pinned`; rows of motions begin at `first`."""
     rows = np.empty((len(body.pinned), PIN_FIELDS))
     rows[:, :P_MOTION] = body.position[body.pinned]  # pinned masses start at rest
     numbers = motions_of_pins(scene)
-    first = len(scene.colliders) * COLLIDER_FIELDS
     rows[:, P_MOTION] = np.where(numbers < 0, -1, first + numbers * MOTION_FIELDS)
     return rows.astype(real)
 
 
 def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
-    """(what masses meet and what pins follow, flat: rows of colliders, then of motions, then of pins; where the latter
+    """(what masses meet and what pins follow, flat: `collider_numbers`, then rows of motions, then of pins; where the latter
     begin). Of motions and pins there is nothing in a scene without motions."""
-    colliders = collider_rows(scene, real)
+    colliders = collider_numbers(scene, real)
     if not any(part.moves for part in scene.motions.values()):
-        return colliders.reshape(-1), 0
-    motions, pins = motion_rows(scene, real), pin_rows(scene, body, real)
+        return colliders, 0
+    motions, pins = motion_rows(scene, real), pin_rows(scene, body, real, colliders.size)
     return np.concatenate([array.reshape(-1) for array in (colliders, motions, pins)]), colliders.size + motions.size
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from model.clusters import Clusters, matching_share
 from model.errors import InputError
+from model.formulas.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 
 UNIT = 1e-3  # a quaternion's length may be off by: what float32 leaves, and what a text file with three digits does
 
@@ -15,6 +16,38 @@ def matching_factors(clusters: Clusters, substep: float, iterations: int) -> np.
     share of the particle times `matching_share` of its cluster."""
     b = matching_share(clusters.stiffness, substep, iterations)
     factors: np.ndarray = clusters.shares * b[clusters.owner]
+    return factors
+
+
+def shaping(parts: frozenset[str]) -> frozenset[str]:
+    """Those of a scene's parts that clusters are turned by in another way."""
+    return parts & {"linear", "plastic"}
+
+
+def shape_table(clusters: Clusters, substep: float, iterations: int) -> np.ndarray:
+    """(clusters, SHAPE) float64, in the order of the S_ constants: the inverse moments at rest (xx, xy, xz, yy, yz, zz)
+    [1/(kg m^2)], the linear map's part, the strain over which a cluster creeps, its creep in one of `iterations` of a substep
+    [s], 1 - exp(-c h / n), the largest strain kept, and zeros; all 0 of a cluster that is flat."""
+    table = np.zeros((clusters.count, SHAPE))
+    material, inverse = clusters.material, clusters.inverse_moments
+    for place, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
+        table[:, S_INVERSE + place] = inverse[:, i, j]
+    if material is not None:
+        table[:, S_LINEAR], table[:, S_THRESHOLD], table[:, S_LIMIT] = (
+            material.linear,
+            material.threshold,
+            material.limit,
+        )
+        table[:, S_CREEP] = -np.expm1(-material.creep * substep / iterations)
+    table[clusters.flat] = 0
+    return table
+
+
+def damping_factors(clusters: Clusters, substep: float) -> np.ndarray:
+    """(entries,) float64: how far an entry moves its particle's velocity towards its cluster's rigid motion in a substep
+    [s]: its share of the particle times 1 - exp(-d h)."""
+    rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
+    factors: np.ndarray = clusters.shares * -np.expm1(-rate * substep)[clusters.owner]
     return factors
 
 
@@ -49,4 +82,20 @@ def checked_rotation(rotation: np.ndarray, count: int, real: type) -> np.ndarray
     if not (np.abs(length - 1) <= UNIT).all():  # false for NaN
         worst = int(np.argmax(np.where(np.isfinite(length), np.abs(length - 1), np.inf)))
         raise InputError(f"rotation of cluster {worst} has the length {length[worst]:g}; it must be 1")
+    return np.ascontiguousarray(array, dtype=real)
+
+
+def checked_plastic(plastic: np.ndarray, count: int, real: type) -> np.ndarray:
+    """(clusters, 3, 3) in the arithmetic `real`, as they are. Raises InputError."""
+    array = np.asarray(plastic)
+    if array.shape != (count, 3, 3):
+        raise InputError(
+            f"plastic has shape {array.shape}, this scene needs ({count}, 3, 3): a matrix for each cluster"
+        )
+    if not np.issubdtype(array.dtype, np.floating):
+        raise InputError(f"plastic holds {array.dtype}, this needs real numbers")
+    volume = np.linalg.det(array.astype(np.float64))
+    if not (np.abs(volume - 1) <= UNIT).all():  # false for NaN
+        worst = int(np.argmax(np.where(np.isfinite(volume), np.abs(volume - 1), np.inf)))
+        raise InputError(f"plastic of cluster {worst} has the volume {volume[worst]:g}; it must be 1")
     return np.ascontiguousarray(array, dtype=real)

@@ -16,6 +16,10 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
+from model.formulas.deformation import LEAST_VOLUME
+from model.material import Material
+
+FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +29,8 @@ class Clusters:
     `offsets` (clusters + 1,) int32, from 0: cluster k has the entries offsets[k] to offsets[k + 1]; `indices` (entries,)
     int32, the particle of each entry; `coefficients` (entries,) float64 in [0, 1]; `stiffness` (clusters,) float64: the
     square of the angular frequency [1/s^2] at which a particle swings about its goal, inf for a rigid cluster; `mass`
-    (particles,) float64 [kg], of pinned ones too; `position` (particles, dimensions) float64 [m], at rest.
+    (particles,) float64 [kg], of pinned ones too; `position` (particles, dimensions) float64 [m], at rest; `material`: what
+    they do beside turning, None: nothing.
     """
 
     offsets: np.ndarray
@@ -34,6 +39,7 @@ class Clusters:
     stiffness: np.ndarray
     mass: np.ndarray
     position: np.ndarray
+    material: Material | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -41,6 +47,11 @@ class Clusters:
     @property
     def count(self) -> int:
         return len(self.offsets) - 1
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """What of their material needs code, see `Material.parts`."""
+        return frozenset() if self.material is None else self.material.parts
 
     @cached_property
     def owner(self) -> np.ndarray:
@@ -83,18 +94,66 @@ class Clusters:
         offsets = np.concatenate([[0], np.cumsum(np.bincount(self.indices, minlength=len(self.mass)))])
         return offsets.astype(np.int32), np.argsort(self.indices, kind="stable").astype(np.int32)
 
-    def rotations(self, position: np.ndarray) -> np.ndarray:
+    @cached_property
+    def inverse_moments(self) -> np.ndarray:
+        """(clusters, d, d) float64 [1/(kg m^2)]: the inverse of sum m rest rest', which takes moments to the linear map that
+        is nearest; 0 where the cluster is `flat`, along a line or at a point, and tells of no such map."""
+        moments = self._summed(self.masses[:, None, None] * self.rest[:, :, None] * self.rest[:, None, :])
+        values = np.linalg.eigvalsh(moments)
+        solid = values[:, 0] > FLAT * values[:, -1]
+        found = np.zeros_like(moments)
+        found[solid] = np.linalg.inv(moments[solid])
+        return found
+
+    @property
+    def flat(self) -> np.ndarray:
+        """(clusters,) bool: those without a linear map of their own. They turn, and do not creep."""
+        return np.logical_not(np.any(self.inverse_moments, axis=(1, 2)))
+
+    def _summed(self, entries: np.ndarray) -> np.ndarray:
+        """(clusters, ...): the sums of (entries, ...)."""
+        found = np.zeros((self.count, *entries.shape[1:]))
+        np.add.at(found, self.owner, entries)
+        return found
+
+    def moments(self, position: np.ndarray) -> np.ndarray:
+        """(clusters, d, d) float64 [kg m^2]: sum m (x - centre) rest'."""
+        away = self.masses[:, None] * (position[self.indices] - self.centres(position)[self.owner])
+        return self._summed(away[:, :, None] * self.rest[:, None, :])
+
+    def rotations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
         """(clusters, d, d) float64: for particles at `position` [m] the rotation, det +1, nearest to sum m (x - centre)
-        rest', by singular values."""
-        owner, m = self.owner, self.masses[:, None]
-        away = position[self.indices] - self.centres(position)[owner]
-        dimensions = position.shape[1]
-        moments = np.zeros((self.count, dimensions, dimensions))
-        np.add.at(moments, owner, (m * away)[:, :, None] * self.rest[:, None, :])
+        rest', by singular values; `plastic` (clusters, d, d): what rest offsets have been bent by."""
+        moments = self.moments(position)
+        if plastic is not None:
+            moments = moments @ np.swapaxes(plastic, 1, 2)
         u, _, v = np.linalg.svd(moments)
-        signs = np.ones((self.count, dimensions))
+        signs = np.ones(moments.shape[:2])
         signs[:, -1] = np.sign(np.linalg.det(u) * np.linalg.det(v))
         return np.einsum("nij,nj,njk->nik", u, signs, v)
+
+    def strained(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(clusters, d, d) float64: the linear map nearest to particles, of offsets bent by `plastic`; 0 where `flat`."""
+        found = self.moments(position) @ self.inverse_moments
+        return found if plastic is None else found @ np.linalg.inv(plastic)
+
+    def deformations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(clusters, d, d) float64: what takes rest offsets to goals, T Sp: T = R, or with `linear` b > 0, of the map F of
+        `strained`, b F / cbrt(det F) + (1 - b) R (M. Mueller et al. 2005, 4.3); below LEAST_VOLUME b falls with det F, to 0
+        where F is flat or mirrored.
+
+        Momentum is kept: sum m (goal - x) = 0 as sum m rest = 0; and the moment of what moves particles about the centre is
+        what of sum m (x - centre) (T Sp rest)' = A T' is not symmetric, A the moments with Sp rest for rest. A R' is, R
+        being the nearest rotation, and so is A F' = A (sum m Sp rest rest' Sp')^-1 A'.
+        """
+        turned = self.rotations(position, plastic)
+        if "linear" in self.parts and self.material is not None:
+            map_ = self.strained(position, plastic)
+            volume = np.maximum(np.linalg.det(map_), 0.0)
+            part = self.material.linear * np.minimum(1.0, volume / LEAST_VOLUME)
+            scale = part / np.cbrt(np.where(volume > 0, volume, 1.0))
+            turned = scale[:, None, None] * map_ + (1 - part)[:, None, None] * turned
+        return turned if plastic is None else turned @ plastic
 
     def centres(self, position: np.ndarray) -> np.ndarray:
         """(clusters, d) float64 [m]: centres of mass with particles at `position`; 0 of a cluster without mass."""
@@ -104,15 +163,16 @@ class Clusters:
         heavy = self.cluster_mass[:, None] > 0
         return np.divide(sums, self.cluster_mass[:, None], out=np.zeros_like(sums), where=heavy)
 
-    def goals(self, position: np.ndarray) -> np.ndarray:
-        """(entries, d) float64 [m]: where each cluster wants each of its particles: centre + R (rest offset)."""
+    def goals(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(entries, d) float64 [m]: where each cluster wants each of its particles: centre + R (rest offset), or what
+        `deformations` says for R."""
         position = np.asarray(position, dtype=np.float64)
-        turned = np.einsum("nij,nj->ni", self.rotations(position)[self.owner], self.rest)
+        turned = np.einsum("nij,nj->ni", self.deformations(position, plastic)[self.owner], self.rest)
         return self.centres(position)[self.owner] + turned
 
-    def energy(self, position: np.ndarray) -> float:
+    def energy(self, position: np.ndarray, plastic: np.ndarray | None = None) -> float:
         """[J]: sum of w^2 m |goal - x|^2 / 2 over entries; rigid clusters store none."""
-        away = self.goals(position) - np.asarray(position, dtype=np.float64)[self.indices]
+        away = self.goals(position, plastic) - np.asarray(position, dtype=np.float64)[self.indices]
         stiffness = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)[self.owner]
         return 0.5 * float(np.sum(stiffness * self.masses * np.einsum("nk,nk->n", away, away)))
 
@@ -164,6 +224,8 @@ def _check(clusters: Clusters) -> None:
             f"{len(indices)} indices need as many coefficients, and {len(offsets) - 1} clusters as many stiffnesses; got "
             f"{len(coefficients)} and {len(clusters.stiffness)}"
         )
+    if clusters.material is not None and len(clusters.material.linear) != clusters.count:
+        raise InputError(f"a material of {len(clusters.material.linear)} clusters for {clusters.count} of them")
     outside = np.flatnonzero((indices < 0) | (indices >= len(clusters.mass)))
     if len(outside):
         raise InputError(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
 from model.body_parts import Placed
 from model.clusters import Clusters
 from model.errors import InputError, SceneError
+from model.links import LinkedCopies, Links, make_links
+from model.material import joined
 from model.soft_body import BakedBody
 
 MOST_PARTICLES = 2**31 - 1  # indices are 32-bit
@@ -31,14 +34,15 @@ class Crowd:
     """The particles of all copies, one after the other, in the order of the file.
 
     `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
-    is of; `clusters`, whose rest positions are those at the start; `copies`. To the rest of the lab it is a row of masses:
-    `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
+    is of; `clusters`, whose rest positions are those at the start; `links`; `copies`. To the rest of the lab it is a row of
+    masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
     """
 
     position: np.ndarray
     velocity: np.ndarray
     body: np.ndarray
     clusters: Clusters
+    links: Links
     copies: tuple[Copy, ...]
     spacing: float
     mass: float
@@ -100,6 +104,7 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         np.concatenate(stiffness),
         mass,
         position,
+        joined([copy.baked.clusters.material for copy in copies], [copy.baked.clusters.count for copy in copies]),
     )
     spacing = float(np.mean([copy.baked.spacing for copy in copies]))
     return Crowd(
@@ -107,10 +112,21 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         np.concatenate(velocities),
         np.concatenate(bodies),
         clusters,
+        make_links(_linked(copies)),
         tuple(copies),
         spacing,
         float(mass.mean()),
     )
+
+
+def _linked(copies: list[Copy]) -> list[LinkedCopies]:
+    """The links of each part, its copies side by side."""
+    found = []
+    for _, group in groupby(copies, key=lambda copy: copy.name):
+        same = list(group)
+        made, firsts = same[0].baked, np.array([copy.first_particle for copy in same])
+        found.append(LinkedCopies(made.links, made.rest_length, made.link_stiffness, firsts, len(made.position)))
+    return found
 
 
 def _lists(count: int) -> tuple[list[np.ndarray], ...]:

@@ -100,15 +100,15 @@ def lattice_energy(scene: Scene, position: np.ndarray) -> float:
     return 0.5 * matching_stiffness(scene) * total
 
 
-def goal_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
+def goal_strain(scene: Scene, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
     """(entries,) float64: how far each particle of `position` (particles, 3) [m] is from where each of its clusters wants it,
-    over its body's particle spacing. NaN where positions are not finite."""
+    over its body's particle spacing; `plastic` as in State. NaN where positions are not finite."""
     crowd, clusters = scene.crowd, scene.crowd.clusters
     p = np.asarray(position, dtype=np.float64)
     if not np.isfinite(p).all():
         return np.full(len(clusters.indices), np.nan)
     spacing = np.array([copy.baked.spacing for copy in crowd.copies])[crowd.body[clusters.indices]]
-    return np.linalg.norm(clusters.goals(p) - p[clusters.indices], axis=1) / spacing
+    return np.linalg.norm(clusters.goals(p, plastic) - p[clusters.indices], axis=1) / spacing
 
 
 def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray:
@@ -147,9 +147,11 @@ def masses(scene: Scene) -> np.ndarray | float:
     return mass
 
 
-def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[str, float]:
+def energies(
+    scene: Scene, position: np.ndarray, velocity: np.ndarray, plastic: np.ndarray | None = None
+) -> dict[str, float]:
     """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
-    its springs by kind. Where clusters take the place of springs, `spring` is theirs.
+    its springs by kind. Where clusters take the place of springs, `spring` is theirs; `plastic` as in State.
 
     With the true mass. Gravity's zero is at y = 0. `conserved` is what the scheme itself keeps (up to a bounded
     wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
@@ -161,7 +163,7 @@ def energies(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> dict[s
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring = 0.0
     if scene.method.matches_shapes:
-        spring = scene.crowd.clusters.energy(position) if scene.bodies else lattice_energy(scene, position)
+        spring = scene.crowd.clusters.energy(position, plastic) if scene.bodies else lattice_energy(scene, position)
     elif springs and not springs.inextensible:
         for stiffness, length in zip(spring_stiffness(scene), _lengths(scene, position), strict=True):
             spring += 0.5 * float(np.sum(stiffness * (length - springs.rest_length) ** 2))

@@ -79,7 +79,7 @@ def triangle_mesh(position: np.ndarray, triangles: np.ndarray, repairs: list[str
     """
     position = np.asarray(position, dtype=np.float64).reshape(-1, 3)
     triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
-    _check(position)
+    check_vertices(position)
     told = list(repairs or [])
     place = _places(position)
     merged = int((place != np.arange(len(place))).sum())
@@ -90,7 +90,7 @@ def triangle_mesh(position: np.ndarray, triangles: np.ndarray, repairs: list[str
         "vertices at the place of another were merged",
     )
     triangles = place[triangles]
-    triangles = _without_flat(position, triangles, told)
+    triangles = without_flat(position, triangles, told)
     triangles = _without_copies(len(position), triangles, told)
     numbering, position, triangles = _without_unused(position, triangles, place, merged, told)
     edges = mesh_edges(len(position), triangles)
@@ -114,7 +114,8 @@ def _tell(told: list[str], count: int, one: str, many: str) -> None:
         told.append(_many(count, one, many))
 
 
-def _check(position: np.ndarray) -> None:
+def check_vertices(position: np.ndarray) -> None:
+    """Raises InputError for coordinates (vertices, 3) that are not finite or over LARGEST, or more than MOST_VERTICES."""
     wrong = ~np.isfinite(position).all(axis=1)
     if wrong.any():
         vertex, many = int(np.argmax(wrong)), _many(int(wrong.sum()), "vertex", "vertices")
@@ -141,7 +142,8 @@ def _places(position: np.ndarray) -> np.ndarray:
     return place
 
 
-def _without_flat(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
+def without_flat(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
+    """The triangles (n, 3) that have an area; how many have none is added to `told`. Raises InputError where none has."""
     a, b, c = (position[corner] for corner in triangles.T)
     one, two, three = b - a, c - b, a - c
     longest = np.maximum(np.maximum(_squares(one), _squares(two)), _squares(three))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
 
 from model.build import build
 from model.cloth_record import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
-from model.formulas import colliders
+from model.formulas import colliders, triangle_tree
+from model.mesh_collider import MeshCollider
 from model.scene import Scene
 
 
-def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray) -> float:
-    """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]."""
+def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, tree: np.ndarray | None) -> float:
+    """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]. `tree`: of a mesh."""
+    if tree is not None:
+        return sqrt(triangle_tree.make(float).nearest(tree, 0, *d.tolist(), inf)[0])
     own: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
     if kind in ("sphere", "capsule"):
         own.append(float(row[B_RADIUS]))
@@ -27,8 +31,9 @@ def overlap_lines(scene: Scene) -> list[str]:
     if not len(pinned) or not scene.colliders:
         return []
     formulas, lines = colliders.make(float), []
-    for (kind, _), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
-        away = (_distance(formulas, kind, p - row[B_X : B_Z + 1], row) for p in pinned)
+    for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
+        tree = collider.tree(float) if isinstance(collider, MeshCollider) else None
+        away = (_distance(formulas, kind, p - row[B_X : B_Z + 1], row, tree) for p in pinned)
         inside = sum(distance < row[B_THICKNESS] for distance in away)
         if inside:
             lines.append(

@@ -21,6 +21,7 @@ from model.body_parts import BODY_CONTRADICTIONS, BODY_KINDS, Placed
 from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Fold, Wind
 from model.crowd import Crowd, make_crowd
 from model.errors import InputError, SceneError
+from model.mesh_collider import FILE_CONTRADICTIONS, MeshCollider
 from model.mesh_parts import CONTRADICTIONS, MESH_KINDS, Mesh
 from model.motion import Motion, motions_of_pins
 from model.particle_contact import Contact, check_contact
@@ -41,7 +42,9 @@ from model.parts import (
 from model.self_collision import SelfCollision, check_self_collision
 from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
-KINDS: dict[str, type[Part]] = GRID_KINDS | CLOTH_KINDS | MESH_KINDS | XPBD_KINDS | BODY_KINDS | {"contact": Contact}
+KINDS: dict[str, type[Part]] = (
+    GRID_KINDS | CLOTH_KINDS | {"mesh_collider": MeshCollider} | MESH_KINDS | XPBD_KINDS | BODY_KINDS
+) | {"contact": Contact}
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
@@ -100,7 +103,7 @@ class Scene:
                 "grid",
                 sheets or None,
                 "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
-                "or bodies: soft_body and rigid_body",
+                "or bodies: soft_body, soft_sheet, rigid_body",
             )
         self._check_fit()
         if self._one("method") is None:
@@ -112,7 +115,8 @@ class Scene:
         if self.bodies:
             self._check_bodies()
             return
-        wrong = GRID_ONLY if self.cloth else (*(kind for kind in CLOTH_KINDS if kind != "cloth"), "self_collision")
+        of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth"}
+        wrong = GRID_ONLY if self.cloth else of_cloth
         for name, kind in self.kinds.items():
             if kind in wrong:
                 raise SceneError(
@@ -127,10 +131,6 @@ class Scene:
         for name, kind in self.kinds.items():
             if kind not in OF_BODIES:
                 raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
-        for name, part in self.bodies.items():
-            radius = getattr(part, "link_radius", 0.0)
-            if radius > 0:
-                raise SceneError(f"{name}.link_radius", radius, "must be 0: a scene's solver knows no links yet")
         check_contact(self)
         method = self._one("method")
         if method is None:
@@ -263,7 +263,7 @@ class Scene:
 
     @property
     def colliders(self) -> list[tuple[str, Collider]]:
-        """(kind, collider), planes first, then spheres, capsules and boxes, each in the order of the file."""
+        """(kind, collider), planes first, then spheres, capsules, boxes and meshes, each in the order of the file."""
         found: list[tuple[str, Any]] = []
         for kind in COLLIDER_KINDS:
             found += [(kind, self.parts[name]) for name, k in self.kinds.items() if k == kind]
@@ -370,6 +370,8 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
         return list(CONTRADICTIONS.get(field, ()))
     if kind in BODY_KINDS:
         return list(BODY_CONTRADICTIONS.get(field, ()))
+    if kind == "mesh_collider":
+        return list(FILE_CONTRADICTIONS.get(field, ()))
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
     return []

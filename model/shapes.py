@@ -1,4 +1,5 @@
-"""Meshes of the lab's own, made by code: closed, outer sides outwards, about a metre across, the same on every call."""
+"""Meshes of the lab's own, made by code: closed, outer sides outwards, about a metre across, the same on every call. A sheet
+and a terrain, 8 m across, are open, with their upper side outwards."""
 
 from __future__ import annotations
 
@@ -14,9 +15,9 @@ from model.parts import Count, Part, Positive
 from model.strokes import blended, extruded, letters, outline, polygon, tube, union
 from model.surface_nets import Field, surface
 
-ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters"]
+ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain"]
 
-FINEST = 200
+FINEST, FINEST_TERRAIN = 200, 40
 COARSEST = {
     "star": 16,
     "torus": 8,
@@ -24,18 +25,21 @@ COARSEST = {
     "blob": 24,
     "octopus": 32,
     "letters": 16,
+    "sheet": 1,
+    "terrain": 2,
 }  # what their thinnest parts ask for
 BEAM = (1.0, 0.25, 0.25)  # m
 TORUS = (0.35, 0.15)  # m: of the ring, of its tube
 STAR_DEPTH, STAR_TIP, STAR_NOTCH = 0.24, 0.52, 0.25  # m: from front to back; from the middle
 LETTER_DEPTH, LETTER_WIDTH = 0.22, 0.22  # m: from front to back; of a stroke
 EDGE = 0.05  # m: the radius of edges of what is cut from a plate
+TERRAIN, TERRAIN_RIM = 8.0, 0.5  # m: its sides; how far their middles are raised
 GAP = 0.25  # m: between letters: clusters of up to that radius do not reach across
 
 
 class Shape(Part):
-    """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus, or
-    letters a metre tall.
+    """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus,
+    letters a metre tall, a sheet of a square metre, or a terrain of gentle hills, 8 m x 8 m, with a raised rim.
 
     `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS.
     """
@@ -47,9 +51,9 @@ class Shape(Part):
 
     @model_validator(mode="after")
     def _can_be_made(self) -> Shape:
-        least = COARSEST[self.name]
-        if not least <= self.resolution <= FINEST:
-            raise ValueError(f"resolution: a {self.name} takes {least} to {FINEST} edges to a metre")
+        least, most = COARSEST[self.name], FINEST_TERRAIN if self.name == "terrain" else FINEST
+        if not least <= self.resolution <= most:
+            raise ValueError(f"resolution: a {self.name} takes {least} to {most} edges to a metre")
         if (self.text is not None) != (self.name == "letters"):
             raise ValueError('text: belongs to name = "letters", and to no other')
         if self.text is not None and not (0 < len(self.text) <= 16 and set(self.text) <= set(letters())):
@@ -123,6 +127,19 @@ def _blob(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return _net(field, (-0.4, -0.55, -0.5), (0.4, 0.55, 0.4), shape.resolution)
 
 
+def _sheet(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A square metre in y = 0, its cells cut along the diagonals in turn, so that no direction is stiffer."""
+    count = shape.resolution
+    z, x = np.meshgrid(np.linspace(-0.5, 0.5, count + 1), np.linspace(-0.5, 0.5, count + 1), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (corner.ravel() for corner in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+    even = (np.add(*np.indices((count, count))) % 2 == 0).ravel()[:, None]
+    one = np.where(even, np.stack([a, c, d], 1), np.stack([a, c, b], 1))
+    other = np.where(even, np.stack([a, d, b], 1), np.stack([b, c, d], 1))
+    triangles = np.stack([one, other], 1).reshape(-1, 3).astype(np.int32)
+    return np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1), triangles
+
+
 def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """A head and eight arms that taper, run down and outwards, and curl up at their ends."""
     parts = [tube([(0, 0.16, -0.03), (0, 0.03, 0)], [0.2, 0.16])]
@@ -154,6 +171,21 @@ def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(found) - np.array([(x - GAP) / 2, 0, 0]), np.concatenate(triangles)
 
 
+def _terrain(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A height over a square: waves of three lengths and ways, and a rim; no slope over 45 degrees."""
+    count = round(TERRAIN * shape.resolution) + 1
+    along = TERRAIN * (np.arange(count) / (count - 1) - 0.5)
+    x, z = along[None], along[:, None]
+    height = 0.3 * np.sin(1.1 * x + 0.4) * np.cos(0.8 * z)
+    height += 0.15 * np.sin(1.6 * x - 1.3 * z) + 0.1 * np.cos(2.3 * z + x)
+    height += TERRAIN_RIM * ((2 * x / TERRAIN) ** 4 + (2 * z / TERRAIN) ** 4)
+    position = np.stack([x + 0 * z, height, z + 0 * x], axis=-1)
+    number = np.arange(count * count).reshape(count, count)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return position.reshape(-1, 3), triangles.astype(np.int32)
+
+
 MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
     "star": _star,
     "torus": _torus,
@@ -161,4 +193,6 @@ MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
     "blob": _blob,
     "octopus": _octopus,
     "letters": _letters,
+    "terrain": _terrain,
+    "sheet": _sheet,
 }

@@ -18,7 +18,7 @@ import numpy as np
 from model.build import Body, build
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import cloth_record
-from model.cluster_tables import checked_rotation
+from model.cluster_tables import checked_plastic, checked_rotation
 from model.diagnosis import diagnose
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
@@ -58,7 +58,8 @@ class State:
     """Every array the next step reads. `position`, `velocity` (particles, dimensions), C-contiguous, in builder order, in
     the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`; of bodies
     `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
-    are none, or they are to be found anew."""
+    are none, or they are to be found anew; of plastic bodies `plastic` (clusters, 3, 3), of volume 1: what their rest offsets
+    have been bent by, None: nothing."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -66,6 +67,7 @@ class State:
     time: float
     step: int
     rotation: np.ndarray | None = None
+    plastic: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,17 @@ class Simulation(ABC):
     def _upload_rotation(self, rotation: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
         """Take rotations, or find those of the state that was uploaded, from no rotation."""
 
+    def _download_plastic(self) -> np.ndarray | None:
+        """What clusters have been bent by, see State; None where a scene has no plastic bodies."""
+        return None
+
+    def _upload_plastic(self, plastic: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
+        """Take it; None: no cluster is bent. Comes before `_upload_rotation`."""
+
+    def _read_deformation(self) -> np.ndarray:
+        """(clusters, 3, 3): what takes rest offsets to goals, with particles where they are now, as a new host array."""
+        raise NotImplementedError
+
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """(rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies with particles where they are now, as new
         host arrays; the state stays as it is."""
@@ -278,13 +291,14 @@ class Simulation(ABC):
         self.check()
         position, velocity = self._download()
         inverse_mass = self.body.inverse_mass.copy()
-        return State(position, velocity, inverse_mass, self.time, self.step, self._download_rotation())
+        bodies = self._download_rotation(), self._download_plastic()
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies)
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
 
-        Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, or rotations that are
-        no unit quaternions.
+        Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, rotations that are
+        no unit quaternions, or plastic strains that are not of volume 1 or of a scene without.
         """
         count = len(self.body.position)
         arrays = {}
@@ -307,10 +321,16 @@ class Simulation(ABC):
         rotation = state.rotation
         if rotation is not None:
             rotation = checked_rotation(rotation, self._cluster_count(), self.real)
+        plastic = state.plastic
+        if plastic is not None:
+            if "plastic" not in self.plan.parts:
+                raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
+            plastic = checked_plastic(plastic, self._cluster_count(), self.real)
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
+        self._upload_plastic(plastic)
         self._upload_rotation(rotation)
         self.step, self.time = int(state.step), float(state.time)
         self._put_aside()
@@ -330,7 +350,9 @@ class Simulation(ABC):
     def read(self, name: str, into: Any = None) -> Any:
         """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the
         unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
-        (clusters, 3) [m], of mass, with particles where they are now, for skins. Each is computed only when asked.
+        (clusters, 3) [m], of mass, with particles where they are now, for skins; `deformation` (clusters, 3, 3): the
+        rotation, or whatever else takes rest offsets to where a cluster wants them; of plastic ones `plastic`, as in State:
+        what has bent their rest offsets. Each is computed only when asked.
 
         `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new host
         array. Does not check for divergence: it is what the window draws.
@@ -345,8 +367,13 @@ class Simulation(ABC):
             result = self._download()[1]
         elif self.scene.bodies and name in ("rotation", "centre"):
             result = self._read_clusters()[name == "centre"]
+        elif self.scene.bodies and name == "deformation":
+            result = self._read_deformation()
+        elif name == "plastic" and "plastic" in self.plan.parts:
+            result = np.asarray(self._download_plastic())
         elif self.scene.bodies:
-            raise SceneError("read", name, "must be one of position, velocity, rotation, centre")
+            names = "position, velocity, rotation, centre, deformation"
+            raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
         elif name == "strain":
             from model.energy import spring_strain
 
@@ -401,4 +428,4 @@ class Simulation(ABC):
         from model.energy import energies
 
         state = self.state()
-        return energies(self.scene, state.position, state.velocity)
+        return energies(self.scene, state.position, state.velocity, state.plastic)

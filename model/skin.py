@@ -30,19 +30,25 @@ class Skin:
     weights: np.ndarray
     rest_centre: np.ndarray
 
-    def skinned(self, centre: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(position, normal) (vertices, 3) float64: with the clusters at `centre` (clusters, 3) [m], turned by `rotation`
-        (clusters, 3, 3), which takes vectors at rest, as columns, to now.
+    def skinned(self, centre: np.ndarray, deformation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(position, normal) (vertices, 3) float64: with the clusters at `centre` (clusters, 3) [m], turned, and stretched
+        and sheared if they are, by `deformation` (clusters, 3, 3), which takes vectors at rest, as columns, to now.
 
-        A vertex is the weighted mean of where each of its clusters takes it; a normal, of where they turn it, made 1 long
-        (0 where they cancel).
+        A vertex is the weighted mean of where each of its clusters takes it; a normal, of where they take surfaces: by the
+        inverse transpose times the volume, the matrix of cofactors, made 1 long (0 where they cancel).
         """
-        turn = rotation[self.clusters]
+        turn = deformation[self.clusters]
         away = self.position[:, None] - self.rest_centre[self.clusters]
         position = np.einsum("vk,vki->vi", self.weights, centre[self.clusters] + np.einsum("vkij,vkj->vki", turn, away))
-        normal = np.einsum("vk,vkij,vj->vi", self.weights, turn, self.normal)
+        normal = np.einsum("vk,vkij,vj->vi", self.weights, cofactors(deformation)[self.clusters], self.normal)
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         return position, np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+
+
+def cofactors(matrices: np.ndarray) -> np.ndarray:
+    """(n, 3, 3): of each its inverse transpose times its determinant, a rotation's being itself."""
+    x, y, z = np.moveaxis(matrices, 1, 0)
+    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
 
 
 def make_skin(position: np.ndarray, triangles: np.ndarray, rest_centre: np.ndarray) -> Skin:

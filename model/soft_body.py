@@ -6,15 +6,16 @@ The parameters are those of NVIDIA Flex's flexExtCreateSoftFromMesh and flexExtC
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from model.clustering import check, gather, one_cluster, parts, undetermined
 from model.clusters import Clusters
 from model.errors import SceneError
+from model.material import Material, even
 from model.mesh import TriangleMesh
 from model.nearby import close_pairs
 from model.parts import NotNegative, Part, Positive
@@ -24,8 +25,12 @@ from model.solid import Solid, as_mesh, solid
 
 SPACINGS = 2.0  # of the clusters' centres in particle spacings, unless given
 OVERLAP = 1.25  # of their radius in their spacings, unless given
+LARGEST_STRAIN = 0.5  # that a body keeps, unless given
 DENSITY = 1000.0  # kg/m^3: water's, as jelly's
 
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
+Limit = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False, strict=True)]  # at 1 a cluster could be flat
+MATERIAL = ("linear", "plastic_threshold", "plastic_creep", "plastic_limit", "cluster_damping")  # not of the bake
 Meshes = TriangleMesh | tuple[np.ndarray, np.ndarray]
 Made = TypeVar("Made", bound="RigidBody")
 
@@ -54,13 +59,17 @@ class Report:
     undetermined: int
     told: tuple[str, ...]
 
+    @property
+    def _extent(self) -> str:
+        return f"{100 * self.covered:.1f} % of {self.volume:.4g} m^3 covered" if self.volume else "a sheet"
+
     def lines(self) -> list[str]:
         """What to tell a user of it."""
         least, most = self.members
         size = f"{least}" if least == most else f"{least} to {most}"
         found = [
             f"{self.particles} particles ({self.interior} inside, {self.surface} on the surface), about {self.spacing:g} m "
-            f"apart, {self.mass:.4g} kg; {100 * self.covered:.1f} % of {self.volume:.4g} m^3 covered",
+            f"apart, {self.mass:.4g} kg; " + self._extent,
             f"{self.clusters} cluster{'' if self.clusters == 1 else 's'} of {size} particles, {self.overlap:.2f} a particle; "
             f"orphans: {self.orphans}; links: {self.links}",
         ]
@@ -142,6 +151,10 @@ class RigidBody(Part):
 
         return _bake(self, mesh, clusters, 0.0)
 
+    def furnish(self, body: BakedBody) -> BakedBody:
+        """The body with what its clusters do beside turning, which no mesh has a say in: nothing, of a rigid one."""
+        return body
+
 
 class SoftBody(RigidBody):
     """A body of overlapping clusters.
@@ -149,6 +162,10 @@ class SoftBody(RigidBody):
     Clusters have their centres `cluster_spacing` apart (2 particle spacings unless given) and hold what lies within
     `cluster_radius` (1.25 cluster spacings); `cluster_stiffness`: the square of the angular frequency at which a particle
     swings about its goal. Particles within `link_radius` of each other are linked, 0: none, by springs of `link_stiffness`.
+
+    A cluster that is strained follows its particles by `linear`, 0: not at all, 1: in any shear and stretch that keeps its
+    volume. Over a strain of `plastic_threshold` it creeps towards it at the rate `plastic_creep`, 0: never, and keeps at most
+    `plastic_limit` of it (0.5 unless given). Motion in it that is not rigid decays at the rate `cluster_damping`.
     """
 
     cluster_spacing: Positive | None = None  # m
@@ -156,6 +173,34 @@ class SoftBody(RigidBody):
     cluster_stiffness: NotNegative = 4000.0  # 1/s^2: ten swings a second
     link_radius: NotNegative = 0.0  # m
     link_stiffness: NotNegative = 0.0  # N/m
+    linear: Share = 0.0
+    plastic_threshold: NotNegative = 0.0
+    plastic_creep: NotNegative = 0.0  # 1/s
+    plastic_limit: Limit | None = None
+    cluster_damping: NotNegative = 0.0  # 1/s
+
+    @model_validator(mode="after")
+    def _what_is_kept_creeps(self) -> SoftBody:
+        if self.plastic_creep == 0 and (self.plastic_threshold > 0 or self.plastic_limit is not None):
+            raise ValueError("plastic_creep: must be over 0 where plastic_threshold or plastic_limit is given")
+        return self
+
+    def material(self, clusters: int) -> Material | None:
+        """Of so many clusters; None where they only turn."""
+        limit = LARGEST_STRAIN if self.plastic_limit is None else self.plastic_limit
+        creeping = {"threshold": self.plastic_threshold, "creep": self.plastic_creep, "limit": limit}
+        found = even(
+            clusters, linear=self.linear, damping=self.cluster_damping, **(creeping if self.plastic_creep else {})
+        )
+        return found if found.parts else None
+
+    def furnish(self, body: BakedBody) -> BakedBody:
+        """The body with its clusters' material, and a word on those that it does not change."""
+        clusters = replace(body.clusters, material=self.material(body.clusters.count))
+        told, flat = body.report.told, int(clusters.flat.sum())
+        if clusters.parts & {"linear", "plastic"} and flat:
+            told = (*told, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
+        return replace(body, clusters=clusters, report=replace(body.report, told=told))
 
     @model_validator(mode="after")
     def _clusters_hold_particles(self) -> SoftBody:
@@ -189,7 +234,7 @@ class SoftBody(RigidBody):
             check(found, links, spacing, radius, pieces)
             return found, links, length
 
-        return _bake(self, mesh, clusters, self.link_stiffness)
+        return self.furnish(_bake(self, mesh, clusters, self.link_stiffness))
 
 
 def parameters_of(kind: type[Made], fields: dict[str, Any]) -> Made:

@@ -6,7 +6,17 @@ from dataclasses import dataclass
 
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_plan import TRIANGLES_EACH, cloth_parts
-from model.formulas import cluster, colliders, contact, distance, particle_contact, shape_matching, wind
+from model.formulas import (
+    cluster,
+    colliders,
+    contact,
+    deformation,
+    distance,
+    pace,
+    particle_contact,
+    shape_matching,
+    wind,
+)  # fmt: skip
 from model.formulas import random as random_formulas
 from model.particle_contact_record import contact_parts
 from model.plan import Node, Plan, Stage
@@ -55,7 +65,7 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     parts = set(cloth_parts(scene, live))
     method = scene.method
     if method.matches_shapes:
-        return frozenset(parts - set(SPRING_KINDS)) | {"clusters"} | contact_parts(scene)
+        return frozenset(parts - set(SPRING_KINDS)) | {"clusters"} | body_parts(scene)
     kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
     if scene.springs:
         parts.add("structural")
@@ -79,6 +89,14 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
             parts.add("rubbing")
     parts.add(method.ordering)
     return frozenset(parts)
+
+
+def body_parts(scene: Scene) -> frozenset[str]:
+    """What of bodies needs code beside their clusters: `links`, what their clusters do beside turning, contacts."""
+    if not scene.bodies:
+        return frozenset()
+    links = {"links"} if scene.crowd.links.count else set()
+    return scene.crowd.clusters.parts | contact_parts(scene) | links
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
@@ -108,6 +126,13 @@ def lattice_stages(region: int) -> tuple[Stage, ...]:
     return Stage("match clusters", 1, 2, matching), Stage("move to goals", 3, 1, goals)
 
 
+def link_stages(scene: Scene) -> tuple[Stage, ...]:
+    """The links of bodies, a stage a colour: no two of a colour share a particle."""
+    starts, particles = scene.crowd.links.starts, scene.crowd.particle_count
+    each = (starts[1:] - starts[:-1]) * distance.OPERATIONS_SOFT / particles
+    return tuple(Stage(f"project links {number}", 1, 1, round(float(count))) for number, count in enumerate(each))
+
+
 def body_stages(scene: Scene) -> tuple[Stage, ...]:
     """An iteration of shape matching of bodies: clusters gather their particles, particles their clusters.
 
@@ -116,7 +141,12 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
     """
     clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
-    matched = overlap * cluster.OPERATIONS_MEMBER + each * cluster.OPERATIONS_TURN
+    shaped = cluster.OPERATIONS_TURN
+    if clusters.parts & {"linear", "plastic"}:
+        shaped += deformation.OPERATIONS_GRADIENT
+        shaped += deformation.OPERATIONS_LINEAR * ("linear" in clusters.parts)
+        shaped += deformation.OPERATIONS_PLASTIC * ("plastic" in clusters.parts)
+    matched = overlap * cluster.OPERATIONS_MEMBER + each * shaped
     moved = overlap * cluster.OPERATIONS_GOAL + cluster.OPERATIONS_MOVE
     table = 3 + 1 + 1  # scalars
     return (
@@ -125,6 +155,16 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
         ),
         Stage("move to goals", round(overlap * (12 + table) / 3) + 1, 1, round(moved)),
     )
+
+
+def damping_stage(scene: Scene) -> Stage:
+    """Clusters gather the momenta of their particles, particles the rigid motions of their clusters, 9 scalars."""
+    clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    table = 1 + 1  # scalars: a mass or a factor, and an index
+    reads = overlap * (6 + table) + overlap * (9 + table) + 6
+    operations = overlap * (pace.OPERATIONS_MEMBER + pace.OPERATIONS_SLOWED) + each * pace.OPERATIONS_MOTION
+    return Stage("damp clusters", round(reads / 3), 1 + round(each * 3), round(operations))
 
 
 def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
@@ -151,7 +191,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
     colours: tuple[Stage, ...]
     if method.matches_shapes:
-        colours = body_stages(scene) if scene.bodies else lattice_stages(method.region)
+        colours = link_stages(scene) + body_stages(scene) if scene.bodies else lattice_stages(method.region)
     elif method.ordering == "gauss-seidel":
         colours = tuple(
             Stage(f"project {family.name} {colour}", 1, 1, project(family) // 2)
@@ -172,10 +212,11 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
         colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
+    slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
     iteration = Node("iteration", colours, method.iterations)
-    substep = Node("substep", (*outside, predict, *search, iteration, update, *touch), method.substeps)
+    substep = Node("substep", (*outside, predict, *search, iteration, update, *slow, *touch), method.substeps)
     root = Node("step", (substep,))
     if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers
         passes = sum(stage.reads + stage.writes for stage in root.stages() if stage.name != "collide")

@@ -5,6 +5,7 @@ All have the same parts, most of them switched off or far away, so that a test c
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from app.driver import open_simulation
 from model.clusters import Clusters
 from model.crowd import Copy, Crowd
+from model.links import LinkedCopies, make_links
 from model.scene import Scene
 from model.simulation import State
 
@@ -36,6 +38,21 @@ def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Any = AW
     return Scene(world | {"method": method()} | tables, "bodies")
 
 
+def hung(substeps: int = 2, iterations: int = 2) -> Scene:
+    """A sheet of 25 particles falls over a rigid brick, dampers."""
+    sheet = {
+        "kind": "soft_sheet", "shape": {"name": "sheet", "resolution": 4}, "particle_spacing": 0.25,
+        "link_stiffness": 60.0, "origin": [0.0, 0.2, 0.0], "copies": [1, 2, 1], "apart": [0.0, 0.3, 0.0],
+    }  # fmt: skip
+    return bodies_scene(
+        sheet=sheet,
+        brick=BRICK,
+        damping=0.01,
+        plane=AWAY | {"point": [0.0, 0.17, 0.0]},
+        method=method(substeps, iterations),
+    )
+
+
 def everything(substeps: int = 2, iterations: int = 2) -> Scene:
     """A soft bar that falls through the plane within STEPS steps, rigid bricks over it, dampers."""
     bricks = BRICK | {"origin": [0.0, 1.0, 0.0], "copies": [2, 1, 1], "apart": [2.0, 0.0, 0.0]}
@@ -45,13 +62,15 @@ def everything(substeps: int = 2, iterations: int = 2) -> Scene:
     )  # fmt: skip
 
 
-def by_hand(clusters: Clusters, **tables: Any) -> Scene:
-    """A scene whose crowd is these clusters, as one body."""
+def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
+    """A scene whose crowd is these clusters and links, as one body."""
     scene = bodies_scene(body=BRICK, **({"gravity": 0.0} | tables))
     copies = (Copy("body", SimpleNamespace(), 0, 0, 0),)  # type: ignore[arg-type]
     at, count = clusters.position, len(clusters.mass)
     zero, body = np.zeros_like(at), np.zeros(count, np.int32)
-    scene.__dict__["crowd"] = Crowd(at, zero, body, clusters, copies, 0.1, float(clusters.mass.mean()))
+    scene.__dict__["crowd"] = Crowd(
+        at, zero, body, clusters, make_links(links), copies, 0.1, float(clusters.mass.mean())
+    )
     scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # what its arrays are kept under
     return scene
 

@@ -15,6 +15,7 @@ LETTERS = {  # of each kernel's arguments: R, I, U, L arrays of reals and intege
     "move": "RIIRR",
     "begin": "RRRRU",
     "finish": "RRRIIRRRRULlll",
+    "project": "RIRRllll",
 }
 
 
@@ -25,8 +26,10 @@ def ptx(name: str, real: Any, math: str) -> str:
     from numba import cuda, types
 
     from gpu_backend.bodies_kernels import make_bodies_clusters, make_bodies_ends
+    from gpu_backend.bodies_links import make_link_projection
 
     made = SimpleNamespace(**vars(make_bodies_clusters(real, math)), **vars(make_bodies_ends(real, math, PARTS)))
+    made.project = make_link_projection(real, math)
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": numbers, "I": types.int32[::1], "U": types.uint64[::1], "L": types.int64[::1], "l": types.int64}
     arguments = tuple(known[letter] for letter in LETTERS[name])

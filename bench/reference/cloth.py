@@ -17,9 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from bench.reference import mesh_collider
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke, masses, named_mask, pinned_mask
 from model.errors import SceneError
+from model.mesh_collider import MeshCollider
 from model.scene import Scene
 
 # (rows, columns) from one end of a spring to the other, by kind
@@ -232,14 +234,16 @@ def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np
     return caught, a + np.where(caught, t, 0.0) * way
 
 
-def _touched(velocity: np.ndarray, normal: np.ndarray, collider: Any) -> np.ndarray:
-    """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it."""
-    relative = velocity - collider.velocity
+def _touched(velocity: np.ndarray, normal: np.ndarray, collider: Any, surface: Any = None) -> np.ndarray:
+    """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it (to its `surface`
+    [m/s], where that moves in another way)."""
+    surface = collider.velocity if surface is None else surface
+    relative = velocity - surface
     into = np.maximum(-_dot(relative, normal), 0)
     along = np.where(into > 0, relative + into * normal, relative)
     speed, direction = _unit(along)
     slowed = np.where(speed <= collider.static_friction * into, 0, speed - collider.dynamic_friction * into)
-    return collider.velocity + np.where(into > 0, slowed * direction, along)
+    return surface + np.where(into > 0, slowed * direction, along)
 
 
 def collide(
@@ -253,6 +257,15 @@ def collide(
     dt = scene.method.dt
     free = ~pinned_mask(scene)[..., None]
     for kind, collider in scene.colliders:
+        if isinstance(collider, MeshCollider):
+            mesh = collider
+            settled, answered = mesh_collider.collide(
+                mesh, *(array.reshape(-1, 3) for array in (before, position, velocity)), step * dt, (step + 1) * dt,
+                lambda v, surface, normal, mesh=mesh: _touched(v, normal, mesh, surface),
+            )  # fmt: skip
+            position = np.where(free, settled.reshape(position.shape), position)
+            velocity = np.where(free, answered.reshape(position.shape), velocity)
+            continue
         distance, normal = distances(kind, collider, position, (step + 1) * dt)
         settled = position + np.maximum(collider.thickness - distance, 0) * normal
         touching = distance < collider.thickness

@@ -26,6 +26,22 @@ def iterate(clusters: Clusters, position: np.ndarray, h: float, iterations: int)
     return moved
 
 
+def linked(scene: Scene, position: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
+    """Position [m] after the links of a scene's bodies, one after the other (M. Macklin et al., "XPBD", MIG 2016, eq. 17 and
+    18); `multipliers` (links,) [N s^2] of the substep so far are changed."""
+    links, weight = scene.crowd.links, 1 / scene.crowd.clusters.mass
+    h, moved = scene.method.dt / scene.method.substeps, position.copy()
+    for n, (i, j) in enumerate(links.ends):
+        d = moved[j] - moved[i]
+        length = float(np.linalg.norm(d))
+        alpha = links.softness[n] / h**2
+        change = (links.rest_length[n] - length - alpha * multipliers[n]) / (weight[i] + weight[j] + alpha)
+        multipliers[n] += change
+        moved[j] += weight[j] * change * d / length
+        moved[i] -= weight[i] * change * d / length
+    return moved
+
+
 def simulate(
     scene: Scene,
     steps: int,
@@ -58,7 +74,10 @@ def simulate(
             p = np.where(free, p + h * (v * (1 - h * drag) + h * a), p)
             if contacts:
                 contacts.find(p)
+            multipliers = np.zeros(len(scene.crowd.links.ends)) if scene.bodies else np.zeros(0)
             for _ in range(method.iterations):
+                if len(multipliers):
+                    p = linked(scene, p, multipliers)
                 p = np.where(free, iterate(clusters, p, h, method.iterations), p)
                 if contacts:
                     p = contacts.sweep(before, p)

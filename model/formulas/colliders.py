@@ -13,7 +13,8 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 
-OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60}  # per mass and collider, contact included
+# per mass and collider, contact included; of a mesh, of one that rests on a few thousand triangles
+OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collider": 900}
 
 
 def make(real, compiled=plain):

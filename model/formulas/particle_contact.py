@@ -1,12 +1,13 @@
 """Particles that meet: the ways that a particle takes out of its contacts, all from one state.
 
 The constraint |x_i - x_j| >= distance with Coulomb friction as a change of position: M. Macklin et al., "Unified Particle
-Physics for Real-Time Applications", SIGGRAPH 2014, sections 4 and 6 (eq. 24). All contacts are projected at once, each for
-masses that are split among their contacts, so that linear momentum is kept however many meet: R. Tonge et al., "Mass Splitting
-for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012. Of n_i contacts each has a mass m_i / n_i of particle i, and
-the mean of its parts moves by the sum over j of w_i C n / (w_i n_i + w_j n_j), w = 1/m. Seen from j it is the same, the other
-way. Normal pushes keep angular momentum, too; friction acts at the particles' middles, not where they touch, and changes it by
-the distance times its impulse. Adhesion pulls together what is just apart, at a bounded acceleration.
+Physics for Real-Time Applications", SIGGRAPH 2014, sections 4 and 6 (eq. 24). All contacts are projected at once, each
+for masses that are split among their contacts, so that linear momentum is kept however many meet: R. Tonge et al., "Mass
+Splitting for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012. Of n_i contacts each has a mass m_i / n_i of
+particle i, and the mean of its parts moves by the sum over j of w_i C n / (w_i n_i + w_j n_j), w = 1/m. Seen from j it is
+the same, the other way. Normal pushes keep angular momentum, too; friction acts at the particles' middles, not where they
+touch, and changes it by the distance times its impulse. Adhesion pulls together what is just apart, at a bounded
+acceleration.
 """
 
 from __future__ import annotations
@@ -99,7 +100,23 @@ def make(real, compiled=plain):
         """A particle after all its contacts, one axis."""
         return position + weight * total
 
+    @compiled
+    def far(dx, dy, dz):
+        """How far a particle went in a substep [m]."""
+        return sqrt(squared_length_3d(dx, dy, dz))
+
+    @compiled
+    def shortened(position, before, length, fastest):
+        """A particle at the substep's end that went no farther than it may, one axis."""
+        return before + (position - before) * (fastest / length) if length > fastest else position
+
+    @compiled
+    def rested(position, before, length, asleep):
+        """A particle at the substep's end that stays where it was if it hardly moved, one axis."""
+        return before if length < asleep else position
+
     return SimpleNamespace(
         squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
-        grip=grip, added=added, added_rubbing=added_rubbing, moved=moved,
+        grip=grip, added=added, added_rubbing=added_rubbing, moved=moved, far=far,
+        shortened=shortened, rested=rested,
     )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from bodies_scenes import by_hand, degenerate, end_state, everything, opened, same, start
+from bodies_scenes import by_hand, degenerate, end_state, everything, hung, opened, same, start
 
 from model.errors import SceneError
 
@@ -21,6 +21,12 @@ def test_the_bits_of_the_cpu(precision: str) -> None:
     for kernel in ("launch", "stages"):
         device = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel)
         assert same(host, device), kernel
+
+
+def test_links_have_the_bits_of_the_cpu() -> None:
+    host = end_state(hung(1, 2), poked=True, precision="float32", steps=3)
+    for kernel in ("launch", "stages"):
+        assert same(host, end_state(hung(1, 2), "gpu", poked=True, precision="float32", kernel=kernel, steps=3)), kernel
 
 
 def test_clusters_without_a_volume() -> None:

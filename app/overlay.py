@@ -1,0 +1,109 @@
+"""What lies over the demo's picture, put together: numbers, legend, messages, keys, the graph of frame times, the hand."""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.controls import hint, keys_text
+from app.demo_report import numbers_text
+from app.frame_times import FrameGraph, FrameTimes
+from app.opengl import drawing_text
+from app.panels import Arrow, Panel, legend_of
+
+if TYPE_CHECKING:
+    from app.viewer import Viewer
+
+MESSAGE_SECONDS = 8.0
+TEXT_INTERVAL = 0.1  # s between two renewals of the numbers: faster cannot be read
+
+
+class Overlay:
+    """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are there; `times` of
+    the last frames. Needs the window's OpenGL context."""
+
+    def __init__(self, viewer: Viewer):
+        self.viewer, self.demo = viewer, viewer.demo
+        with drawing_text():
+            self._legend = legend_of(self.demo.world.scene)
+            self._numbers, self._keys = Panel("top-left", 10), Panel("centre", 11)
+            self._hint = Panel("bottom-left", 9, monospaced=False)
+            self._notice, self._warning = Panel("top-left", 10), Panel("top-left", 11, warning=True)
+            self._arrow, self._graph = Arrow(), FrameGraph()
+        self.times = FrameTimes()
+        self.show_keys, self.show_numbers, self.show_graph = False, True, False
+        self._keys_seen = False
+        self._text_due = 0.0
+        self._message = (self.demo.message_count, perf_counter())
+
+    def toggle_keys(self) -> None:
+        """H"""
+        self.show_keys = not self.show_keys
+        self._keys_seen = True
+
+    def toggle_numbers(self) -> None:
+        """N: the lines about speed, counts and settings."""
+        self.show_numbers = not self.show_numbers
+
+    def toggle_graph(self) -> None:
+        """M: the milliseconds of the last frames."""
+        self.show_graph = not self.show_graph
+
+    def draw(self, now: float) -> None:
+        """All of it, at `now` [s] of perf_counter."""
+        self._draw_hand()
+        viewer, demo = self.viewer, self.demo
+        width, height = viewer.camera.width, viewer.camera.height
+        below = self._draw_numbers(now) if self.show_numbers else 0
+        if self._legend is not None and (not viewer.space or viewer.views[0].lines):
+            self._legend.place(width, demo.statistics.strain_range)
+            self._legend.draw()
+        if demo.message_count != self._message[0]:
+            self._message = (demo.message_count, now)
+        if demo.frozen:
+            self._warning.place(demo.failure, width, height, below)
+            self._warning.draw()
+            below += self._warning.height + 8
+        if demo.message and now < self._message[1] + MESSAGE_SECONDS:
+            self._notice.place(demo.message, width, height, below)
+            self._notice.draw()
+        above = 0
+        if self.show_keys:
+            self._keys.place(keys_text(width, viewer.space, viewer.bodies), width, height)
+            self._keys.draw()
+        elif not self._keys_seen:
+            self._hint.place(hint(viewer.space, viewer.bodies), width, height)
+            self._hint.draw()
+            above = self._hint.height + 8
+        if self.show_graph:
+            self._graph.draw(self.times, above)
+
+    def _draw_numbers(self, now: float) -> int:
+        """Their height in pixels, with a gap."""
+        viewer = self.viewer
+        if now >= self._text_due:
+            self._text_due = now + TEXT_INTERVAL
+            way = f" ({viewer.views[0].vertices.way})" if viewer.space else ""
+            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, way)
+            self._numbers.place(text, viewer.camera.width, viewer.camera.height)
+        self._numbers.draw()
+        return self._numbers.height + 8
+
+    def _draw_hand(self) -> None:
+        """The arrow of the held force."""
+        held, demo, camera = self.demo.hand.held, self.demo, self.viewer.camera
+        if held is None:
+            return
+        place = demo.positions[0][held.particle].astype(float)
+        start = camera.to_window(place)
+        force = demo.force()
+        if held.target is not None:
+            end = camera.to_window(np.array(held.target))
+        else:
+            way = camera.to_window(place + demo.world.scene.grid.spacing * np.array(held.direction)) - start
+            end = start + 70 * way / (np.hypot(*way) or 1.0)
+        if np.isfinite([start, end]).all():
+            self._arrow.draw(tuple(start.tolist()), tuple(end.tolist()), f"{math.hypot(*force):.3g} N")

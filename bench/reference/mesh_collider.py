@@ -1,0 +1,95 @@
+"""A mesh as a collider, in slow, plain NumPy float64: every triangle is looked at, mass by mass, without a tree.
+
+From what model/mesh_collider.py says of it, without model/formulas: in the mesh's frame the first triangle between where a mass
+was and where it is puts it at the thickness on the side it came from; else the nearest point pushes it out to there. Up to
+four times; a mass that has a triangle in its way even then stays where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from model.mesh_collider import MeshCollider
+
+ROUNDS = 4
+SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther than that stays
+EDGE = 1e-12  # of a triangle's coordinates: what counts as on its edge
+
+Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # velocity, surface's, normal -> velocity
+
+
+def first_crossing(corners: np.ndarray, p: np.ndarray, q: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """(part of the way from p to q (3,), unit normal (3,) to p's side) of the first triangle `corners` (n, 3, 3) on it."""
+    a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(one, two)
+    before, after = (((point - a) * normal).sum(axis=1) for point in (p, q))
+    crossed = (before >= 0) != (after >= 0)
+    part = np.where(crossed, before / np.where(crossed, before - after, 1), np.inf)
+    place = p + np.where(crossed, part, 0)[:, None] * (q - p) - a
+    square = (normal**2).sum(axis=1)
+    u = (np.cross(place, two) * normal).sum(axis=1) / square
+    v = (np.cross(one, place) * normal).sum(axis=1) / square
+    part = np.where((np.minimum(u, v) >= -EDGE) & (u + v <= 1 + EDGE), part, np.inf)
+    k = int(part.argmin())
+    if part[k] == np.inf:
+        return None
+    side = 1 if before[k] >= 0 else -1
+    return float(part[k]), side * normal[k] / np.sqrt(square[k])
+
+
+def nearest_point(corners: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(3,): of all triangles `corners` (n, 3, 3) the point nearest to q (3,)."""
+    a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(one, two)
+    square = (normal**2).sum(axis=1, keepdims=True)
+    foot = q - ((q - a) * normal).sum(axis=1, keepdims=True) / square * normal
+    u = (np.cross(foot - a, two) * normal).sum(axis=1) / square[:, 0]
+    v = (np.cross(one, foot - a) * normal).sum(axis=1) / square[:, 0]
+    inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+    places = [np.where(inside[:, None], foot, np.inf)]
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        edge = corners[:, end] - corners[:, start]
+        part = ((q - corners[:, start]) * edge).sum(axis=1) / (edge**2).sum(axis=1)
+        places.append(corners[:, start] + np.clip(part, 0, 1)[:, None] * edge)
+    all_places = np.concatenate(places)
+    found: np.ndarray = all_places[((all_places - q) ** 2).sum(axis=1).argmin()]
+    return found
+
+
+def collide(
+    mesh: MeshCollider, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, begin: float, end: float,
+    touched: Touched,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`."""
+    corners, drift, spin = mesh.position[mesh.triangles], np.array(mesh.velocity), np.array(mesh.spin)
+    then, now = mesh.turn_at(begin), mesh.turn_at(end)
+    old = (before - mesh.origin - drift * begin) @ then
+    new = (position - mesh.origin - drift * end) @ now
+    position, velocity = position.copy(), velocity.copy()
+    low, high = corners.min(axis=(0, 1)) - mesh.thickness, corners.max(axis=(0, 1)) + mesh.thickness
+    near = ((np.minimum(old, new) <= high) & (np.maximum(old, new) >= low)).all(axis=1)
+    for k in np.flatnonzero(near):
+        x, v = new[k], velocity[k] @ now
+        for attempt in range(ROUNDS + 1):
+            reach = mesh.thickness * (SETTLED if attempt else 1)
+            crossed, last = first_crossing(corners, old[k], x), attempt == ROUNDS
+            if crossed and last:
+                x = old[k]
+                v = drift @ now + np.cross(spin, x)
+                break
+            if crossed:
+                part, normal = crossed
+                x = old[k] + part * (x - old[k]) + mesh.thickness * normal
+            else:
+                nearest = nearest_point(corners, x)
+                distance = np.linalg.norm(x - nearest)
+                if last or not 0 < distance < reach:
+                    break
+                normal = (x - nearest) / distance
+                x = nearest + mesh.thickness * normal
+            v = touched(v, drift @ now + np.cross(spin, x), normal)
+        if x is not new[k] or not np.array_equal(v, velocity[k] @ now):
+            position[k], velocity[k] = now @ x + mesh.origin + drift * end, now @ v
+    return position, velocity

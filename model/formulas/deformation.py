@@ -1,0 +1,167 @@
+"""Clusters that do more than turn: the linear map nearest to their particles, and creep. Matrices are 9 numbers by rows.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 and 4.5. With A = sum m (x - c) rest'
+and G = (sum m rest rest')^-1, the map is F = A G; bent offsets Sp rest have the moments A Sp' and the map F Sp^-1. Goals are
+T Sp rest, T of `blended`, from the centre: why momentum is kept is said in model/clusters.py, `deformations`.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+
+LEAST_VOLUME = 0.125  # of that at rest, below which the linear map's part falls to 0 with the volume
+# a cluster's constants: see model/cluster_tables.py, `shape_table`
+SHAPE = 12  # numbers: three quads
+S_INVERSE, S_LINEAR, S_THRESHOLD, S_CREEP, S_LIMIT = 0, 6, 7, 8, 9
+
+# counted as in rotation.py
+OPERATIONS_GRADIENT = 45
+OPERATIONS_LINEAR = 94  # of a cluster, besides
+OPERATIONS_PLASTIC = 92 + 45 + 45 + 215  # undone, moments, goals, creep
+
+SMALLEST, LARGEST = 1e-12, 1e12  # volumes between which the cube root is right to rounding
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`."""
+    zero, one, two = real(0), real(1), real(2)
+    half, fuller = real(0.5), real(1 / LEAST_VOLUME)
+    smallest, largest = real(SMALLEST), real(LARGEST)
+    least = real(64 * np.finfo(real).eps)  # a volume that is not rounding
+
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def product(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, bxx, bxy, bxz, byx, byy, byz, bzx, bzy, bzz):
+        """A B."""
+        return (
+            dot(axx, axy, axz, bxx, byx, bzx), dot(axx, axy, axz, bxy, byy, bzy), dot(axx, axy, axz, bxz, byz, bzz),
+            dot(ayx, ayy, ayz, bxx, byx, bzx), dot(ayx, ayy, ayz, bxy, byy, bzy), dot(ayx, ayy, ayz, bxz, byz, bzz),
+            dot(azx, azy, azz, bxx, byx, bzx), dot(azx, azy, azz, bxy, byy, bzy), dot(azx, azy, azz, bxz, byz, bzz),
+        )  # fmt: skip
+
+    @compiled
+    def bent(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz):
+        """The moments with Sp rest for rest: A Sp'."""
+        return product(
+            axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, pxx, pyx, pzx, pxy, pyy, pzy, pxz, pyz, pzz
+        )  # fmt: skip
+
+    @compiled
+    def gradient(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, gxx, gxy, gxz, gyy, gyz, gzz):
+        """F = A G."""
+        return product(
+            axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, gxx, gxy, gxz, gxy, gyy, gyz, gxz, gyz, gzz
+        )  # fmt: skip
+
+    @compiled
+    def minor(a, b, c, d):
+        return a * d - b * c
+
+    @compiled
+    def determinant(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        return (xx * minor(yy, yz, zy, zz) - xy * minor(yx, yz, zx, zz)) + xz * minor(yx, yy, zx, zy)
+
+    @compiled
+    def cube_root(volume):
+        """Of a number from SMALLEST to LARGEST. y = (v y)^(1/4) three times takes the error of ln y from 9.3 to 0.15; E.
+        Halley's steps, which cube it, to rounding. By root and quotient alone, for the same bits everywhere."""
+        y = one
+        for _ in range(3):
+            y = sqrt(sqrt(volume * y))
+        for _ in range(3):
+            cube = (y * y) * y
+            y = y * ((cube + two * volume) / (two * cube + volume))
+        return y
+
+    @compiled
+    def undone(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz):
+        """F Sp^-1, by cofactors; Sp has the volume 1 to rounding."""
+        s = one / determinant(pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz)
+        return product(
+            fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz,
+            s * minor(pyy, pyz, pzy, pzz), s * minor(pxz, pxy, pzz, pzy), s * minor(pxy, pxz, pyy, pyz),
+            s * minor(pyz, pyx, pzz, pzx), s * minor(pxx, pxz, pzx, pzz), s * minor(pxz, pxx, pyz, pyx),
+            s * minor(pyx, pyy, pzx, pzy), s * minor(pxy, pxx, pzy, pzx), s * minor(pxx, pxy, pyx, pyy),
+        )  # fmt: skip
+
+    @compiled
+    def mixed(a, f, b, r):
+        return a * f + b * r
+
+    @compiled
+    def blended(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz, linear):
+        """T = b F / cbrt(det F) + (1 - b) R, b = `linear`, which falls to 0 with a volume below LEAST_VOLUME; R itself
+        where F is flat or mirrored."""
+        volume = determinant(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz)
+        part = linear * min(one, fuller * volume) if volume > zero else zero
+        a, b = part / cube_root(min(max(volume, smallest), largest)), one - part
+        return (
+            mixed(a, fxx, b, rxx), mixed(a, fxy, b, rxy), mixed(a, fxz, b, rxz),
+            mixed(a, fyx, b, ryx), mixed(a, fyy, b, ryy), mixed(a, fyz, b, ryz),
+            mixed(a, fzx, b, rzx), mixed(a, fzy, b, rzy), mixed(a, fzz, b, rzz),
+        )  # fmt: skip
+
+    @compiled
+    def away(more, factor, other):
+        """An entry of I + k (Sp - I) or of Sp + k E Sp."""
+        return more + factor * other
+
+    @compiled
+    def kept_volume(xx, xy, xz, yx, yy, yz, zx, zy, zz, limit):
+        """(I + D over cbrt of its volume, 9 numbers, whether there is one), D cut to the length `limit`."""
+        length = sqrt(
+            (dot(xx, yy, zz, xx, yy, zz) + dot(xy, xz, yz, xy, xz, yz)) + dot(yx, zx, zy, yx, zx, zy)
+        )  # fmt: skip
+        k = limit / length if length > limit else one
+        xx, xy, xz = away(one, k, xx), k * xy, k * xz
+        yx, yy, yz = k * yx, away(one, k, yy), k * yz
+        zx, zy, zz = k * zx, k * zy, away(one, k, zz)
+        volume = determinant(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+        found = (volume > least) & (volume < largest)
+        s = one / cube_root(volume if found else one)
+        return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz, found
+
+    @compiled
+    def strain(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz):
+        """S - I (xx, xy, xz, yy, yz, zz), S the symmetric part of R' F."""
+        return (
+            dot(rxx, ryx, rzx, fxx, fyx, fzx) - one,
+            half * (dot(rxx, ryx, rzx, fxy, fyy, fzy) + dot(rxy, ryy, rzy, fxx, fyx, fzx)),
+            half * (dot(rxx, ryx, rzx, fxz, fyz, fzz) + dot(rxz, ryz, rzz, fxx, fyx, fzx)),
+            dot(rxy, ryy, rzy, fxy, fyy, fzy) - one,
+            half * (dot(rxy, ryy, rzy, fxz, fyz, fzz) + dot(rxz, ryz, rzz, fxy, fyy, fzy)),
+            dot(rxz, ryz, rzz, fxz, fyz, fzz) - one,
+        )  # fmt: skip
+
+    @compiled
+    def crept(exx, exy, exz, eyy, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz, threshold, share, limit):
+        """Sp after an iteration: (I + `share` E) Sp where the strain E is over `threshold`, cut to `limit`, its volume kept;
+        Sp itself, to the bit, under it. Lengths are Frobenius'."""
+        length = sqrt(dot(exx, eyy, ezz, exx, eyy, ezz) + two * dot(exy, exz, eyz, exy, exz, eyz))
+        mxx, mxy, mxz, myx, myy, myz, mzx, mzy, mzz = product(
+            exx, exy, exz, exy, eyy, eyz, exz, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz
+        )
+        xx, xy, xz, yx, yy, yz, zx, zy, zz, found = kept_volume(
+            away(pxx, share, mxx) - one, away(pxy, share, mxy), away(pxz, share, mxz), away(pyx, share, myx),
+            away(pyy, share, myy) - one, away(pyz, share, myz), away(pzx, share, mzx), away(pzy, share, mzy),
+            away(pzz, share, mzz) - one, limit,
+        )  # fmt: skip
+        go = found & (length > threshold) & (share > zero)
+        return (
+            xx if go else pxx, xy if go else pxy, xz if go else pxz,
+            yx if go else pyx, yy if go else pyy, yz if go else pyz,
+            zx if go else pzx, zy if go else pzy, zz if go else pzz,
+        )  # fmt: skip
+
+    return SimpleNamespace(
+        product=product, bent=bent, gradient=gradient, determinant=determinant, cube_root=cube_root, undone=undone,
+        blended=blended, strain=strain, crept=crept,
+    )  # fmt: skip

@@ -1,0 +1,89 @@
+"""Damping of the motion inside a cluster: velocities go towards the rigid motion that has the cluster's momenta.
+
+M. Mueller et al., "Position Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5: with r = x - c, L = sum m r x v and I =
+sum m (r.r - r r'), the spin is omega = I^-1 L and v += k (v_c + omega x r - v). Linear momentum is kept as sum m r = 0 and
+sum m v = M v_c, angular momentum as sum m r x (omega x r) = I omega = L: for any k, if a cluster sums and moves the same
+split masses. A particle of several clusters goes the sum of its ways, each of a factor share (1 - exp(-d h)).
+
+Sums are over d = x - x' and u = v - v' from the cluster's first particle and have the order of cluster.py; those about the
+centre follow, as sum m r x u = sum m d x u - (sum m d) x (sum m u) / M.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+
+MOMENTA = 15  # of a cluster: mass times way and pace, by axis; d x (m u); m d d' (xx, yy, zz, xy, xz, yz)
+MOTION = 9  # numbers of a cluster's motion: its centre, its velocity there, its spin
+OPERATIONS_MEMBER = 6 + 6 + 15 + 18  # of an entry
+OPERATIONS_MOTION = 15 * 15 + 90  # of a cluster
+OPERATIONS_SLOWED = 30  # of an entry
+LEAST = 1024  # eps: the least pivot of I over its trace, so that rounding turns nothing that lies along a line
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`."""
+    least, tiny = real(LEAST * float(np.finfo(real).eps)), real(4 * np.finfo(real).tiny)
+
+    @compiled
+    def weighted(mass, value, first):
+        """Mass times a difference from the first particle, one axis."""
+        return mass * (value - first)
+
+    @compiled
+    def turned(total, a, b, c, d):
+        """A component of a cross product added to."""
+        return total + (a * b - c * d)
+
+    @compiled
+    def added(total, way, other):
+        return total + way * other
+
+    @compiled
+    def less(moment, a, b, inverse_mass):
+        """A second moment about the centre instead of the first particle."""
+        return moment - (a * b) * inverse_mass
+
+    @compiled
+    def crossed(moment, a, b, c, d, inverse_mass):
+        return moment - (a * b - c * d) * inverse_mass
+
+    @compiled
+    def solved(xx, xy, xz, yy, yz, zz, x, y, z):
+        """I^-1 L by Cholesky's decomposition, pivots being no less than LEAST of the trace: along a line, about which nothing
+        can spin, 0."""
+        floor = max(least * ((xx + yy) + zz), tiny)
+        first = max(xx, floor)
+        lower_y, lower_z = xy / first, xz / first
+        second = max(yy - lower_y * xy, floor)
+        rest = yz - lower_y * xz
+        lower = rest / second
+        third = max((zz - lower_z * xz) - lower * rest, floor)
+        middle = y - lower_y * x
+        oz = ((z - lower_z * x) - lower * middle) / third
+        oy = middle / second - lower * oz
+        return (x / first - lower_y * oy) - lower_z * oz, oy, oz
+
+    @compiled
+    def motion(wx, wy, wz, ux, uy, uz, lx, ly, lz, xx, yy, zz, xy, xz, yz, inverse_mass, px, py, pz, vx, vy, vz):
+        """(centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, of the sums and the first particle's place and
+        velocity."""
+        k = inverse_mass
+        xx, yy, zz = less(xx, wx, wx, k), less(yy, wy, wy, k), less(zz, wz, wz, k)
+        xy, xz, yz = less(xy, wx, wy, k), less(xz, wx, wz, k), less(yz, wy, wz, k)
+        ox, oy, oz = solved(
+            yy + zz, -xy, -xz, xx + zz, -yz, xx + yy, crossed(lx, wy, uz, wz, uy, k), crossed(ly, wz, ux, wx, uz, k),
+            crossed(lz, wx, uy, wy, ux, k),
+        )  # fmt: skip
+        return px + wx * k, py + wy * k, pz + wz * k, vx + ux * k, vy + uy * k, vz + uz * k, ox, oy, oz
+
+    @compiled
+    def slowed(total, factor, pace, a, b, c, d, velocity):
+        """The ways [m/s] of a particle to its clusters' motions, one axis: `pace` + (a b - c d), of spin and place."""
+        return total + factor * ((pace + (a * b - c * d)) - velocity)
+
+    return SimpleNamespace(weighted=weighted, turned=turned, added=added, solved=solved, motion=motion, slowed=slowed)

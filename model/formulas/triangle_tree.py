@@ -1,0 +1,280 @@
+"""Masses against a mesh of triangles: its tree of boxes, the first triangle on a mass's way, the nearest point, the answer.
+
+Everything happens in the mesh's own frame: the mass's way leads from where it was, seen from the mesh as it was, to where it
+is, seen from the mesh as it is, so that a mesh that moves or turns sweeps masses along. Triangles have two sides and no
+inside. A triangle faces a point by the sign of n.(p - a), of one formula and 0 counted as its front: whoever ends a step on a
+side begins the next one there. Of a way that leads across an edge, both triangles ask for the same product of the edge with
+opposite signs (R. Segura and F. Feito, "Algorithms to test ray-triangle intersection", WSCG 2001), so that in `exact` math no
+way slips between two triangles; where products are fused, ways that miss by that rounding count as crossing, too.
+
+The tree is one array of numbers: nodes of NODE numbers in depth-first order, the bounds of a box, how many nodes the walk has
+to go on with where the box is passed by, and a triangle or -1; then triangles, 9 numbers each. A walk needs no stack: it goes
+to the next node, or skips (B. Smits, "Efficiency issues for ray tracing", Journal of Graphics Tools 3, 1998).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+from model.formulas.cloth import make as make_cloth
+from model.formulas.colliders import make as make_colliders
+from model.formulas.motion import make as make_motion
+
+NODE, CORNERS = 8, 9  # numbers of a node, of a triangle
+ROUNDS = (
+    4  # how often a mass is moved, at most, before it is asked whether it may stay: two folds, each looked at twice
+)
+SETTLED = 1 - 2.0**-6  # of the thickness: who was moved and is not nearer than that, stays
+NEAR = (
+    2.0**-10
+)  # of the thickness: from there on the way to the nearest point is mostly rounding, and its triangle decides
+SLACK = 8  # eps: what rounding can make of the product of an edge that a way meets
+
+
+def make(real, compiled=plain):
+    """`crossing` and `way_from`, of one triangle; `first_crossing` and `nearest`, of a tree; `settle`, of a mass in the
+    mesh's frame; `touch`, of a mass. In the arithmetic `real`."""
+    zero, one, two = real(0), real(1), real(2)
+    slack, settled, near = real(SLACK * float(np.finfo(real).eps)), real(SETTLED), real(NEAR)
+    sums = make_cloth(real, compiled)
+    moved, between, pushed, cross = sums.moved, sums.between, sums.pushed, sums.cross
+    respond, sine_cosine = make_colliders(real, compiled).respond, make_motion(real, compiled).sine_cosine
+
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def largest(x, y, z):
+        return max(max(abs(x), abs(y)), abs(z))
+
+    @compiled
+    def crossing(px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
+        """The part of the way from p to q after which it crosses the triangle a, b, c; 2 where it does not.
+
+        A line meets the triangle where its products with all three edges have one sign.
+        """
+        dx, dy, dz = qx - px, qy - py, qz - pz
+        nx, ny, nz = cross(bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az)
+        before = dot(nx, ny, nz, px - ax, py - ay, pz - az)
+        after = dot(nx, ny, nz, qx - ax, qy - ay, qz - az)
+        if (before >= zero) == (after >= zero):
+            return two
+        ax, ay, az = ax - px, ay - py, az - pz
+        bx, by, bz = bx - px, by - py, bz - pz
+        cx, cy, cz = cx - px, cy - py, cz - pz
+        ux, uy, uz = cross(ax, ay, az, bx, by, bz)
+        vx, vy, vz = cross(bx, by, bz, cx, cy, cz)
+        wx, wy, wz = cross(cx, cy, cz, ax, ay, az)
+        one_edge, other, third = dot(dx, dy, dz, ux, uy, uz), dot(dx, dy, dz, vx, vy, vz), dot(dx, dy, dz, wx, wy, wz)
+        size = max(max(largest(ax, ay, az), largest(bx, by, bz)), largest(cx, cy, cz))
+        miss = slack * (largest(dx, dy, dz) * (size * size))
+        low, high = min(min(one_edge, other), third), max(max(one_edge, other), third)
+        if low < -miss and high > miss:
+            return two
+        return before / (before - after)
+
+    @compiled
+    def from_edge(x, y, z, ex, ey, ez):
+        """(squared length, way) to a point from the nearest point of an edge e, from whose start it lies at (x, y, z)."""
+        squared, part = dot(ex, ey, ez, ex, ey, ez), zero
+        if squared > zero:
+            part = min(max(dot(x, y, z, ex, ey, ez) / squared, zero), one)
+        wx, wy, wz = x - part * ex, y - part * ey, z - part * ez
+        return dot(wx, wy, wz, wx, wy, wz), wx, wy, wz
+
+    @compiled
+    def way_from(qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
+        """(squared length [m^2], way [m]) to q from the nearest point of the triangle a, b, c.
+
+        Where q lies above the triangle, along its normal; else from the nearest edge.
+        """
+        abx, aby, abz = bx - ax, by - ay, bz - az
+        bcx, bcy, bcz = cx - bx, cy - by, cz - bz
+        cax, cay, caz = ax - cx, ay - cy, az - cz
+        ax, ay, az = qx - ax, qy - ay, qz - az
+        bx, by, bz = qx - bx, qy - by, qz - bz
+        cx, cy, cz = qx - cx, qy - cy, qz - cz
+        nx, ny, nz = cross(abx, aby, abz, bcx, bcy, bcz)
+        squared = dot(nx, ny, nz, nx, ny, nz)
+        ux, uy, uz = cross(abx, aby, abz, ax, ay, az)
+        vx, vy, vz = cross(bcx, bcy, bcz, bx, by, bz)
+        wx, wy, wz = cross(cax, cay, caz, cx, cy, cz)
+        least = min(min(dot(nx, ny, nz, ux, uy, uz), dot(nx, ny, nz, vx, vy, vz)), dot(nx, ny, nz, wx, wy, wz))
+        if least >= zero and squared > zero:
+            height = dot(nx, ny, nz, ax, ay, az) / squared
+            nx, ny, nz = height * nx, height * ny, height * nz
+            return dot(nx, ny, nz, nx, ny, nz), nx, ny, nz
+        best, wx, wy, wz = from_edge(ax, ay, az, abx, aby, abz)
+        other, ux, uy, uz = from_edge(bx, by, bz, bcx, bcy, bcz)
+        if other < best:
+            best, wx, wy, wz = other, ux, uy, uz
+        other, ux, uy, uz = from_edge(cx, cy, cz, cax, cay, caz)
+        if other < best:
+            best, wx, wy, wz = other, ux, uy, uz
+        return best, wx, wy, wz
+
+    @compiled
+    def first_crossing(numbers, tree, px, py, pz, qx, qy, qz):
+        """(part of the way from p to q, place of the triangle that it crosses first or -1). `tree`: where the root lies.
+
+        Of the nodes, those whose boxes meet the way's own box; of two triangles crossed at once, the first in the tree.
+        """
+        low_x, low_y, low_z = min(px, qx), min(py, qy), min(pz, qz)
+        high_x, high_y, high_z = max(px, qx), max(py, qy), max(pz, qz)
+        count, node = np.int32(numbers[tree + 6]), np.int32(0)
+        best, place = two, np.int32(-1)
+        while node < count:
+            at = np.int32(tree + (node << 3))
+            if (
+                numbers[at] <= high_x
+                and numbers[at + 3] >= low_x
+                and numbers[at + 1] <= high_y
+                and numbers[at + 4] >= low_y
+                and numbers[at + 2] <= high_z
+                and numbers[at + 5] >= low_z
+            ):
+                triangle = np.int32(numbers[at + 7])
+                if triangle >= 0:
+                    t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
+                    part = crossing(
+                        px, py, pz, qx, qy, qz, numbers[t], numbers[t + 1], numbers[t + 2], numbers[t + 3],
+                        numbers[t + 4], numbers[t + 5], numbers[t + 6], numbers[t + 7], numbers[t + 8],
+                    )  # fmt: skip
+                    if part < best:
+                        best, place = part, t
+                node = np.int32(node + 1)
+            else:
+                node = np.int32(numbers[at + 6])
+        return best, place
+
+    @compiled
+    def outside(low, x, high):
+        """How far x lies outside an interval."""
+        return max(max(low - x, x - high), zero)
+
+    @compiled
+    def nearest(numbers, tree, x, y, z, squared_reach):
+        """(squared distance, the way from the nearest point, place of its triangle or -1 where none is within reach)."""
+        count, node = np.int32(numbers[tree + 6]), np.int32(0)
+        best, place, wx, wy, wz = squared_reach, np.int32(-1), zero, zero, zero
+        while node < count:
+            at = np.int32(tree + (node << 3))
+            dx = outside(numbers[at], x, numbers[at + 3])
+            dy = outside(numbers[at + 1], y, numbers[at + 4])
+            dz = outside(numbers[at + 2], z, numbers[at + 5])
+            if dot(dx, dy, dz, dx, dy, dz) < best:
+                triangle = np.int32(numbers[at + 7])
+                if triangle >= 0:
+                    t = np.int32(tree + (count << 3) + (triangle << 3) + triangle)
+                    squared, ux, uy, uz = way_from(
+                        x, y, z, numbers[t], numbers[t + 1], numbers[t + 2], numbers[t + 3], numbers[t + 4],
+                        numbers[t + 5], numbers[t + 6], numbers[t + 7], numbers[t + 8],
+                    )  # fmt: skip
+                    if squared < best:
+                        best, place, wx, wy, wz = squared, t, ux, uy, uz
+                node = np.int32(node + 1)
+            else:
+                node = np.int32(numbers[at + 6])
+        return best, wx, wy, wz, place
+
+    @compiled
+    def facing(numbers, t, x, y, z):
+        """The unit normal of the triangle at place t, to the side that a point lies on."""
+        ax, ay, az = numbers[t], numbers[t + 1], numbers[t + 2]
+        nx, ny, nz = cross(
+            numbers[t + 3] - ax, numbers[t + 4] - ay, numbers[t + 5] - az, numbers[t + 6] - ax, numbers[t + 7] - ay,
+            numbers[t + 8] - az,
+        )  # fmt: skip
+        length = sqrt(dot(nx, ny, nz, nx, ny, nz))
+        if dot(nx, ny, nz, x - ax, y - ay, z - az) < zero:
+            length = -length
+        return nx / length, ny / length, nz / length
+
+    @compiled
+    def settle(
+        numbers, tree, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz,
+    ):  # fmt: skip
+        """(whether the mesh was met, x, y, z, vx, vy, vz) of a mass on its way from a to (x, y, z), in the mesh's frame.
+
+        `s`: rad/s at which the mesh turns; `u`: its velocity. A triangle in the way puts the mass at `thickness` on the side
+        it comes from, where it would have crossed; the nearest point of the mesh pushes it out to `thickness`. Who was moved
+        is looked at again, ROUNDS times; if even then a triangle lies between where it was and where it is, it stays where
+        it was: so that from step to step no mass changes sides.
+        """
+        met, reach = False, thickness
+        for attempt in range(ROUNDS + 1):
+            part, place = first_crossing(numbers, tree, ax, ay, az, x, y, z)
+            nx, ny, nz = zero, zero, zero
+            if place >= 0 and attempt == ROUNDS:
+                cx, cy, cz = cross(sx, sy, sz, ax, ay, az)
+                return True, ax, ay, az, ux + cx, uy + cy, uz + cz
+            if place >= 0:
+                nx, ny, nz = facing(numbers, place, ax, ay, az)
+                x = pushed(between(ax, x, part), thickness, nx)
+                y = pushed(between(ay, y, part), thickness, ny)
+                z = pushed(between(az, z, part), thickness, nz)
+            else:
+                squared, nx, ny, nz, place = nearest(numbers, tree, x, y, z, reach * reach)
+                if place < 0 or attempt == ROUNDS:
+                    break
+                distance = sqrt(squared)
+                if distance > near * thickness:
+                    nx, ny, nz = nx / distance, ny / distance, nz / distance
+                else:
+                    nx, ny, nz = facing(numbers, place, x, y, z)
+                depth = thickness - distance
+                x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
+            cx, cy, cz = cross(sx, sy, sz, x, y, z)
+            vx, vy, vz = respond(vx, vy, vz, ux + cx, uy + cy, uz + cz, nx, ny, nz, static, dynamic)
+            met, reach = True, settled * thickness
+        return met, x, y, z, vx, vy, vz
+
+    @compiled
+    def turned(x, y, z, ux, uy, uz, sine, cosine):
+        """(x, y, z) turned about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
+        tx, ty, tz = cross(ux, uy, uz, x, y, z)
+        nx, ny, nz = cross(ux, uy, uz, tx, ty, tz)
+        lifted = one - cosine
+        return x + (sine * tx + lifted * nx), y + (sine * ty + lifted * ny), z + (sine * tz + lifted * nz)
+
+    @compiled
+    def touch(
+        numbers, tree, thickness, static, dynamic, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, begin, end,
+        ax, ay, az, px, py, pz, vx, vy, vz,
+    ):  # fmt: skip
+        """(px, py, pz, vx, vy, vz) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at `end`.
+
+        `o`: the mesh's origin at time 0; `q`: its velocity; `e`: the unit axis about which it turns, at `spin` [rad/s] or
+        `turns` [1/s]. A mesh that does not turn is met without a rounding of directions; who does not meet it, unchanged.
+        """
+        ax, ay, az = ax - moved(ox, qx, begin), ay - moved(oy, qy, begin), az - moved(oz, qz, begin)
+        ox, oy, oz = moved(ox, qx, end), moved(oy, qy, end), moved(oz, qz, end)
+        x, y, z = px - ox, py - oy, pz - oz
+        wx, wy, wz = vx, vy, vz
+        sine, cosine = zero, one
+        if spin != zero:
+            sine, cosine = sine_cosine(turns * begin)
+            ax, ay, az = turned(ax, ay, az, ex, ey, ez, -sine, cosine)
+            sine, cosine = sine_cosine(turns * end)
+            x, y, z = turned(x, y, z, ex, ey, ez, -sine, cosine)
+            wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, -sine, cosine)
+            qx, qy, qz = turned(qx, qy, qz, ex, ey, ez, -sine, cosine)
+        met, x, y, z, wx, wy, wz = settle(
+            numbers, tree, thickness, static, dynamic, spin * ex, spin * ey, spin * ez, qx, qy, qz, ax, ay, az, x, y, z,
+            wx, wy, wz,
+        )  # fmt: skip
+        if not met:
+            return px, py, pz, vx, vy, vz
+        if spin != zero:
+            x, y, z = turned(x, y, z, ex, ey, ez, sine, cosine)
+            wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, sine, cosine)
+        return ox + x, oy + y, oz + z, wx, wy, wz
+
+    return SimpleNamespace(
+        crossing=crossing, way_from=way_from, first_crossing=first_crossing, nearest=nearest, settle=settle, touch=touch
+    )
