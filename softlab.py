@@ -144,7 +144,7 @@ def demo(
     settings: Settings = None,
     frames: Annotated[int | None, typer.Option(help="Close after so many frames.")] = None,
 ) -> None:
-    """Show a scene in a window: G toggles gravity, the mouse pokes a mass."""
+    """Show a scene in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
     from app.viewer import run_demo
     from model.errors import SceneError
 

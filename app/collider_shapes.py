@@ -15,7 +15,7 @@ RINGS, SECTORS = 20, 64  # of half a ball: flat enough that no edge shows
 GROUND_STEPS = 8  # of the ground's height over the scene's size: it moves seldom, not with the lowest mass
 GROUND_GAP = 0.03  # of the scene's size, between the lowest mass and the ground
 
-EDGE = np.radians(40.0)  # between a facet and the surface around a vertex, from where on an edge is drawn sharp
+EDGE = np.radians(30.0)  # between a facet and the surface around a vertex, from where on an edge is drawn sharp
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -121,7 +121,7 @@ def surface_mesh(collider: MeshCollider) -> Mesh:
     _, place = np.unique(collider.position, axis=0, return_inverse=True)
     vertex = place.reshape(-1)[collider.triangles].ravel()
     around = np.stack([np.bincount(vertex, np.repeat(axis, 3)) for axis in facets.T], axis=1)
-    around /= np.maximum(np.linalg.norm(around, axis=1), np.finfo(float).tiny)[:, None]
+    around = around / np.maximum(np.linalg.norm(around, axis=1), np.finfo(float).tiny)[:, None]
     facets /= np.linalg.norm(facets, axis=1)[:, None]
     own, smooth = np.repeat(facets, 3, axis=0), around[vertex]
     normals = np.where(np.einsum("ij,ij->i", own, smooth)[:, None] > np.cos(EDGE), smooth, own)

@@ -23,6 +23,7 @@ from model.simulation import Simulation
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip
+ROUGHNESS = 0.6  # of a surface in glTF: about as dull as the lab draws it
 NUMBER = re.compile(r"\{frame(?::(?:0[1-9]\d?)?d)?\}")
 
 
@@ -134,7 +135,7 @@ def _ply(pieces: Sequence[Piece]) -> bytes:
 
 
 def _glb(pieces: Sequence[Piece]) -> bytes:
-    """A node for each; colours in linear light, as glTF 2.0, section 3.7.2.1, has them."""
+    """A node for each; colours in linear light, as glTF 2.0, sections 3.7.2.1 and 3.9.2, has them."""
     import trimesh
 
     scene = trimesh.Scene()
@@ -148,9 +149,13 @@ def _geometry(piece: Piece) -> Any:
 
     colour = _bytes(tuple(map(linear, piece.colour)))
     if piece.triangles is not None:
+        # a material for each: without one a surface is of metal and has one side
+        material = trimesh.visual.material.PBRMaterial(
+            name=piece.name, baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=ROUGHNESS, doubleSided=True
+        )
         return trimesh.Trimesh(
             piece.vertices, piece.triangles, vertex_normals=piece.normals, process=False,
-            vertex_colors=np.tile(colour, (len(piece.vertices), 1)),
+            visual=trimesh.visual.TextureVisuals(material=material),
         )  # fmt: skip
     if piece.lines:
         from trimesh.path import Path3D

@@ -8,6 +8,7 @@ from app import colours
 
 FRAMES = 120  # that are shown
 BAR, HEIGHT = 2, 64  # pixels
+STICK_OUT = 3  # frames that may be longer than the graph is high: one that compiled something would flatten the others
 BUDGET = 1 / 60  # s: a frame's time on most displays, where the line is
 WIDTH = FRAMES * BAR
 
@@ -25,9 +26,9 @@ class FrameTimes:
 
     @property
     def range(self) -> float:
-        """Seconds from the bottom to the top: a power of two of two frames' time, so that the line is always at half of it,
-        a quarter ... and the longest frame fits."""
-        longest = float(self.seconds.sum(axis=1).max())
+        """Seconds from the bottom to the top: two frames' time by a power of two, so that the line lies at a half, a quarter
+        ..., and all but STICK_OUT of the frames fit."""
+        longest = float(np.sort(self.seconds.sum(axis=1))[-1 - STICK_OUT])
         return 2 * BUDGET * 2.0 ** max(0, int(np.ceil(np.log2(max(longest, BUDGET) / (2 * BUDGET)))))
 
     def image(self) -> np.ndarray:
@@ -84,7 +85,7 @@ class FrameGraph:
         self._texture.blit_into(pyglet.image.ImageData(WIDTH, HEIGHT, "RGBA", times.image().tobytes()), 0, 0, 0)
         self._back.position = (left - 8, bottom - 8)
         self._sprite.position = (left, bottom, 0)
-        self._top.text = f"{1e3 * times.range:.3g}"
+        self._top.text = f"{1e3 * times.range:.0f} ms"
         self._top.position = (left + WIDTH + 6, bottom + HEIGHT - 8, 0)
         self._budget.position = (left + WIDTH + 6, bottom + HEIGHT * BUDGET / times.range - 4, 0)
         for x, head in zip((0, 78, 132), self._heads, strict=True):

@@ -106,4 +106,9 @@ class Overlay:
             way = camera.to_window(place + demo.world.scene.grid.spacing * np.array(held.direction)) - start
             end = start + 70 * way / (np.hypot(*way) or 1.0)
         if np.isfinite([start, end]).all():
-            self._arrow.draw(tuple(start.tolist()), tuple(end.tolist()), f"{math.hypot(*force):.3g} N")
+            self._arrow.draw(tuple(start.tolist()), tuple(end.tolist()), force_text(math.hypot(*force)))
+
+
+def force_text(newtons: float) -> str:
+    """A force in words: three digits or more."""
+    return f"{newtons:.0f} N" if 1000 <= newtons < 1e6 else f"{newtons:.3g} N"

@@ -1,11 +1,12 @@
 """Laws that bodies are held against: spin that is lost by a formula, momenta in free flight, rest after a drop.
 
 SPIN: a rigid body, one cluster, turns about a principal axis. A substep takes the angle D of the last one to
-atan2(sin D, 2 - cos D), the first being atan(omega h): matching takes the rotation nearest to 2 R - R_before, and what of that
-is no rotation is lost. Iterations cannot mend it, substeps do, at first order.
+atan2(sin D, 2 - cos D), the first being atan(omega h): matching takes the rotation nearest to 2 R - R_before, and what
+of that is no rotation is lost. Iterations cannot mend it, substeps do, at first order.
 FLIGHT: a soft body is thrown, spinning. Split masses keep the linear momentum to rounding; the angular one is lost as a
 rigid body's.
-DROP: a soft body falls on a plane and lies still after ten seconds: its kinetic energy is under STILL of that of the drop.
+DROP: a soft body falls on a plane. It lies still when its kinetic energy is under STILL of that of the drop; nothing damps it
+but friction, the step itself, and what comes back from the plane.
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Me
         position, velocity = (np.asarray(array, dtype=np.float64) for array in (state.position, state.velocity))
         if law == DROP:
             energy = 0.5 * float(np.sum(mass[:, None] * velocity**2))
-            return {ENERGY: (energy / (mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
+            return {ENERGY: (energy / float(mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
         spin = angular_momentum(position, velocity, mass)
         before = angular_momentum(crowd.position, crowd.velocity, mass)
         found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}

@@ -5,29 +5,22 @@ A projection is one constraint in one iteration: constraints x iterations x subs
 springs of 4, 8 or 12 neighbours, 10 substeps of 10 or of 1 iteration, by coloured Gauss-Seidel and by Jacobi. Beside it the
 scenes of bench/published.py, whose published times are of a step.
 
-Timed as bench/timing.py says: checked states, interleaved, resumable.
+Timed as bench/case_timing.py says.
 """
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from app.driver import open_simulation
-from bench.machine import enter_machine, gpu_simulated, source_revision
-from bench.progress import progress_bar
+from bench.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
 from bench.published import NEWTON_ITERATION, PUBLISHED
-from bench.results import Measure, configuration
+from bench.results import Measure
 from bench.store import Store
-from bench.sweep import backends_here, host_of, source_hash
-from bench.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
-from model.errors import Diverged, SceneError
+from bench.sweep import backends_here
+from model.errors import SceneError
 from model.scene import Scene, load_scene
-from model.simulation import PRECISIONS
 from model.xpbd_plan import constraint_count
 
 STAGE = "projections"  # of the samples in the store
@@ -41,48 +34,17 @@ NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural",
 ORDERINGS = ("gauss-seidel", "jacobi")
 BUDGETS = ((10, 10), (10, 1))  # substeps, iterations
 REPEATS, QUICK_REPEATS = 7, 3
-SAMPLE_SECONDS, MOST_SAMPLE = 0.05, 3.0
 
 
-@dataclass(frozen=True)
-class Case:
-    """One configuration, and the description and source hash by which the store knows it."""
-
-    scene: Scene
-    backend: str
-    description: dict[str, Any]
-    sources: str
-
-    @property
-    def projections(self) -> int:
-        """Of a step."""
-        method = self.scene.method
-        return constraint_count(self.scene) * method.substeps * method.iterations
-
-    def __str__(self) -> str:
-        grid, method = self.scene.grid, self.scene.method
-        return (
-            f"{grid.rows} x {grid.columns}, {method.ordering}, {method.substeps} x {method.iterations}, {self.backend}"
-        )
+def projections_of(scene: Scene) -> int:
+    """Of a step."""
+    return constraint_count(scene) * scene.method.substeps * scene.method.iterations
 
 
-@dataclass
-class ProjectionsSummary:
-    """What `run_projections` did: configurations timed now, and found in the store; those that could not run."""
-
-    machine: str
-    run: str = ""
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    skipped: list[str] | None = None
-    interrupted: bool = False
-
-    def __str__(self) -> str:
-        text = f"projections: {self.measured} timed, {self.held} held in the store, {self.seconds:.0f} s"
-        for reason in self.skipped or ():
-            text += f"\n  left out: {reason}"
-        return text + ("\n  interrupted: the same command resumes" if self.interrupted else "")
+def label_of(scene: Scene) -> str:
+    """`64 x 64, jacobi, 10 x 1`."""
+    grid, method = scene.grid, scene.method
+    return f"{grid.rows} x {grid.columns}, {method.ordering}, {method.substeps} x {method.iterations}"
 
 
 def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: int) -> Scene:
@@ -102,10 +64,8 @@ def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: 
     )  # fmt: skip
 
 
-def make_case(scene: Scene, backend: str, precision: str) -> Case:
-    """One configuration, described as the store holds it."""
-    description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
-    return Case(scene, backend, description, source_hash(backend))
+def case_of(scene: Scene, backend: str, precision: str) -> Case:
+    return make_case(scene, backend, precision, label_of(scene))
 
 
 def groups(
@@ -118,7 +78,7 @@ def groups(
         for size in tuple(sizes) if sizes is not None else usual:
             found.append(
                 [
-                    make_case(sheet(size, neighbours, ordering, *budget), backend, precision)
+                    case_of(sheet(size, neighbours, ordering, *budget), backend, precision)
                     for precision in precisions
                     for neighbours in ((4, 12) if quick else NEIGHBOURS)
                     for budget in BUDGETS
@@ -126,8 +86,15 @@ def groups(
                 ]
             )
         if sizes is None and not quick:
-            found += [[make_case(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
+            found += [[case_of(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
     return found
+
+
+def measured(case: Case, step: float, kernel: str) -> Measured:
+    """What is told of a case whose step took so many seconds."""
+    yield STEP, step, "s", "the median"
+    yield KERNEL, None, "", kernel
+    yield RATE, projections_of(case.scene) / step, "1/s", None
 
 
 def run_projections(
@@ -139,79 +106,19 @@ def run_projections(
     precisions: Sequence[str] = ("float32",),
     progress: bool = True,
     command: str = "softlab projections",
-) -> ProjectionsSummary:
+) -> Summary:
     """Time what the store lacks of the cases, and say what was done. Ctrl-C ends cleanly.
 
     `quick`: two sizes, 4 and 12 neighbours, nothing published. Raises SceneError (a size or precision that cannot be),
     BackendUnavailable, InputError (the store).
     """
-    begin = time.perf_counter()
     here = backends_here(backends)
     for size in sizes or ():
         if size < 2:
             raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
-    for precision in precisions:
-        if precision not in PRECISIONS:
-            raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
-    repeats = QUICK_REPEATS if quick else REPEATS
-    summary = ProjectionsSummary(enter_machine(store), skipped=[])
-    everything = groups(here, quick, sizes, precisions)
-    missing = [[case for case in group if not _held(store, case, summary.machine, repeats)] for group in everything]
-    missing = [group for group in missing if group]
-    summary.held = sum(map(len, everything)) - sum(map(len, missing))
-    try:
-        if missing:
-            summary.run = store.start_run(summary.machine, command, source_revision())
-            with progress_bar(progress) as bar:
-                task = bar.add_task("projections", total=sum(map(len, missing)))
-                for group in missing:
-                    bar.update(task, description=str(group[0]))
-                    _time(store, summary, group, repeats)
-                    bar.advance(task, len(group))
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
-
-
-def _held(store: Store, case: Case, machine: str, repeats: int) -> bool:
-    key = case.description, machine, case.sources
-    return store.has_measure(*key, RATE) and store.sample_count(*key, STAGE) >= repeats
-
-
-def _time(store: Store, summary: ProjectionsSummary, group: Sequence[Case], repeats: int) -> None:
-    """Time one group in turn, and store its samples and rates."""
-    with ExitStack() as stack:
-        subjects = []
-        for case in group:
-            simulation = stack.enter_context(
-                open_simulation(case.scene, case.backend, precision=case.description["precision"])
-            )
-            subject = Subject(simulation, case)
-            try:
-                warm_up(subject)
-                choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
-            except Diverged as error:
-                assert summary.skipped is not None
-                summary.skipped.append(f"{case}: {error}")
-                continue
-            subjects.append(subject)
-        taken: dict[int, list[float]] = {}
-        for subject, sample in interleaved(subjects, [repeats] * len(subjects), Neighbours()):
-            case = subject.name
-            marks = [sample.suspect, "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None]
-            key = summary.run, case.description, case.sources
-            store.add_sample(
-                *key, sample.seconds, sample.steps, stage=STAGE, suspect="; ".join(filter(None, marks)) or None
-            )
-            times = taken.setdefault(id(subject), [])
-            times.append(sample.seconds / sample.steps)
-            if len(times) == repeats:
-                step = statistics.median(times)
-                store.add_measure(*key, STEP, step, "s", f"median of {repeats}")
-                store.add_measure(*key, KERNEL, None, "", subject.simulation.kernel)
-                store.add_measure(*key, RATE, case.projections / step, "1/s", None)
-                summary.measured += 1
+    check_precisions(precisions)
+    timing = Timing(STAGE, QUICK_REPEATS if quick else REPEATS, measured, RATE)
+    return timing.run(store, groups(here, quick, sizes, precisions), progress=progress, command=command)
 
 
 # ---------------------------------------------------------------------- what the store says

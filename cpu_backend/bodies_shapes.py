@@ -11,7 +11,8 @@ from model.formulas import deformation
 from model.formulas.cluster import LANES
 from model.formulas.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 
-AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8  # of the clusters' arrays: tables, plastic strains, those after this iteration; flat
+# where the clusters' arrays have tables, plastic strains, and those after this iteration, all flat
+AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8
 ENTRIES = 9
 
 

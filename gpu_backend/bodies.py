@@ -17,6 +17,7 @@ from numba import cuda
 
 from gpu_backend.bodies_kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.bodies_links import make_link_projection
+from gpu_backend.bodies_material import ClusterMaterial
 from gpu_backend.cloth_kernels import make_cloth_tools
 from gpu_backend.cloth_point import COLLIDER_COUNTS, INTEGERS, knows_time
 from gpu_backend.device import memory_info, require_gpu, simulated
@@ -118,6 +119,9 @@ class Bodies(QuadSimulation):
             self._on_device(starts), self._on_device(clusters.owner[self._own]), self._own_members, self._frames
         )  # fmt: skip
 
+        variant = real, self.options.math
+        self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
+        self._material.change(scene.method)
         links = self.scene.crowd.links
         if links.count:
             self._link_ends, self._link_values = self._on_device(links.ends.T), self._on_device(self._of_links())
@@ -137,15 +141,17 @@ class Bodies(QuadSimulation):
 
     # ------------------------------------------------------------------ kernels
 
+    def _kernel_parts(self) -> frozenset[str]:
+        found = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
+        return found | {"pins"} if "spare" in found else found  # what is parked stays
+
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
         variant = self.real, self.options.math
-        self._parts = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
-        if "spare" in self._parts:
-            self._parts |= {"pins"}  # what is parked stays
+        self._parts = self._kernel_parts()
         self._tools, self._cluster_kernels = make_cloth_tools(self.real), make_bodies_clusters(*variant)
         self._ends = make_bodies_ends(*variant, self._parts)
-        self._contact_ends = make_contact_ends(*variant, self._parts) if self.contacts else None
+        self._contact_ends: Any = make_contact_ends(*variant, self._parts) if self.contacts else None
         self._project_links = make_link_projection(*variant) if "links" in self._parts else None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, self._stages())
@@ -154,18 +160,23 @@ class Bodies(QuadSimulation):
         if not simulated():
             self._upload(self.body.position, self.body.velocity)  # all in one place would all meet
             self._advance_steps(0, 1)
+            if self.contacts:
+                self.contacts.forget()
             self._cluster_kernels.move[self._flat](self.position[0], *self._gathered)
             cuda.synchronize()
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
-    def _match(self, position: Any, turned: Any) -> None:
-        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames."""
+    def _match(self, position: Any, turned: Any, look: bool = False) -> None:
+        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames. A `look` at
+        the state makes nothing creep."""
         blocks = max(1, -(-self.clusters.count // TOGETHER))
         self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
-        self._cluster_kernels.turn[self._over(self.clusters.count)](
-            position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
-        )
+        arrays = position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
+        if self._material.shaped:
+            self._material.turn(self._over(self.clusters.count), look, *arrays)
+        else:
+            self._cluster_kernels.turn[self._over(self.clusters.count)](*arrays)
 
     def _link(self, position: Any, number: int, fresh: bool) -> None:
         """The links of a colour; `fresh`: the first time in a substep."""
@@ -197,11 +208,22 @@ class Bodies(QuadSimulation):
                 self._cluster_kernels.move[self._flat](now, *self._gathered)
                 self.contacts.project(before, now)
         last = self.record, self.bodies, self.integers, *time
-        if self.contacts:
-            assert self._contact_ends is not None
+        if self._material.damped:
+            self._damp(before, now, new_velocity)
+            slowing = self._material.slowing(self._gathered)
+            self._material.ends.finish[self._flat](before, now, new_velocity, *slowing, *last)
+        elif self.contacts:
             self._contact_ends.finish[self._flat](before, now, new_velocity, self.contacts.record, *last)
         else:
             self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
+
+    def _damp(self, before: Any, now: Any, velocity: Any) -> None:
+        """Velocities of a substep whose last goals are known, and the clusters' rigid motions of them."""
+        if self.contacts:
+            self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
+        else:
+            self._material.ends.rate[self._flat](before, now, velocity, *self._gathered, self.record)
+        self._material.gather(now, velocity, self._entries, self._leans)
 
     def _launch(self, parity: int, steps: int) -> None:
         self._current = parity
@@ -214,7 +236,8 @@ class Bodies(QuadSimulation):
         """Of a step."""
         method, contacts = self.scene.method, self.contacts
         iteration = 3 + self.scene.crowd.links.colours + (contacts.projecting if contacts else 0)
-        return method.substeps * (1 + iteration * method.iterations + (1 + contacts.finding if contacts else 0))
+        ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
+        return method.substeps * (ends + iteration * method.iterations)
 
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
@@ -232,7 +255,6 @@ class Bodies(QuadSimulation):
 
         def update(step: int, offset: float) -> None:
             if self.contacts:
-                assert self._contact_ends is not None
                 self._contact_ends.update_velocity[flat](before, position, velocity, self.contacts.record, self.record)
             else:
                 stage.update_velocity[flat](before, position, velocity, self.record)
@@ -240,6 +262,10 @@ class Bodies(QuadSimulation):
         def collide(step: int, offset: float) -> None:
             number = np.int64(step * substeps + now["substep"])
             stage.collide[flat](before, position, velocity, self.record, self.bodies, self.integers, number)
+
+        def damp(step: int, offset: float) -> None:
+            self._material.gather(position, velocity, self._entries, self._leans)
+            self._material.ends.slow[flat](position, velocity, *self._material.slowing(self._gathered))
 
         def link(number: int) -> Callable[[int, float], None]:
             def run(step: int, offset: float) -> None:
@@ -258,6 +284,7 @@ class Bodies(QuadSimulation):
             "find neighbours": lambda step, offset: self.contacts and self.contacts.find(position),
             "project contacts": lambda step, offset: self.contacts and self.contacts.project(before, position),
             "update velocity": update,
+            "damp clusters": damp,
             "collide": collide,
         }
 
@@ -271,15 +298,18 @@ class Bodies(QuadSimulation):
     def _keep(self) -> None:
         super()._keep()
         self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
+        self._material.keep()
 
     def _restore(self) -> None:
         super()._restore()
         self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
+        self._material.restore()
 
     def _parameters_changed(self) -> None:
         if self.scene.crowd.links.count:
             self._link_values.copy_to_device(self._of_links().reshape(-1), stream=self.stream)
         self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
+        self._material.change(self.scene.method)
         if self.contacts:
             self.contacts.change(self.scene)
         super()._parameters_changed()
@@ -292,9 +322,20 @@ class Bodies(QuadSimulation):
         start[:, 0] = 1
         self.rotation.copy_to_device((start if rotation is None else rotation).reshape(-1), stream=self.stream)
         if rotation is None:
-            self._match(self.position[self._current], self.rotation)
+            self._match(self.position[self._current], self.rotation, look=True)
         self.synchronize()
 
+    def _download_plastic(self) -> np.ndarray | None:
+        self.synchronize()
+        return self._material.download()
+
+    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
+        self._material.upload(plastic)
+
+    def _read_deformation(self) -> np.ndarray:
+        self._match(self.position[self._current], self.turned, look=True)
+        return np.ascontiguousarray(self._quads(self._frames).reshape(-1, ROWS, SIZE)[:, :, :AXES])
+
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        self._match(self.position[self._current], self.turned)
+        self._match(self.position[self._current], self.turned, look=True)
         return self._quads(self.turned), self._quads(self._frames).reshape(-1, ROWS, SIZE)[:, :, 3].copy()

@@ -43,8 +43,8 @@ def particle_contact_bytes(scene: Scene, item: int) -> int:
 
 
 class ParticleContacts:
-    """The neighbours of each particle: `found` (particles,) int32, how many; `neighbours` (MOST_NEIGHBOURS * particles,) int32,
-    the s-th of particle i in place s * particles + i. `before`, `position`: quads of particles and their weights, on the
+    """The neighbours of each particle: `found` (particles,) int32, how many; `neighbours` (MOST_NEIGHBOURS * particles,), the
+    s-th of particle i in place s * particles + i. `before`, `position`: quads of particles and their weights, on the
     device."""
 
     def __init__(self, scene: Scene, real: Any, math: str, stream: Any):
@@ -96,7 +96,9 @@ class ParticleContacts:
     @property
     def lost(self) -> int:
         """How many neighbours were beyond the MOST_NEIGHBOURS of a particle, over all substeps so far."""
-        return int(self._lost.copy_to_host(stream=self._stream)[0])
+        host = self._lost.copy_to_host(stream=self._stream)
+        cuda.synchronize()
+        return int(host[0])
 
     def forget(self) -> None:
         """Nothing was lost so far."""

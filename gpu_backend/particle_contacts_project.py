@@ -39,9 +39,10 @@ from model.particle_contact_record import (
 
 @cache
 def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool, many: bool) -> SimpleNamespace:
-    """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad of
-    its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record, body,
-    kind, kinds, touching)`: particles, in place."""
+    """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
+    of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
+    body, kind, kinds, touching)`: particles, in place. `rubbing`, `sticking`: whether code for friction, adhesion is there;
+    `own`, `many`: as in `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
@@ -110,7 +111,9 @@ def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool,
 
     words = ("rubbing" * rubbing, "sticking" * sticking, f"own{own:d}", f"many{many:d}")
     variant, options = f"particle_contacts_{variant_name(real, math, *words)}", kernel_options(math)
-    return SimpleNamespace(count=make_kernel(count, variant, **options), project=make_kernel(project, variant, **options))
+    return SimpleNamespace(
+        count=make_kernel(count, variant, **options), project=make_kernel(project, variant, **options)
+    )
 
 
 @cache

@@ -26,6 +26,7 @@ from labbook import (
     comparison_claims,
     convergence_claims,
     costs_claims,
+    crowd_claims,
     findings_claims,
     hard_claims,
     kernel_claims,
@@ -53,12 +54,13 @@ CHAPTERS = (
     "hard",
     "ablation",
     "cloth",
+    "bodies",
 )
 CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
-        stability_claims, hard_claims, ablation_claims, cloth_claims,
+        stability_claims, hard_claims, ablation_claims, cloth_claims, crowd_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip

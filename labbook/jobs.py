@@ -59,6 +59,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
     from bench.convergence import run_convergence
+    from bench.crowds import run_crowds
     from bench.findings import run_findings
     from bench.findings_costs import run_costs
     from bench.hard import run_hard
@@ -85,6 +86,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
             _told(console, run_costs(store, command=command))
             _told(console, run_convergence(store, command=command))
             _told(console, run_projections(store, command=command))
+            _told(console, run_crowds(store, command=command))
         console.rule("stability: where it breaks")
         _told(console, run_stability(store, quick=quick, command=command))
         if not quick:

@@ -15,6 +15,7 @@ from plots import (
     ablation,
     bandwidth,
     convergence,
+    crowds,
     findings_damping,
     findings_determinism,
     findings_dissipation,
@@ -66,6 +67,7 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "ablation": ablation.draw,
     "projections": projections.draw,
     "published": projections.draw_published,
+    "crowds": crowds.draw,
     "hard-states": hard.draw_states,
     "hard-verdicts": hard.draw_verdicts,
 }
@@ -95,6 +97,7 @@ TITLES = {
     "ablation": ablation.TITLE,
     "projections": projections.TITLE,
     "published": projections.PUBLISHED_TITLE,
+    "crowds": crowds.TITLE,
     "hard-states": hard.STATES_TITLE,
     "hard-verdicts": hard.VERDICTS_TITLE,
 }

@@ -7,23 +7,27 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from bodies_scenes import METHOD, PLANE, TORUS, beams_and_torus
+from bodies_scenes import BEAM, METHOD, PLANE, TORUS, beams_and_torus
 from closed_meshes import rotation
 from fake_cloth import FakeCloth, open_fake
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 from test_viewer import Window, display, needs_display  # noqa: F401
 
 from app import colours
+from app.camera3d import Camera3D
 from app.collider_shapes import grounds, shadow_matrix
 from app.controls import BODY_KEYS, KEYS, hint, keys_text
 from app.demo import Demo
-from app.demo_report import numbers_text
+from app.demo_report import masses_text, numbers_text
 from app.hand import neighbour
+from app.mouse import SpaceMouse
 from app.offscreen import OffscreenRenderer, render_frame
+from app.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
 from app.scenery import KEY
 from app.skinning import ClusterFrames, of_quaternions
 from model.errors import InputError
@@ -213,6 +217,65 @@ def test_bad_shapes_are_refused_and_diverged_states_drawn(tmp_path: Path) -> Non
     assert render_frame(SCENE, BENT, tmp_path / "bodies.png", 160, 120).exists()
 
 
+@pytest.mark.usefixtures("drawing")
+def test_clusters_are_spheres_at_their_middles_seen_through_the_skin() -> None:
+    with renderer_of(SCENE, lines=True) as renderer:
+        view: Any = renderer._view
+        renderer.fit(BENT)
+        renderer.draw(BENT)
+        before = renderer.image()
+        view.toggle_clusters()
+        renderer.draw(BENT)
+        image = renderer.image()
+        middles = CROWD.clusters.centres(BENT)
+        places, depth = renderer.camera.project(middles)
+        seen = [
+            number
+            for number in range(len(middles))
+            if not ((np.hypot(*(places - places[number]).T) < 12) & (depth < depth[number])).any()
+        ]
+        own = cluster_colours(CROWD)
+        matches = [looks_like(near(image, renderer, middles[number], 0), own[number]) for number in seen]
+        assert np.mean(matches) > 0.8 and len(seen) > 10  # of some a particle lies before it
+        assert (image != before).any()
+        view.toggle_skin()
+        assert view.skin and view.particles and view.clusters
+        view.toggle_particles()
+        renderer.draw(BENT)
+        assert (renderer.image() != image).any()
+        view.toggle_clusters()
+        renderer.draw(BENT)
+        assert (view.particles, view.skin, view.clusters) == (False, True, False)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_particles_are_coloured_by_body_group_and_cluster() -> None:
+    scene = beams_and_torus(beam=BEAM | {"group": 5}, torus=TORUS | {"group": 5}, contact={})
+    middle = int(np.flatnonzero(CROWD.body == 1)[0])
+    with renderer_of(scene, lines=True) as renderer:
+        view: Any = renderer._view
+        renderer.fit(CROWD.position)
+        nearest = int(np.argmax(np.where(CROWD.body == 1, CROWD.position @ renderer.camera.axes[2], -np.inf)))
+        for colouring in (*COLOURINGS, COLOURINGS[0]):
+            assert view.colouring == colouring
+            renderer.draw(CROWD.position)
+            expected = particle_colours(scene, colouring)[nearest]
+            assert looks_like(near(renderer.image(), renderer, CROWD.position[nearest], 0), expected), colouring
+            view.next_colouring()
+    by_body, by_group = (particle_colours(scene, colouring) for colouring in ("body", "group"))
+    assert (by_group == np.float32(colours.BODIES[0])).all()  # one group
+    np.testing.assert_array_equal(by_body[middle], np.float32(colours.BODIES[1]))
+
+
+def test_a_particle_has_the_colour_of_the_cluster_it_is_in_the_middle_of() -> None:
+    found, clusters = nearest_clusters(CROWD), CROWD.clusters
+    for particle in range(0, CROWD.particle_count, 7):
+        entries = np.flatnonzero(clusters.indices == particle)
+        away = np.linalg.norm(CROWD.position[particle] - clusters.rest_centre[clusters.owner[entries]], axis=1)
+        assert found[particle] in clusters.owner[entries]
+        assert np.linalg.norm(CROWD.position[particle] - clusters.rest_centre[found[particle]]) <= away.min() + 1e-12
+
+
 # ---------------------------------------------------------------------- the demo
 
 
@@ -230,15 +293,26 @@ def test_a_frame_takes_a_frames_time(demo: Demo) -> None:
     assert demo.steps_per_frame == 10
 
 
-def test_a_particle_is_pulled_by_what_it_weighs(demo: Demo) -> None:
-    light, heavy = (int(np.flatnonzero(CROWD.body == number)[0]) for number in (0, 2))
-    forces = []
-    for particle in (light, heavy):
-        assert demo.take(particle, demo.positions[0][particle] + (0.0, 0.1, 0.0))
-        forces.append(np.linalg.norm(demo.force()))
-        demo.release()
-    assert forces[1] / forces[0] == pytest.approx(CROWD.clusters.mass[heavy] / CROWD.clusters.mass[light], rel=1e-5)
-    assert demo.message == f"particle {heavy} of torus selected"
+def test_the_particle_under_the_pointer_is_taken_between_others_too(demo: Demo) -> None:
+    """What a skin hides between two particles that are seen 40 pixels apart."""
+    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True)
+    viewer.pyglet = SimpleNamespace(window=SimpleNamespace(mouse=SimpleNamespace(LEFT=1, MIDDLE=2, RIGHT=4)))
+    mouse = SpaceMouse(viewer)
+    particle = int(np.flatnonzero(CROWD.body == 2)[np.argmax(CROWD.position[CROWD.body == 2] @ viewer.camera.axes[2])])
+    viewer.camera._aim(CROWD.position[particle])
+    viewer.camera.distance = SCENE.bodies["torus"].particle_spacing * viewer.camera.focal / 40
+    mouse.press(600 + 14.0, 450 + 14.0, 1)  # 20 pixels away, and half of what lies between the particles
+    held = demo.hand.held
+    assert held is not None and CROWD.body[held.particle] == 2 and mouse.pointer == (614.0, 464.0)
+    mouse.drag(700.0, 500.0, 86.0, 36.0)
+    mouse.pull()
+    target = np.array(demo.hand.held.target)  # type: ignore[union-attr,arg-type]
+    np.testing.assert_allclose(viewer.camera.to_window(target), (700, 500), atol=1e-6)
+    assert abs((target - demo.positions[0][held.particle]) @ viewer.camera.axes[2]) < 1e-6  # in the plane of the window
+    mouse.release(1)
+    assert demo.hand.held is None
+    mouse.press(600 + 300.0, 450.0 + 300.0, 1)  # beside it: turns the view
+    assert demo.hand.held is None and mouse._moving == 1
 
 
 def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> None:
@@ -263,13 +337,17 @@ def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> Non
 def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
     text = numbers_text(demo, 0.02, 0.01)
     assert f"{CROWD.particle_count} particles in {CROWD.clusters.count} clusters of 3 bodies" in text
-    assert "farthest from its goal" in text and "stiffness" not in text
+    assert "farthest from its goal" in text and "stiffness" not in text and "collider" not in text
+    ball = {"kind": "sphere", "center": [9.0, 0.0, 0.0], "radius": 0.1}
+    assert masses_text(beams_and_torus(**PLANE)).endswith("of 3 bodies, 1 collider")
+    assert masses_text(beams_and_torus(**PLANE, ball=ball)).endswith("of 3 bodies, 2 colliders")
 
 
 def test_the_keys_of_bodies_are_told() -> None:
     wide, narrow = keys_text(1200, True, True), keys_text(400, True, True)
     for text in (wide, narrow):
-        assert all(meaning in text for _, meaning in BODY_KEYS) and "P K" in text
+        assert all(meaning in text for _, meaning in BODY_KEYS) and "P K C" in text
+        assert all(len(meaning) < 32 and len(key) < 8 for key, meaning in BODY_KEYS)
     assert ("{ }", "stiffness / 1.25, x 1.25") in KEYS and "{ }" not in narrow
     assert "P: particles" in hint(True, True) and "P: " not in hint(True) + hint()
 
@@ -306,6 +384,13 @@ def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, d
     try:
         window.wait("the first frames", lambda state: state["frame"] > 3)
         window.xdotool("mousemove", 5, 700)
+        window.key("n")
+        window.key("m")
+        window.wait("a graph, and no numbers", lambda state: state["graph_shown"] and not state["numbers_shown"])
+        for key, name, shown in (("c", "clusters", True), ("c", "clusters", False), ("o", "colouring", "group"),
+                                 ("o", "colouring", "cluster"), ("o", "colouring", "body")):  # fmt: skip
+            window.key(key)
+            window.wait(f"{name} {shown}", lambda state, name=name, shown=shown: state[name] == shown)
         for key, particles, skin in (("p", True, True), ("k", True, False), ("l", False, True)):
             window.key(key)
             window.wait(f"key {key}", lambda state, p=particles, k=skin: (state["particles"], state["skin"]) == (p, k))

@@ -11,10 +11,11 @@ from bench.projections import (
     STAGE,
     STEP,
     beside_published,
+    case_of,
     groups,
-    make_case,
     newton_ratios,
     points,
+    projections_of,
     run_projections,
     sheet,
 )
@@ -51,8 +52,8 @@ def test_a_sheet_is_the_same_cloth_in_any_size(neighbours):
 
 
 def test_a_case_counts_every_constraint_of_every_iteration():
-    case = make_case(sheet(16, 4, "gauss-seidel", 10, 3), "cpu", "float32")
-    assert case.projections == 2 * 16 * 15 * 10 * 3
+    case = case_of(sheet(16, 4, "gauss-seidel", 10, 3), "cpu", "float32")
+    assert projections_of(case.scene) == 2 * 16 * 15 * 10 * 3
 
 
 def test_quick_is_a_part_of_the_whole():
@@ -97,9 +98,9 @@ def _gpu_store(path) -> Store:
     scenes = [(sheet(n, 12, "gauss-seidel", 10, 10), seconds / 10 * 100) for n, seconds in NEWTON_ITERATION.items()]
     scenes += [(entry.ours(), entry.seconds / 5) for entry in PUBLISHED]
     for scene, step in scenes:
-        case = make_case(scene, "gpu", "float32")
+        case = case_of(scene, "gpu", "float32")
         store.add_measure(run, case.description, "s", STEP, step, "s", None)
-        store.add_measure(run, case.description, "s", RATE, case.projections / step, "1/s", None)
+        store.add_measure(run, case.description, "s", RATE, projections_of(case.scene) / step, "1/s", None)
     return store
 
 

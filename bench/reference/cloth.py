@@ -12,6 +12,7 @@ the new position.
 
 from __future__ import annotations
 
+from functools import partial
 from math import floor, sqrt
 from typing import Any
 
@@ -234,7 +235,7 @@ def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np
     return caught, a + np.where(caught, t, 0.0) * way
 
 
-def _touched(velocity: np.ndarray, normal: np.ndarray, collider: Any, surface: Any = None) -> np.ndarray:
+def _touched(collider: Any, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
     """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it (to its `surface`
     [m/s], where that moves in another way)."""
     surface = collider.velocity if surface is None else surface
@@ -258,10 +259,9 @@ def collide(
     free = ~pinned_mask(scene)[..., None]
     for kind, collider in scene.colliders:
         if isinstance(collider, MeshCollider):
-            mesh = collider
+            old, new, speed = (array.reshape(-1, 3) for array in (before, position, velocity))
             settled, answered = mesh_collider.collide(
-                mesh, *(array.reshape(-1, 3) for array in (before, position, velocity)), step * dt, (step + 1) * dt,
-                lambda v, surface, normal, mesh=mesh: _touched(v, normal, mesh, surface),
+                collider, old, new, speed, step * dt, (step + 1) * dt, partial(_touched, collider)
             )  # fmt: skip
             position = np.where(free, settled.reshape(position.shape), position)
             velocity = np.where(free, answered.reshape(position.shape), velocity)
@@ -278,5 +278,5 @@ def collide(
             normal = np.where(caught, _unit(entered)[1], normal)
             touching = touching | caught
         position = np.where(touching & free, settled, position)
-        velocity = np.where(touching & free, _touched(velocity, normal, collider), velocity)
+        velocity = np.where(touching & free, _touched(collider, velocity, normal), velocity)
     return position, velocity

@@ -1,8 +1,8 @@
 """A mesh as a collider, in slow, plain NumPy float64: every triangle is looked at, mass by mass, without a tree.
 
-From what model/mesh_collider.py says of it, without model/formulas: in the mesh's frame the first triangle between where a mass
-was and where it is puts it at the thickness on the side it came from; else the nearest point pushes it out to there. Up to
-four times; a mass that has a triangle in its way even then stays where it was.
+From what model/mesh_collider.py says of it, without model/formulas: in the mesh's frame the first triangle between where a
+mass was and where it is puts it at the thickness on the side it came from; else the nearest point pushes it out to there.
+Four times at most; a mass that has a triangle in its way even then stays where it was.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ROUNDS = 4
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther than that stays
 EDGE = 1e-12  # of a triangle's coordinates: what counts as on its edge
 
-Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # velocity, surface's, normal -> velocity
+Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # velocity, normal, surface's velocity -> velocity
 
 
 def first_crossing(corners: np.ndarray, p: np.ndarray, q: np.ndarray) -> tuple[float, np.ndarray] | None:
@@ -71,13 +71,13 @@ def collide(
     low, high = corners.min(axis=(0, 1)) - mesh.thickness, corners.max(axis=(0, 1)) + mesh.thickness
     near = ((np.minimum(old, new) <= high) & (np.maximum(old, new) >= low)).all(axis=1)
     for k in np.flatnonzero(near):
-        x, v = new[k], velocity[k] @ now
+        x, v, met = new[k], velocity[k] @ now, False
         for attempt in range(ROUNDS + 1):
             reach = mesh.thickness * (SETTLED if attempt else 1)
             crossed, last = first_crossing(corners, old[k], x), attempt == ROUNDS
             if crossed and last:
                 x = old[k]
-                v = drift @ now + np.cross(spin, x)
+                v, met = drift @ now + np.cross(spin, x), True
                 break
             if crossed:
                 part, normal = crossed
@@ -89,7 +89,7 @@ def collide(
                     break
                 normal = (x - nearest) / distance
                 x = nearest + mesh.thickness * normal
-            v = touched(v, drift @ now + np.cross(spin, x), normal)
-        if x is not new[k] or not np.array_equal(v, velocity[k] @ now):
+            v, met = touched(v, normal, drift @ now + np.cross(spin, x)), True
+        if met:
             position[k], velocity[k] = now @ x + mesh.origin + drift * end, now @ v
     return position, velocity

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference import cloth, mass_spring, xpbd
+from bench.reference import cloth, cluster_material, mass_spring, xpbd
 from bench.reference.particle_contacts import Contacts
 from model.clusters import Clusters
 from model.errors import SceneError
@@ -16,11 +16,15 @@ from model.matching import lattice_clusters
 from model.scene import Scene
 
 
-def iterate(clusters: Clusters, position: np.ndarray, h: float, iterations: int) -> np.ndarray:
-    """Position [m] after one of `iterations` of a substep h [s], pins not held: x + sum share b (goal - x)."""
+def iterate(
+    clusters: Clusters, position: np.ndarray, h: float, iterations: int, plastic: np.ndarray | None = None
+) -> np.ndarray:
+    """Position [m] after one of `iterations` of a substep h [s], pins not held: x + sum share b (goal - x); `plastic`: the
+    strains of plastic clusters."""
     with np.errstate(divide="ignore"):
         share = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
-    ways = (clusters.shares * share[clusters.owner])[:, None] * (clusters.goals(position) - position[clusters.indices])
+    ways = clusters.goals(position, plastic) - position[clusters.indices]
+    ways *= (clusters.shares * share[clusters.owner])[:, None]
     moved = position.copy()
     np.add.at(moved, clusters.indices, ways)
     return moved
@@ -66,6 +70,7 @@ def simulate(
     h = method.dt / method.substeps
     fine = scene.replace({"method.dt": h})
     contacts = Contacts(scene) if scene.contact else None
+    plastic = np.tile(np.eye(3), (clusters.count, 1, 1)) if "plastic" in clusters.parts else None
     for step in range(first_step, first_step + steps):
         for substep in range(method.substeps):
             time = (step * method.substeps + substep) * h
@@ -78,12 +83,15 @@ def simulate(
             for _ in range(method.iterations):
                 if len(multipliers):
                     p = linked(scene, p, multipliers)
-                p = np.where(free, iterate(clusters, p, h, method.iterations), p)
+                bent = cluster_material.crept(clusters, p, plastic, h, method.iterations)
+                p = np.where(free, iterate(clusters, p, h, method.iterations, plastic), p)
+                plastic = bent
                 if contacts:
                     p = contacts.sweep(before, p)
             if contacts:
                 p = contacts.ended(before, p)
             v = np.where(free, (p - before) / h, 0.0)
+            v = cluster_material.damped(clusters, p, v, h)
             if scene.colliders:
                 rows = before[None], p[None], v[None]
                 p, v = (array[0] for array in cloth.collide(fine, *rows, step * method.substeps + substep))

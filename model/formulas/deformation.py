@@ -75,7 +75,7 @@ def make(real, compiled=plain):
         Halley's steps, which cube it, to rounding. By root and quotient alone, for the same bits everywhere."""
         y = one
         for _ in range(3):
-            y = sqrt(sqrt(volume * y))
+            y = one * sqrt(one * sqrt(volume * y))  # plain Python's root is a double, which 1 makes a `real` again
         for _ in range(3):
             cube = (y * y) * y
             y = y * ((cube + two * volume) / (two * cube + volume))

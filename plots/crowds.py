@@ -1,0 +1,57 @@
+"""Particles a second of bodies: clusters alone, with contacts, and of a grid."""
+
+from __future__ import annotations
+
+from bench.crowds import CrowdPoint, points
+from plots.data import Results, Source
+from plots.projections import name_of
+from plots.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
+
+TITLE = "Particles of bodies a second"
+LOOKS = {
+    "rigid": ("rigid bodies: one cluster", BLUE, "o"),
+    "soft": ("soft bodies: overlapping clusters", GREEN, "D"),
+    "heap": ("soft bodies in a heap, with contacts", VERMILLION, "^"),
+    "grid": ("jelly grid, a cluster around every mass", ORANGE, "s"),
+}
+LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's clusters
+PRECISION = "float32"
+
+
+def panels(results: Results) -> list[tuple[str, Source, list[CrowdPoint]]]:
+    """(backend, source, points) of the backends that were timed, own machines first, in float32."""
+    found = []
+    for backend in ("cpu", "gpu"):
+        for source in (*results.featured, *results.background):
+            mine = [p for p in points(source.measures) if (p.backend, p.precision) == (backend, PRECISION)]
+            if mine:
+                found.append((backend, source, mine))
+                break
+    return found
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, a panel a backend; or why there is none."""
+    chosen = panels(results)
+    if not chosen:
+        return "bodies were not timed (softlab crowds)"
+    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
+        for kind, (label, colour, marker) in LOOKS.items():
+            for region, line in LINES.items():
+                mine = [p for p in found if (p.kind, p.region) == (kind, region)]
+                if mine:
+                    name = label if line == "-" else None
+                    x, y = [p.particles for p in mine], [p.rate for p in mine]
+                    ax.plot(x, y, line, color=colour, marker=marker, label=name)
+        log_axes(ax)
+        ax.set_xlabel("particles")
+        ax.set_title(name_of(backend, source), fontsize=8)
+    axes[0].set_ylabel("particles x substeps / s")
+    legend_below(figure, axes, columns=2)
+    caption = (
+        "Particles times substeps over the time of a step, float32, one iteration: blobs of about 280 particles that fall "
+        "freely, as soft and as rigid bodies, or into a heap with contacts; and the lab's grid by shape matching, its "
+        "clusters 3 x 3 masses (solid), 5 x 5 (dashed) or 9 x 9 (dotted)."
+    )
+    return Drawing(figure, TITLE, caption, tuple({id(source): source for _, source, _ in chosen}.values()))

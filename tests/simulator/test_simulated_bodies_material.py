@@ -1,0 +1,39 @@
+"""Clusters that stretch, creep and are damped, in plain Python: to the bits of the CPU, stage by stage and step by step."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from bodies_scenes import end_state, of_all_materials, opened, same
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("leave_out", [(), ("cluster_damping",), ("linear", "cluster_damping")])
+def test_the_bits_of_the_cpu(leave_out: Any, precision: str) -> None:
+    scene = of_all_materials(leave_out)
+    host = end_state(scene, poked=True, precision=precision)
+    assert host.plastic is not None and np.abs(host.plastic - np.eye(3)).max() > 0.01
+    for kernel in ("launch", "stages"):
+        device = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel)
+        assert same(host, device) and np.array_equal(host.plastic, device.plastic), kernel
+
+
+def test_states_deformations_and_a_new_dt() -> None:
+    scene = of_all_materials()
+    half = end_state(scene, "gpu", steps=2)
+    with opened(scene, "gpu", initial=half) as device, opened(scene, initial=half) as host:
+        for simulation in (device, host):
+            simulation.advance(1)
+            simulation.rewind()
+            simulation.set("method.dt", 0.02)
+            simulation.advance(2)
+        assert same(device.state(), host.state())
+        for name in ("rotation", "centre", "deformation", "plastic"):
+            assert np.array_equal(device.read(name), host.read(name)), name
+        assert np.array_equal(device.state().plastic, host.state().plastic)  # reading makes nothing creep
