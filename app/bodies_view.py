@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from app import body_shaders, colours
+from app import body_shaders, colours, shaders3d
 from app.camera3d import Camera3D
 from app.opengl import shader_program
 from app.particle_colours import COLOURINGS, cluster_colours, particle_colours
@@ -18,7 +18,7 @@ from app.skinning import ClusterFrames
 from app.skins import ClusterTexture, Skins
 from app.smooth_target import SAMPLES
 from app.space_view import SpaceView
-from app.vertex_arrays import POSITION, delete_all, static_buffer, uniform_matrix, vertex_array
+from app.vertex_arrays import POSITION, delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
 from model.scene import Scene
 from model.simulation import Simulation
 
@@ -31,12 +31,13 @@ SKIN_SHINE, PARTICLE_SHINE = 0.16, 0.10
 
 class BodiesView(SpaceView):
     """See SpaceView. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
-    skin. `clusters`: their middles, too. `colouring`: what gives particles their colours, of COLOURINGS."""
+    skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
+    colours, of COLOURINGS."""
 
     def __init__(self, scene: Scene, samples: int = SAMPLES):
         super().__init__(scene, samples)
         crowd = scene.crowd
-        self.particles, self.skin, self.clusters = False, True, False
+        self.particles, self.skin, self.clusters, self.links = False, True, False, False
         self.colouring = COLOURINGS[0]
         self.frames = ClusterFrames(scene)
         number = str(len(colours.BODIES))
@@ -55,8 +56,13 @@ class BodiesView(SpaceView):
             static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, middles.astype(np.float32))
         ]
         self._spheres = self._sphere_array(self.vertices.position_buffer, self._buffers[0])
-        self._middles = self._sphere_array(*self._buffers[2:])
+        self._middles = self._sphere_array(*self._buffers[2:4])
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1])
+        ends = np.concatenate([copy.first_particle + copy.baked.links for copy in crowd.copies]).astype(np.uint32)
+        self._buffers.append(static_buffer(ends))
+        self._link_ends = ends.size
+        self._lines = vertex_array(self.vertices.position_buffer, self._buffers[-1])
+        self._line_program = shader_program(shaders3d.VERTEX, shaders3d.LINE_FRAGMENT)
         self._skins = [Skins(list(copies)) for _, copies in groupby(crowd.copies, key=lambda copy: copy.name)]
         self._cluster_texture = ClusterTexture(crowd.clusters.count)
         self._constants()
@@ -136,6 +142,10 @@ class BodiesView(SpaceView):
         """Show or hide the middles of the clusters."""
         self.clusters = not self.clusters
 
+    def toggle_links(self) -> None:
+        """Show or hide the links, if there are any."""
+        self.links = not self.links and self._link_ends > 0
+
     def toggle_lines(self) -> bool:
         """Particles in place of the skin, or the skin in place of them; whether it is particles now."""
         self.particles, self.skin = not self.lines, self.lines
@@ -159,6 +169,8 @@ class BodiesView(SpaceView):
     # ------------------------------------------------------------------ the picture
 
     def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
+        if self.links:
+            self._draw_links(camera)
         if self._inside:
             self._draw_spheres(camera)
         else:
@@ -167,7 +179,17 @@ class BodiesView(SpaceView):
     @property
     def _inside(self) -> bool:
         """Whether something is to be seen through the skin."""
-        return self.particles or self.clusters
+        return self.particles or self.clusters or self.links
+
+    def _draw_links(self, camera: Camera3D) -> None:
+        from pyglet import gl
+
+        program = self._line_program
+        program.use()
+        program["transform"], program["toward"] = uniform_matrix(camera.matrix()), 0.0
+        program["colour"] = colours.INK
+        draw_elements(self._lines, gl.GL_LINES, self._link_ends)
+        program.stop()
 
     def _draw_spheres(self, camera: Camera3D) -> None:
         from pyglet import gl
@@ -178,7 +200,7 @@ class BodiesView(SpaceView):
         if smooth:
             gl.glEnable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
         if self.particles:
-            program["size"] = SMALL if self.skin or self.clusters else 1.0
+            program["size"] = SMALL if self.skin or self.clusters or self.links else 1.0
             self._draw_squares(self._spheres, self.scene.grid.particle_count)
         if self.clusters:
             program["size"] = 1.0
@@ -238,7 +260,7 @@ class BodiesView(SpaceView):
 
     def delete(self) -> None:
         """Free the buffers."""
-        delete_all([self._spheres, self._middles, self._points], self._buffers)
+        delete_all([self._spheres, self._middles, self._points, self._lines], self._buffers)
         for skins in self._skins:
             skins.delete()
         self._cluster_texture.delete()

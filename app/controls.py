@@ -41,7 +41,7 @@ SPACE_KEYS = (
 BODY_KEYS = (  # without springs there is no stiffness to change
     *KEYS[:2],
     *KEYS[3:8],
-    ("P K C", "particles, skin, clusters"),
+    ("P K C I", "particles, skin, clusters, links"),
     ("L", "particles or skin"),
     ("O", "colour by body, group, cluster"),
     ("mouse", "drag a body: pull it"),
@@ -71,7 +71,7 @@ def hint(space: bool = False, bodies: bool = False) -> str:
 def keys_text(width: int, space: bool = False, bodies: bool = False) -> str:
     """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
     one of bodies."""
-    lines = [f"{key:8}{meaning:32}" for key, meaning in (BODY_KEYS if bodies else SPACE_KEYS if space else KEYS)]
+    lines = [f"{key:8}{meaning:33}" for key, meaning in (BODY_KEYS if bodies else SPACE_KEYS if space else KEYS)]
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2
         lines = [left + right for left, right in zip_longest(lines[:half], lines[half:], fillvalue="")]
@@ -101,6 +101,7 @@ class Controls:
             key.P: viewer.toggle_particles,
             key.K: viewer.toggle_skin,
             key.C: viewer.toggle_clusters,
+            key.I: viewer.toggle_links,
             key.O: viewer.next_colouring,
             key.ENTER: demo.press_key,
             key.NUM_ENTER: demo.press_key,

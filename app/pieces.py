@@ -87,7 +87,8 @@ def collider_pieces(scene: Scene, position: np.ndarray, time: float) -> Iterator
         name, moved = names[id(collider)], time * np.array(collider.velocity)
         mesh = collider_mesh(collider)
         if mesh is not None:
-            yield Piece(name, mesh.vertices + moved, colours.COLLIDER, mesh.triangles, mesh.normals)
+            vertices, normals = mesh.turned(time) if mesh.turns else (mesh.vertices, mesh.normals)
+            yield Piece(name, vertices + moved, colours.COLLIDER, mesh.triangles, normals)
         elif isinstance(collider, Plane):
             across, along, normal = plane_axes(collider.normal)
             middle = position.mean(axis=0)

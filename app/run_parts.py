@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from model.mesh_collider import MeshCollider
 from model.scene import Scene
 from model.simulation import Simulation, State
 
@@ -17,6 +18,12 @@ def body_lines(scene: Scene) -> list[str]:
         times = f" (x {part.count})" if part.count > 1 else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
     return lines
+
+
+def collider_lines(scene: Scene) -> list[str]:
+    """What became of the meshes that masses collide with."""
+    parts = [(name, scene.parts[name]) for name, kind in scene.kinds.items() if kind == "mesh_collider"]
+    return [f"{name}: {line}" for name, part in parts if isinstance(part, MeshCollider) for line in part.lines()]
 
 
 def bodies_report(scene: Scene) -> dict[str, Any]:

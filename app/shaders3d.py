@@ -23,6 +23,14 @@ void main() {
 }
 """
 
+LINE_FRAGMENT = """#version 330 core
+uniform vec3 colour;
+out vec4 pixel;
+void main() {
+    pixel = vec4(colour, 1.0);
+}
+"""
+
 SURFACE_VERTEX = """#version 330 core
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;

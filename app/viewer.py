@@ -91,6 +91,13 @@ class Viewer:
         if self.bodies:
             self._show(lambda view: view.toggle_clusters())
 
+    def toggle_links(self) -> None:
+        """I: the links of bodies."""
+        if self.bodies:
+            self._show(lambda view: view.toggle_links())
+            if not any(len(copy.baked.links) for copy in self.demo.world.scene.crowd.copies):
+                self.demo.say("these bodies have no links")
+
     def next_colouring(self) -> None:
         """O: particles coloured by body, by group, by cluster."""
         if self.bodies:
@@ -102,7 +109,7 @@ class Viewer:
     def _show(self, change: Callable[[Any], object]) -> None:
         for view in self.views:
             change(view)
-        inside = " and ".join(name for name in ("particles", "clusters") if getattr(self.views[0], name))
+        inside = " and ".join(name for name in ("particles", "clusters", "links") if getattr(self.views[0], name))
         self.demo.say(" behind the ".join(word for word in (inside, "skin" if self.views[0].skin else "") if word))
 
     def ask_for_screenshot(self) -> None:
@@ -208,7 +215,7 @@ class Viewer:
         if self.space:
             shown |= {"lines": self.views[0].lines, "way": self.views[0].vertices.way}
         if self.bodies:
-            names = ("particles", "skin", "clusters", "colouring")
+            names = ("particles", "skin", "clusters", "links", "colouring")
             shown |= {name: getattr(self.views[0], name) for name in names}
         return demo_state(self.demo, self.camera) | self.camera.told() | shown
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.layout import aligned_zeros
-from cpu_backend.particle_contacts_find import AXES, BOX, PLACES, SCRATCH, WHOLE_SCRATCH, make_find
+from cpu_backend.particle_contacts_find import AXES, BOX, PLACES, ROOM, make_find
 from cpu_backend.particle_contacts_project import make_project
 from model.formulas.cluster import LANES
 from model.particle_contact_record import (
@@ -42,8 +42,8 @@ class ParticleContacts:
         boxes, table, totals, begins, active, self._lost = numbers
         buckets, starts = np.zeros(count, np.int32), np.zeros(cells + 1, np.int32)
         tables = np.zeros(AXES * count, np.int32), boxes, table, buckets, starts, totals
-        order, bodies, rooms = (np.zeros(n, np.int32) for n in (ahead, ahead, WHOLE_SCRATCH * bands))
-        in_order = order, aligned_zeros(PLACES * ahead, real), bodies, rooms, aligned_zeros(SCRATCH * bands, real)
+        order, bodies, rooms = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
+        in_order = order, aligned_zeros(PLACES * ahead, real), bodies, rooms
         who, many, entries, pairs, acting = (np.zeros(n, np.int32) for n in (count, count, most, most, most))
         self._found = who, many, entries, pairs, begins, active, self._lost
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)

@@ -14,7 +14,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
+from numba import prange, types
+from numba.extending import intrinsic
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
@@ -35,11 +36,21 @@ AXES = 3
 MOST_NARROW = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
 PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
 BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, how many each way
-RUNS = 27  # of sorted particles around a cell at most: nine, but where the table wraps
-GATHERED = 512  # candidates of a cell that are put side by side; of more, which is a clump, runs are looked at in place
-ROOM = LANES * 5  # whole numbers: LANES of them, and the runs' ends
-WHOLE_SCRATCH, SCRATCH = ROOM + 2 * (GATHERED + LANES), PLACES * (GATHERED + LANES)  # of a band, whole and real numbers
+ROOM = 64  # whole numbers: where the runs of a band's cell begin and end, 27 at most
 FAR = np.int32(2**31 - 1)
+
+_built_in: Any = intrinsic  # typed by numba when it is compiled
+
+
+@_built_in
+def lowest_bit(typing_context, number):
+    """Where the lowest bit of an int32 that is set lies; of 0 there is none."""
+
+    def build(context, builder, signature, arguments):
+        place = builder.cttz(arguments[0], context.get_constant(types.boolean, True))
+        return builder.zext(place, context.get_value_type(types.int64))
+
+    return types.int64(types.int32), build
 
 
 def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
@@ -150,167 +161,88 @@ def _make_sort(compiler: Compiler) -> SimpleNamespace:
     return SimpleNamespace(tally=tally, put=put)
 
 
-def _make_looks(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`look_others` and `look_all`, at LANES particles; `copy`, of places, bodies and numbers of n particles, whole LANES."""
-    formulas = particle_contact.make(real, compiler.compiled)
-    squared, within = formulas.squared, formulas.within
-
-    @compiler.row
-    def look_others(x, y, z, body, reach, k, size, places, all_bodies, near):
-        """Whether each of those from k on may be a neighbour, of another body, into `near`; returned: whether any is."""
-        xs, ys, zs = row_at(places, k), row_at(places, size + k), row_at(places, 2 * size + k)
-        bodies, found = row_at(all_bodies, k), np.int32(0)
-        for lane in range(LANES):
-            close = within(squared(x - xs[lane], y - ys[lane], z - zs[lane]), reach)
-            near[lane] = np.int32(close & (bodies[lane] != body))
-            found |= near[lane]
-        return found
-
-    @compiler.row
-    def look_all(x, y, z, rest_x, rest_y, rest_z, body, reach, rested, k, size, places, all_bodies, near):
-        """The same, of the own body, too, but for those that lay beside it at rest."""
-        xs, ys, zs = row_at(places, k), row_at(places, size + k), row_at(places, 2 * size + k)
-        rest_xs, rest_ys = row_at(places, 3 * size + k), row_at(places, 4 * size + k)
-        rest_zs, bodies, found = row_at(places, 5 * size + k), row_at(all_bodies, k), np.int32(0)
-        for lane in range(LANES):
-            close = within(squared(x - xs[lane], y - ys[lane], z - zs[lane]), reach)
-            beside = within(squared(rest_x - rest_xs[lane], rest_y - rest_ys[lane], rest_z - rest_zs[lane]), rested)
-            near[lane] = np.int32(close & ((bodies[lane] != body) | (not beside)))
-            found |= near[lane]
-        return found
-
-    @compiler.row
-    def copy(n, k, size, order, places, bodies, at, room, near_order, near_places, near_bodies):
-        """n particles from k on, whole LANES, to `at`."""
-        for block in range(0, n, LANES):
-            for plane in range(PLACES):
-                here, there = row_at(places, plane * size + k + block), row_at(near_places, plane * room + at + block)
-                for lane in range(LANES):
-                    there[lane] = here[lane]
-            one, other = row_at(bodies, k + block), row_at(near_bodies, at + block)
-            number, other_number = row_at(order, k + block), row_at(near_order, at + block)
-            for lane in range(LANES):
-                other[lane] = one[lane]
-                other_number[lane] = number[lane]
-
-    return SimpleNamespace(look_others=look_others, look_all=look_all, copy=copy)
-
-
-def _make_around(compiler: Compiler, real: Any) -> Any:
-    """gather(b, table, holds, starts, ...) -> (runs, candidates): who is in the 27 cells around cell b, where
-    they begin and end; put `aside`, one after the other, if they are GATHERED at most: then it is one run."""
-    copy = _make_looks(compiler, real).copy
+def _make_runs(compiler: Compiler) -> Any:
+    """runs_around(b, table, holds, starts, runs): where the sorted particles of the 27 cells around cell b begin and end, without
+    empty runs; returned: how many numbers."""
 
     @compiler.compiled
-    def runs_held(b, table, starts, runs):
-        """In a table that holds all with a cell around."""
-        width, layer, n, total = table[3], table[3] * table[4], 0, 0
-        for dz in range(-1, 2):
-            for dy in range(-1, 2):
-                cell = b + dz * layer + dy * width
+    def runs_around(b, table, holds, starts, runs):
+        width, height, depth, n = table[3], table[4], table[5], 0
+        if holds:  # a cell lies around all that are entered
+            for place in range(9):
+                cell = b + (place // 3 - 1) * (width * height) + (place % 3 - 1) * width
                 runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]
-                total += runs[n + 1] - runs[n]
                 n += 2 if runs[n + 1] > runs[n] else 0
-        return n, total
-
-    @compiler.compiled
-    def runs_wrapped(b, table, starts, runs):
-        width, height, depth = table[3], table[4], table[5]
-        x, y, z, n, total = b % width, b // width % height, b // (width * height), 0, 0
+            return n
+        x, y, z = b % width, b // width % height, b // (width * height)
         for place in range(27):
             row = (z + place // 9 - 1 + depth) % depth * height + (y + place // 3 % 3 - 1 + height) % height
             cell = row * width + (x + place % 3 - 1 + width) % width
             runs[n], runs[n + 1] = starts[cell], starts[cell + 1]
-            total += runs[n + 1] - runs[n]
             n += 2 if runs[n + 1] > runs[n] else 0
-        return n, total
+        return n
 
-    @compiler.compiled
-    def gather(b, table, holds, starts, order, places, bodies, near_order, near_places, near_bodies, runs):
-        if holds:
-            count, total = runs_held(b, table, starts, runs)
-        else:
-            count, total = runs_wrapped(b, table, starts, runs)
-        if total > GATHERED:
-            return count, total
-        size, room, at = order.size, np.int64(GATHERED + LANES), np.int64(0)
-        for run in range(0, count, 2):
-            k, n = np.int64(runs[run]), runs[run + 1] - runs[run]
-            copy(n, k, size, order, places, bodies, at, room, near_order, near_places, near_bodies)
-            at += n
-        runs[0], runs[1] = 0, total
-        return 2, total
-
-    return gather
+    return runs_around
 
 
 def _make_search(compiler: Compiler, real: Any) -> Any:
     """search(band, first, last, ...): see the inner function."""
-    formulas, looks = particle_contact.make(real, compiler.compiled), _make_looks(compiler, real)
+    formulas, runs_around = particle_contact.make(real, compiler.compiled), _make_runs(compiler)
     squared, within = formulas.squared, formulas.within
-    look_others, look_all, gather = looks.look_others, looks.look_all, _make_around(compiler, real)
+    zero = real(0)
 
-    @compiler.compiled
-    def mixed(n, bodies, body):
-        """Whether any of n particles is of another body."""
+    @compiler.row
+    def look(x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, xs, ys, zs, rest_xs, rest_ys, rest_zs, bodies):
+        """Which of LANES particles may be neighbours, a bit each."""
         found = np.int32(0)
-        for k in range(n):
-            found |= bodies[k] ^ body
-        return found != 0
+        for lane in range(LANES):
+            other = bodies[lane] != body
+            close = within(squared(x - xs[lane], y - ys[lane], z - zs[lane]), reach if other else own)
+            beside = within(squared(rest_x - rest_xs[lane], rest_y - rest_ys[lane], rest_z - rest_zs[lane]), rested)
+            found |= np.int32(close & (other | (not beside))) << np.int32(lane)
+        return found
 
     @compiler.compiled
     def search(
-        band, first, last, record, reach, kinds, kind, table, holds, buckets, starts, all_order, all_places, all_bodies,
-        room, aside, who, numbers, entries, pairs, active, lost,
+        band, first, last, record, reach, kinds, kind, table, holds, buckets, starts, order, places, bodies, runs, who,
+        numbers, entries, pairs, active, lost,
     ):  # fmt: skip
         """The neighbours of the sorted particles `first` to before `last`. Those that have any are put into `who` from
         there on, `numbers`: how many; the neighbours lie in `entries`, one particle's after the other's, from MOST_NEIGHBOURS
         times `first` on; `pairs`: where in the record their constants are, -1 less that of one within a body. `active`: how
         many have any."""
-        n, entry, count = first, np.int64(first) * MOST_NEIGHBOURS, all_order.size
-        near, runs = row_at(room, np.int64(0)), row_at(room, np.int64(LANES))
-        near_bodies, near_order = row_at(room, np.int64(ROOM)), row_at(room, np.int64(ROOM + GATHERED + LANES))
-        order, places, bodies, size = near_order, aside, near_bodies, np.int64(GATHERED + LANES)
-        cell, ends, missed, alone = -1, 0, 0, False
+        n, entry, size = first, np.int64(first) * MOST_NEIGHBOURS, order.size
+        cell, ends, missed = -1, 0, 0
         for q in range(first, last):
-            i, body = all_order[q], all_bodies[q]
+            i, body = order[q], bodies[q]
             if buckets[i] != cell:
                 cell = buckets[i]
-                ends, total = gather(
-                    np.int64(cell), table, holds, starts, all_order, all_places, all_bodies, near_order, aside, near_bodies, runs
-                )
-                if total <= GATHERED:
-                    order, places, bodies, size = near_order, aside, near_bodies, np.int64(GATHERED + LANES)
-                    alone = not mixed(total, near_bodies, body)
-                else:
-                    order, places, bodies, size, alone = all_order, all_places, all_bodies, np.int64(count), False
+                ends = runs_around(np.int64(cell), table, holds, starts, runs)
             row = np.int64(PAIRS + PAIR_FIELDS * kinds * kind[i])
             same = row + PAIR_FIELDS * kind[i]
-            rested, own = record[same + G_NEIGHBOURS], record[same + G_OWN] > 0
-            if alone and not own:
-                continue
-            x, y, z = all_places[q], all_places[count + q], all_places[2 * count + q]
-            rest_x, rest_y, rest_z = all_places[3 * count + q], all_places[4 * count + q], all_places[5 * count + q]
+            x, y, z = places[q], places[size + q], places[2 * size + q]
+            rest_x, rest_y, rest_z = places[3 * size + q], places[4 * size + q], places[5 * size + q]
+            own, rested = record[same + G_REACH], record[same + G_NEIGHBOURS]
+            if not record[same + G_OWN] > 0:
+                own = zero
             found = 0
             for run in range(0, ends, 2):
                 end = runs[run + 1]
                 for k in range(np.int64(runs[run]), end, LANES):
-                    if own:
-                        any_near = look_all(
-                            x, y, z, rest_x, rest_y, rest_z, body, reach, rested, k, size, places, bodies, near
-                        )
-                    else:
-                        any_near = look_others(x, y, z, body, reach, k, size, places, bodies, near)
-                    if any_near == 0:
-                        continue
-                    for lane in range(min(LANES, end - k)):
-                        if near[lane] == 0:
-                            continue
-                        j = order[k + lane]
-                        pair, mine = row + PAIR_FIELDS * kind[j], bodies[k + lane] == body
+                    near = look(
+                        x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, row_at(places, k),
+                        row_at(places, size + k), row_at(places, 2 * size + k), row_at(places, 3 * size + k),
+                        row_at(places, 4 * size + k), row_at(places, 5 * size + k), row_at(bodies, k),
+                    )  # fmt: skip
+                    near &= np.int32((1 << min(LANES, end - k)) - 1)
+                    while near != 0:
+                        at = k + lowest_bit(near)
+                        near &= near - np.int32(1)
+                        j = order[at]
+                        pair, mine = row + PAIR_FIELDS * kind[j], bodies[at] == body
                         if not mine and record[pair + G_DISTANCE] <= 0:
                             continue
-                        square = squared(x - places[k + lane], y - places[size + k + lane], z - places[2 * size + k + lane])
+                        square = squared(x - places[at], y - places[size + at], z - places[2 * size + at])
                         if not within(square, record[pair + G_REACH]):
                             continue
                         if found < MOST_NEIGHBOURS:
@@ -339,7 +271,7 @@ def make_find(real: Any, math: str) -> Any:
     def find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours):
         body, kind, rest = of_particle
         cells, boxes, table, buckets, starts, totals = tables
-        order, places, bodies, rooms, asides = in_order
+        order, places, bodies, rooms = in_order
         who, numbers, entries, pairs, begins, active, lost = neighbours
         count = weights.size
         for band in prange(bands):
@@ -371,8 +303,7 @@ def make_find(real: Any, math: str) -> Any:
             begins[band] = live * band // bands
             search(
                 band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, holds, buckets, starts,
-                order, places, bodies, row_at(rooms, np.int64(WHOLE_SCRATCH * band)),
-                row_at(asides, np.int64(SCRATCH * band)), who, numbers, entries, pairs, active, lost,
+                order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs, active, lost,
             )  # fmt: skip
 
     return compiler.kernel(find)

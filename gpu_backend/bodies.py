@@ -253,6 +253,14 @@ class Bodies(QuadSimulation):
             before.copy_to_device(position, stream=self.stream)
             stage.predict[flat](before, velocity, a, position, self.record, *shape)
 
+        def find(step: int, offset: float) -> None:
+            assert self.contacts
+            self.contacts.find(position)
+
+        def project(step: int, offset: float) -> None:
+            assert self.contacts
+            self.contacts.project(before, position)
+
         def update(step: int, offset: float) -> None:
             if self.contacts:
                 self._contact_ends.update_velocity[flat](before, position, velocity, self.contacts.record, self.record)
@@ -281,8 +289,8 @@ class Bodies(QuadSimulation):
             "predict": predict,
             "match clusters": lambda step, offset: self._match(position, self.rotation),
             "move to goals": lambda step, offset: self._cluster_kernels.move[flat](position, *self._gathered),
-            "find neighbours": lambda step, offset: self.contacts and self.contacts.find(position),
-            "project contacts": lambda step, offset: self.contacts and self.contacts.project(before, position),
+            "find neighbours": find,
+            "project contacts": project,
             "update velocity": update,
             "damp clusters": damp,
             "collide": collide,

@@ -21,6 +21,7 @@ from typing import Any
 from labbook import (
     ablation_claims,
     accuracy_claims,
+    body_claims,
     claims,
     cloth_claims,
     comparison_claims,
@@ -55,12 +56,14 @@ CHAPTERS = (
     "ablation",
     "cloth",
     "bodies",
+    "three-solvers",
 )
 CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
         stability_claims, hard_claims, ablation_claims, cloth_claims, crowd_claims,
+        body_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip

@@ -94,7 +94,8 @@ def checked_plastic(plastic: np.ndarray, count: int, real: type) -> np.ndarray:
         )
     if not np.issubdtype(array.dtype, np.floating):
         raise InputError(f"plastic holds {array.dtype}, this needs real numbers")
-    volume = np.linalg.det(array.astype(np.float64))
+    with np.errstate(invalid="ignore"):
+        volume = np.linalg.det(array.astype(np.float64))
     if not (np.abs(volume - 1) <= UNIT).all():  # false for NaN
         worst = int(np.argmax(np.where(np.isfinite(volume), np.abs(volume - 1), np.inf)))
         raise InputError(f"plastic of cluster {worst} has the volume {volume[worst]:g}; it must be 1")

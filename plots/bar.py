@@ -52,7 +52,7 @@ def draw(results: Results) -> Drawing | str:
             size, some = (SOME_OVERLAP, SOME_LAYERS) if jelly else (1, SOME_LINKS)
             by_spacing = series(found, solver, _fine, substeps=FINEST, size=size)
             by_substeps = series(found, solver, _substeps, fine=some, size=size)
-            how = {"color": colour, "marker": marker, "linestyle": line, "label": label}
+            how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
             if solver == "mass-spring":  # under the others, most of which come to it
                 how |= {"linewidth": 3.5, "markersize": 7.5}
             _curve(row[0], by_spacing, _fine, name, **how)
@@ -67,10 +67,10 @@ def draw(results: Results) -> Drawing | str:
     _doubling(axes[1][1], drawn, _substeps, "substeps of a frame")
     legend_below(figure, list(axes.ravel()), columns=3)
     caption = (
-        "One bar of one material: a strip of the lab's grid that hangs, under each solver, and a jelly bar of clusters, which "
-        f"stands. Left: at {FINEST} substeps of a frame of a sixtieth of a second, against the masses along it. Right: at "
-        f"{SOME_LINKS} along it, against the substeps; mass-spring, whose steps are the substeps, is refused where there is no "
-        "mark. Over the closed form of a rod of the material (grey); float64, exact math."
+        "One bar of one material: a strip of the lab's grid that hangs, under each solver, and a jelly bar of clusters, "
+        f"which stands. Left: at {FINEST} substeps of a frame of a sixtieth of a second, against the masses along it. Right: "
+        f"at {SOME_LINKS} along it, against the substeps; mass-spring, whose steps are the substeps, is refused where there is "
+        "no mark. Over the closed form of a rod of the material (grey); float64, exact math."
     )
     return Drawing(figure, TITLE, caption, sources)
 
@@ -103,9 +103,9 @@ def draw_clusters(results: Results) -> Drawing | str:
     right.set_ylabel("over a rod's")
     legend_below(figure, [left, right], columns=3)
     caption = (
-        "Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip that hangs (solid) or is held "
-        "at its side (dotted, over a beam's): windows that the strip's ends cut off are softer. Right: the jelly bar, its "
-        "clusters' stiffness chosen so that the material is one; clusters that hardly overlap do not make it one."
+        "Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip that hangs (solid) or is "
+        "held at its side (dotted, over a beam's): windows that the strip's ends cut off are softer. Right: the jelly bar, "
+        "its clusters' stiffness chosen so that the material is one; clusters that hardly overlap do not make it one."
     )
     return Drawing(figure, CLUSTERS_TITLE, caption, sources)
 

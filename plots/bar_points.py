@@ -42,18 +42,19 @@ class Bar:
 
 
 JELLY = "jelly bar"
+Key = tuple[str, str, str, int, float, int, str]  # the first fields of a Bar
 
 
 def bars(results: Results) -> tuple[list[Bar], tuple[Source, ...]]:
     """All rows, of each backend one machine's, and their sources."""
     found, sources = judgements(results, lambda m: m.description.get("finding") in (STRIP, BODY, LAW))
-    held: dict[tuple[Any, ...], list[Measure]] = {}
+    held: dict[Key, list[Measure]] = {}
     for measure in found:
         held.setdefault(_key(measure.description), []).append(measure)
     return [_bar(key, measures) for key, measures in held.items()], sources
 
 
-def _key(told: dict[str, Any]) -> tuple[Any, ...]:
+def _key(told: dict[str, Any]) -> Key:
     jelly = told["finding"] == BODY
     return (
         told["backend"], told["precision"], JELLY if jelly else str(told.get("solver", "")),
@@ -62,10 +63,10 @@ def _key(told: dict[str, Any]) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def _bar(key: tuple[Any, ...], measures: list[Measure]) -> Bar:
+def _bar(key: Key, measures: list[Measure]) -> Bar:
     values = {m.name: m.value for m in measures if m.value is not None and math.isfinite(m.value)}
     reasons = [m.reason for m in measures if m.value is None and m.reason and m.reason.startswith(REFUSED)]
-    return Bar(*key, values=values, refused=next(iter(reasons), ""))
+    return Bar(*key, values, next(iter(reasons), ""))
 
 
 def first_backend(found: list[Bar]) -> list[Bar]:

@@ -14,6 +14,7 @@ from model.errors import InputError
 from plots import (
     ablation,
     bandwidth,
+    bar,
     convergence,
     crowds,
     findings_damping,
@@ -70,6 +71,8 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "crowds": crowds.draw,
     "hard-states": hard.draw_states,
     "hard-verdicts": hard.draw_verdicts,
+    "bar-solvers": bar.draw,
+    "bar-clusters": bar.draw_clusters,
 }
 TITLES = {
     "time-per-step": time_per_step.TITLE,
@@ -100,6 +103,8 @@ TITLES = {
     "crowds": crowds.TITLE,
     "hard-states": hard.STATES_TITLE,
     "hard-verdicts": hard.VERDICTS_TITLE,
+    "bar-solvers": bar.TITLE,
+    "bar-clusters": bar.CLUSTERS_TITLE,
 }
 
 

@@ -249,6 +249,31 @@ def test_clusters_are_spheres_at_their_middles_seen_through_the_skin() -> None:
 
 
 @pytest.mark.usefixtures("drawing")
+def test_links_are_lines_between_their_particles() -> None:
+    scene = Scene({"beam": BEAM | {"link_radius": 0.25, "link_stiffness": 10.0, "copies": [1, 1, 1]}, "method": METHOD})
+    position, links = scene.crowd.position, scene.crowd.copies[0].baked.links
+    with renderer_of(scene, lines=True) as renderer:
+        view: Any = renderer._view
+        renderer.fit(position)
+        view.toggle_links()
+        renderer.draw(position)
+        image, middles = renderer.image(), position[links].mean(axis=1)
+        places, balls = renderer.camera.to_window(middles), renderer.camera.to_window(position)
+        radius = 0.5 * BEAM["particle_spacing"] * renderer.camera.scale  # pixels, of a whole particle
+        free = np.hypot(*(places[:, None] - balls).transpose(2, 0, 1)).min(axis=1) > radius + 3
+        assert free.sum() > 10
+        assert all(near(image, renderer, middle).max(axis=1).min() < 0.6 for middle in middles[free])
+        view.toggle_links()
+        renderer.draw(position)
+        image = renderer.image()
+        assert all(near(image, renderer, middle).max(axis=1).min() > 0.6 for middle in middles[free])
+    with renderer_of(SCENE) as renderer:
+        view = renderer._view
+        view.toggle_links()
+        assert not view.links
+
+
+@pytest.mark.usefixtures("drawing")
 def test_particles_are_coloured_by_body_group_and_cluster() -> None:
     scene = beams_and_torus(beam=BEAM | {"group": 5}, torus=TORUS | {"group": 5}, contact={})
     middle = int(np.flatnonzero(CROWD.body == 1)[0])
@@ -346,8 +371,8 @@ def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
 def test_the_keys_of_bodies_are_told() -> None:
     wide, narrow = keys_text(1200, True, True), keys_text(400, True, True)
     for text in (wide, narrow):
-        assert all(meaning in text for _, meaning in BODY_KEYS) and "P K C" in text
-        assert all(len(meaning) < 32 and len(key) < 8 for key, meaning in BODY_KEYS)
+        assert all(meaning in text for _, meaning in BODY_KEYS) and "P K C I" in text
+        assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in BODY_KEYS)
     assert ("{ }", "stiffness / 1.25, x 1.25") in KEYS and "{ }" not in narrow
     assert "P: particles" in hint(True, True) and "P: " not in hint(True) + hint()
 
@@ -386,6 +411,8 @@ def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, d
         window.xdotool("mousemove", 5, 700)
         window.key("n")
         window.key("m")
+        window.key("i")
+        window.wait("no links", lambda state: state["message"] == "these bodies have no links" and not state["links"])
         window.wait("a graph, and no numbers", lambda state: state["graph_shown"] and not state["numbers_shown"])
         for key, name, shown in (("c", "clusters", True), ("c", "clusters", False), ("o", "colouring", "group"),
                                  ("o", "colouring", "cluster"), ("o", "colouring", "body")):  # fmt: skip

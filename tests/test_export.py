@@ -94,6 +94,17 @@ def test_colliders_are_where_they_are_then_and_planes_under_everything() -> None
     assert np.cross(b - a, c - a) @ plane.normals[0] > 0
 
 
+def test_a_mesh_that_turns_is_exported_turned() -> None:
+    """Half a turn about the vertical through its origin, which has moved a metre by then."""
+    mesh = {"kind": "mesh_collider", "shape": {"name": "beam", "resolution": 4}, "origin": [2.0, 0.0, 0.0]}
+    scene = beams_and_torus(wheel=mesh | {"velocity": [0.5, 0.0, 0.0], "spin": [0.0, np.pi / 2, 0.0]})
+    (start,), (turned,) = (list(collider_pieces(scene, BENT, time)) for time in (0.0, 2.0))
+    assert start.name == "wheel" and start.normals is not None
+    expected = (start.vertices - [2.0, 0.0, 0.0]) * [-1, 1, -1] + [3.0, 0.0, 0.0]
+    np.testing.assert_allclose(turned.vertices, expected, atol=ROUNDING)
+    np.testing.assert_allclose(turned.normals, start.normals * [-1, 1, -1], atol=ROUNDING)
+
+
 # ---------------------------------------------------------------------- files
 
 

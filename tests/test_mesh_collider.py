@@ -381,6 +381,21 @@ def test_jelly_stays_above_the_mesh() -> None:
     assert min(way[1] for _, *way, _ in found) > 0
 
 
+@pytest.mark.gpu
+def test_soft_on_mesh_has_the_cpus_bits_on_a_gpu() -> None:
+    from bodies_scenes import end_state, same
+
+    from gpu_backend.device import gpu_available, simulated
+
+    works, reason = gpu_available()
+    if not works or simulated():
+        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
+    scene = load_scene("soft-on-mesh")
+    expected = end_state(scene, precision="float32", steps=80, threads=2)
+    for kernel in ("graph", "stages"):
+        assert same(end_state(scene, "gpu", precision="float32", kernel=kernel, steps=80), expected), kernel
+
+
 def test_what_cannot_be_a_collider_is_told_apart(tmp_path: Path) -> None:
     points, faces = FLOOR
     bad = {

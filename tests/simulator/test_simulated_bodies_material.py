@@ -13,14 +13,24 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from bodies_scenes import end_state, of_all_materials, opened, same
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("leave_out", [(), ("cluster_damping",), ("linear", "cluster_damping")])
+@pytest.mark.parametrize(
+    "leave_out,precision",
+    [
+        ((), "float32"),
+        (("cluster_damping",), "float64"),
+        (("linear", "cluster_damping"), "float32"),
+        (("linear",), "float64"),
+        ((), "float64"),
+        (("plastic_threshold", "plastic_creep", "plastic_limit"), "float32"),
+    ],
+)
 def test_the_bits_of_the_cpu(leave_out: Any, precision: str) -> None:
     scene = of_all_materials(leave_out)
-    host = end_state(scene, poked=True, precision=precision)
-    assert host.plastic is not None and np.abs(host.plastic - np.eye(3)).max() > 0.01
+    host = end_state(scene, poked=True, precision=precision, steps=3)
+    if "plastic_creep" not in leave_out:
+        assert np.abs(host.plastic - np.eye(3)).max() > 0.01
     for kernel in ("launch", "stages"):
-        device = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel)
+        device = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel, steps=3)
         assert same(host, device) and np.array_equal(host.plastic, device.plastic), kernel
 
 
