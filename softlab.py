@@ -1,4 +1,4 @@
-"""The command line of the soft-body lab: one function a sub-command, nothing else."""
+"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/commands.py."""
 
 from __future__ import annotations
 
@@ -6,11 +6,25 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from app.command_line import (
+    DEFAULT_STORE,
+    Backend,
+    Math,
+    Precision,
+    SceneName,
+    Settings,
+    StorePath,
+    Threads,
+    errors,
+    out,
+    scene_of,
+    typed,
+)
+from bench.commands import measuring
 from model.errors import SoftlabError
 
 app = typer.Typer(
@@ -19,27 +33,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-out = Console(highlight=False)
-
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable."),
-]
-Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
-Threads = Annotated[str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, or a number.")]
-Precision = Annotated[str, typer.Option(help="float32 or float64.")]
-Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
-Methods = Annotated[
-    list[str] | None,
-    typer.Option(
-        help='Only this integrator or position-based method ("xpbd jacobi"; xpbd: all orderings). Repeatable.'
-    ),
-]
-StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
 Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
-DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 DEFAULT_FIGURES = Path("softlab-results") / "figures"
 DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
 
@@ -57,18 +51,6 @@ def main() -> None:
     except BrokenPipeError:  # the reader (head, less) has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
-
-
-def _scene(name: str, settings: list[str] | None) -> Any:
-    from model.scene import load_scene, parse_settings
-
-    return load_scene(name).replace(parse_settings(settings))
-
-
-def _precisions(chosen: list[str] | None) -> tuple[str, ...]:
-    from model.simulation import PRECISIONS, Options
-
-    return tuple(dict.fromkeys(Options(name).precision for name in chosen or PRECISIONS))
 
 
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --backend gpu --set grid.rows=256 --json")
@@ -117,7 +99,7 @@ def run(
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
         export_to, export_every,
     )  # fmt: skip
-    result = run_scene(_scene(scene, settings), request)
+    result = run_scene(scene_of(scene, settings), request)
     for note in result.notes:
         errors.print(note, markup=False)
     if initial:
@@ -150,238 +132,10 @@ def demo(
 
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be at least 1")
-    run_demo(_scene(scene, settings), backend=backend, threads=threads, precision=precision, math=math, frames=frames)
+    run_demo(scene_of(scene, settings), backend=backend, threads=threads, precision=precision, math=math, frames=frames)
 
 
-@app.command(epilog="Example: softlab sweep --quick --backend cpu")
-def sweep(
-    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, about a minute.")] = False,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
-    max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
-    total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
-    graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
-    repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
-    min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
-    kernels: Annotated[
-        bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
-    ] = False,
-    kernel: Annotated[list[str] | None, typer.Option(help="With --kernels: only this one. Repeatable.")] = None,
-    energy: Annotated[bool, typer.Option(help="With --kernels: joules, where the machine counts them.")] = True,
-    starts: Annotated[bool, typer.Option(help="With --kernels: the time to a first step, too.")] = True,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp).")
-    ] = False,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
-    from bench.store import Store
-    from bench.tables import print_kernels, print_sweep
-
-    if peers and (kernels or kernel):
-        from model.errors import SceneError
-
-        raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
-    how: dict[str, Any] = {
-        "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
-        "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": _precisions(precision),
-        "command": " ".join(["softlab", *sys.argv[1:]]),
-    }  # fmt: skip
-    summary: Any
-    with Store(store) as opened:
-        if kernels:
-            from bench.kernel_sweep import run_kernel_sweep
-
-            summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, **how)
-            print_kernels(out, opened, summary.machine)
-        elif peers:
-            from bench.peer_results import print_peers
-            from bench.peer_sweep import run_peers
-
-            summary = run_peers(opened, **how)
-            print_peers(out, opened, summary.machine)
-        else:
-            from bench.sweep import run_sweep
-
-            summary = run_sweep(opened, graphics=graphics, **how)
-        print_sweep(out, summary)
-    if summary.interrupted:
-        raise typer.Exit(130)
-
-
-@app.command(epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)")
-def accuracy(
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer repeats and methods; neither exact math nor other sizes.")
-    ] = False,
-    integrator: Methods = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
-    scene: Annotated[list[str] | None, typer.Option(help="Only S1, S2, S4, S5, S6 or S6-still. Repeatable.")] = None,
-    findings: Annotated[
-        bool | None,
-        typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
-    ] = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Hold every method, step size and precision against a converged reference: speed against error."""
-    from bench.accuracy import run_accuracy
-    from bench.accuracy_points import CLOTHS, SCENES
-    from bench.choice import chosen
-    from bench.convergence import run_convergence
-    from bench.findings import run_findings
-    from bench.findings_costs import run_costs
-    from bench.store import Store
-
-    how: dict[str, Any] = {"quick": quick, "backends": backend, "command": " ".join(["softlab", *sys.argv[1:]])}
-    if findings is None:
-        findings = not (integrator or precision or scene)
-    scenes = chosen(scene, [*SCENES, *CLOTHS], "--scene") if scene else None
-    with Store(store) as opened:
-        summary: Any = run_accuracy(opened, integrators=integrator, precisions=precision, scenes=scenes, **how)
-        out.print(str(summary), markup=False, soft_wrap=True)
-        for run in (run_findings, run_costs, run_convergence) if findings else ():
-            if not summary.interrupted:
-                summary = run(opened, **how)
-                out.print(str(summary), markup=False, soft_wrap=True)
-    if summary.interrupted:
-        raise typer.Exit(130)
-
-
-@app.command(epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)")
-def projections(
-    quick: Annotated[bool, typer.Option("--quick", help="Two sizes, fewer repeats, nothing published.")] = False,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
-    from bench.projections import run_projections
-    from bench.store import Store
-
-    with Store(store) as opened:
-        summary = run_projections(
-            opened, quick=quick, backends=backend, sizes=size, precisions=precision or ("float32",),
-            command=" ".join(["softlab", *sys.argv[1:]]),
-        )  # fmt: skip
-        out.print(str(summary), markup=False, soft_wrap=True)
-    if summary.interrupted:
-        raise typer.Exit(130)
-
-
-@app.command(epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
-def advise(
-    scene: SceneName,
-    error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
-    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
-    total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
-    write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
-    check: Annotated[
-        bool, typer.Option("--check", help="Then measure every method and step size, to see if the advice is right.")
-    ] = False,
-    settings: Settings = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
-    from app.scene_file import check_scene_target, write_scene
-    from bench.advise import advise as find
-    from bench.advise_check import brute_force
-    from bench.store import Store
-
-    if write is not None:
-        check_scene_target(write, force)  # before the work whose result it holds
-    with Store(store) as opened:
-        advice = find(
-            opened, _scene(scene, settings), error, backends=backend, time=time, precisions=_precisions(precision),
-            total_seconds=total_seconds, command=" ".join(["softlab", *sys.argv[1:]]),
-        )  # fmt: skip
-        out.print(str(advice), markup=False, soft_wrap=True)
-        if advice.best is None:
-            raise typer.Exit(2)
-        if check:
-            chosen = _precisions(precision) or ("float32", "float64")
-            out.print(
-                str(brute_force(opened, advice, backends=backend, precisions=chosen, progress=True)),
-                markup=False,
-                soft_wrap=True,
-            )
-    if write is not None:
-        path = write_scene(write, advice.configured(), advice.heading(), force=force)
-        out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
-
-
-@app.command(epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
-def ablate(
-    scene: SceneName,
-    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    settings: Settings = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
-    from bench.ablate import ablate as measure
-    from bench.ablation_results import print_ablation
-    from bench.store import Store
-
-    command = " ".join(["softlab", *sys.argv[1:]])
-    with Store(store) as opened:
-        summary = measure(opened, _scene(scene, settings), backends=backend, time=time, command=command)
-    print_ablation(out, summary)
-    if summary.interrupted:
-        raise typer.Exit(130)
-
-
-@app.command(epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
-def stability(
-    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges.")] = False,
-    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
-    from bench.stability import run_stability
-    from bench.store import Store
-
-    with Store(store) as opened:
-        summary = run_stability(
-            opened, quick=quick, integrators=integrator, backends=backend,
-            command=" ".join(["softlab", *sys.argv[1:]]),
-        )  # fmt: skip
-        out.print(str(summary), markup=False, soft_wrap=True)
-    if summary.interrupted:
-        raise typer.Exit(130)
-
-
-@app.command(epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
-def hard(
-    quick: Annotated[bool, typer.Option("--quick", help="The hand-out's step and velocity Verlet alone.")] = False,
-    case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
-    integrator: Methods = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
-    pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Run the hard cases: grids collapsed, flipped, poked, far away; pass, fail, or refused with a diagnosis."""
-    from bench.hard import run_hard
-    from bench.hard_results import failed, print_hard
-    from bench.store import Store
-
-    with Store(store) as opened:
-        summary = run_hard(
-            opened, quick=quick, cases=case, integrators=integrator, backends=backend, precisions=precision,
-            pictures=pictures, command=" ".join(["softlab", *sys.argv[1:]]),
-        )  # fmt: skip
-        print_hard(out, summary)
-    if summary.interrupted:
-        raise typer.Exit(130)
-    if failed(summary):
-        raise typer.Exit(1)
+app.registered_commands += measuring.registered_commands  # here: it is the order of --help
 
 
 @app.command(epilog="Example: softlab figures --out figures")
@@ -419,7 +173,7 @@ def lab(
     """Everything: doctor, sweep, accuracy, stability, figures, lab book."""
     from labbook.jobs import whole_lab
 
-    whole_lab(out, quick=quick, store_path=store, command=" ".join(["softlab", *sys.argv[1:]]))
+    whole_lab(out, quick=quick, store_path=store, command=typed())
 
 
 @app.command(epilog="Example: softlab scenes")
@@ -444,7 +198,7 @@ def plan(
     from app.plan_report import plan_report
 
     wanted = BACKENDS if backend is None else (backend,)
-    report = plan_report(_scene(scene, settings), precision, wanted, measure)
+    report = plan_report(scene_of(scene, settings), precision, wanted, measure)
     if as_json:
         print(json.dumps(report.as_dict()))
     else:

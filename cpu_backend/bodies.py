@@ -89,7 +89,7 @@ class Bodies(Simulation):
         count, clusters = self.layout.count, self.clusters.count
         self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
         self._weights = aligned_zeros(count, real)
-        self._weights[self.layout.slots] = self.body.inverse_mass * crowd.mass
+        self._weights_changed()
         self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
         self._frames = aligned_zeros(FRAME * clusters, real)
         self._factors = np.zeros(len(self.layout.of_entry), real)
@@ -107,10 +107,10 @@ class Bodies(Simulation):
         self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
         self._kept = [np.zeros_like(array) for array in self._state()]
         self._links = ends, np.zeros((links.count, 2), real), np.zeros(links.count, real), links.starts
-        self._contacts: ParticleContacts | None = None
+        self.contacts: ParticleContacts | None = None
         if scene.contact:
             place = self.layout.slots, count, self._bands
-            self._contacts = ParticleContacts(scene, real, options.math, self.plan.parts, *place)
+            self.contacts = ParticleContacts(scene, real, options.math, self.plan.parts, *place)
         self._set_factors()
         staged = self.kernel == "stages"
         self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
@@ -139,7 +139,7 @@ class Bodies(Simulation):
         else:
             make_bodies_together(*variant)(
                 self._bands, *times, self._even, self._odd, *middle, self._links, *own, *last,
-                self._contacts.arrays if self._contacts else (),
+                self.contacts.arrays if self.contacts else (),
             )  # fmt: skip
         if steps * method.substeps % 2:
             self._even, self._odd = self._odd, self._even
@@ -151,7 +151,7 @@ class Bodies(Simulation):
         bands, substeps, count = self._bands, self.scene.method.substeps, self.layout.count
         position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
         ends, values, multipliers, starts = self._links
-        contacts: Any = self._contacts
+        contacts: Any = self.contacts
         settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
         project_links = make_link_stage(self.real, self.options.math)
         now = {
@@ -170,12 +170,14 @@ class Bodies(Simulation):
 
         def collide(step: int, offset: float) -> None:
             number = step * substeps + now["substep"]
-            stage.collide(bands, number, before, position, velocity, count, self.record, self.bodies, self.kinds)
+            stage.collide(
+                bands, number, before, position, velocity, self._weights, count, self.record, self.bodies, self.kinds
+            )
 
         def update(step: int, offset: float) -> None:
             if self.plan.parts & PACES:
                 settle(bands, count, before, position, contacts.record)
-            stage.update(bands, before, position, velocity, count, self.record)
+            stage.update(bands, before, position, velocity, self._weights, count, self.record)
 
         def damp(step: int, offset: float) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
@@ -205,7 +207,7 @@ class Bodies(Simulation):
     @property
     def contacts_lost(self) -> int:
         """Neighbours of particles beyond the MOST_NEIGHBOURS of each, since the simulation was opened."""
-        return self._contacts.lost if self._contacts else 0
+        return self.contacts.lost if self.contacts else 0
 
     def _match(self, turned: np.ndarray, arrays: tuple[Any, ...]) -> None:
         """The clusters' rotations where particles are now, into `turned`, and with their centres into the frames."""
@@ -241,9 +243,12 @@ class Bodies(Simulation):
     def _parameters_changed(self) -> None:
         self.record = self._record
         self._poked = int(self.layout.slots[self._poke_particle]) if self._poke_particle >= 0 else -1
-        if self._contacts:
-            self._contacts.change(self.scene)
+        if self.contacts:
+            self.contacts.change(self.scene)
         self._set_factors()
+
+    def _weights_changed(self) -> None:
+        self._weights[self.layout.slots] = self.body.inverse_mass * self.scene.crowd.mass
 
     def _planes(self, array: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(array.reshape(AXES, -1)[:, self.layout.slots].T)

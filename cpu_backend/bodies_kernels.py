@@ -43,7 +43,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     )  # fmt: skip
     touch = make_collide_mass(compiler, real, parts)
     has_gravity, has_poke, has_damping = "gravity" in parts, "poke" in parts, "damping" in parts
-    zero, one = real(0), real(1)
+    has_spare, zero, one = "spare" in parts, real(0), real(1)
 
     @compiler.row
     def predict_rows(blocks, poked, record, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
@@ -62,9 +62,12 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                     ay = added(ay, w, here * record[C_POKE_X + 1])
                     az = added(az, w, here * record[C_POKE_X + 2])
                 keep = kept(record[X_DRAG], w) if has_damping else one
-                to_x[k] = predicted(x[k], h, kicked(vx[k], keep, h, ax))
-                to_y[k] = predicted(y[k], h, kicked(vy[k], keep, h, ay))
-                to_z[k] = predicted(z[k], h, kicked(vz[k], keep, h, az))
+                px = predicted(x[k], h, kicked(vx[k], keep, h, ax))
+                py = predicted(y[k], h, kicked(vy[k], keep, h, ay))
+                pz = predicted(z[k], h, kicked(vz[k], keep, h, az))
+                to_x[k] = px if not has_spare or w > zero else x[k]
+                to_y[k] = py if not has_spare or w > zero else y[k]
+                to_z[k] = pz if not has_spare or w > zero else z[k]
 
     @compiler.compiled
     def begin(first, last, count, before, after, velocity, weights, record, poked):
@@ -77,27 +80,30 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
         )  # fmt: skip
 
     @compiler.row
-    def rate_rows(blocks, record, x, y, z, to_x, to_y, to_z, vx, vy, vz):
+    def rate_rows(blocks, record, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz):
         inverse = record[X_INVERSE_SUBSTEP]
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
-                vx[k] = rate_of(to_x[k], x[k], inverse)
-                vy[k] = rate_of(to_y[k], y[k], inverse)
-                vz[k] = rate_of(to_z[k], z[k], inverse)
+                goes = not has_spare or weights[k] > zero
+                vx[k] = rate_of(to_x[k], x[k], inverse) if goes else zero
+                vy[k] = rate_of(to_y[k], y[k], inverse) if goes else zero
+                vz[k] = rate_of(to_z[k], z[k], inverse) if goes else zero
 
     @compiler.compiled
-    def rate(first, last, count, before, after, velocity, record):
+    def rate(first, last, count, before, after, velocity, weights, record):
         rate_rows(
-            (last - first) // LANES, record, row_at(before, first), row_at(before, count + first),
+            (last - first) // LANES, record, row_at(weights, first), row_at(before, first), row_at(before, count + first),
             row_at(before, 2 * count + first), row_at(after, first), row_at(after, count + first),
             row_at(after, 2 * count + first), row_at(velocity, first), row_at(velocity, count + first),
             row_at(velocity, 2 * count + first),
         )  # fmt: skip
 
     @compiler.compiled
-    def collide(first, last, count, number, before, after, velocity, record, bodies, kinds):
+    def collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds):
         for k in range(first, last):
+            if has_spare and weights[k] == zero:
+                continue  # also of ghosts
             px, py, pz, vx, vy, vz = touch(
                 bodies, kinds, number, record[C_DT], before[k], before[count + k], before[2 * count + k], after[k],
                 after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],

@@ -62,7 +62,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
     formulas = distance.make(real, compiler.compiled)
     kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
-    has_damping, zero, one = "damping" in parts, real(0), real(1)
+    has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
 
     def gravity(count, record, a):
         for k in prange(count):
@@ -78,18 +78,19 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         for k in prange(AXES * count):
             before[k] = position[k]
             keep = kept(record[X_DRAG], weights[k % count]) if has_damping else one
-            position[k] = predicted(before[k], h, kicked(velocity[k], keep, h, a[k]))
+            goes = not has_spare or weights[k % count] > zero
+            position[k] = predicted(before[k], h, kicked(velocity[k], keep, h, a[k])) if goes else before[k]
             a[k] = zero
 
-    def update(bands, before, position, velocity, count, record):
+    def update(bands, before, position, velocity, weights, count, record):
         for band in prange(bands):
             first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
-            rate_some(first, last, count, before, position, velocity, record)
+            rate_some(first, last, count, before, position, velocity, weights, record)
 
-    def collide(bands, number, before, position, velocity, count, record, bodies, kinds):
+    def collide(bands, number, before, position, velocity, weights, count, record, bodies, kinds):
         for band in prange(bands):
             first, last = count * band // bands, count * (band + 1) // bands
-            collide_some(first, last, count, number, before, position, velocity, record, bodies, kinds)
+            collide_some(first, last, count, number, before, position, velocity, weights, record, bodies, kinds)
 
     found = (gravity, poke, predict, update, collide)
     return SimpleNamespace(**{f.__name__: compiler.kernel(f) for f in found})
@@ -131,12 +132,12 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if iteration == iterations - 1:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
-                    rate(first, last, count, before, after, velocity, record)
+                    rate(first, last, count, before, after, velocity, weights, record)
                     if has_damping:
                         gather(c, after, velocity, count, arrays, room)
                         slow(first, last, after, velocity, count, arrays)
                     if has_bodies:
-                        collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
+                        collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
 
     @compiler.compiled
     def pass_any(
@@ -149,13 +150,13 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
             for c in range(low, high, LANES):
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
             move(first, last, after, count, own, own_factors, frames)
-        rate(first, last, count, before, after, velocity, record)
+        rate(first, last, count, before, after, velocity, weights, record)
         if has_damping:
             for c in range(low, high):
                 gather(c, after, velocity, count, arrays, room)
             slow(first, last, after, velocity, count, arrays)
         if has_bodies:
-            collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
+            collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
 
     def advance(
         bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
@@ -186,8 +187,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
-    rotation, frames, scratch, record, poked, bodies, kinds, contacts): as `make_bodies_apart`, for bodies too few or too large to be
-    shared out: over clusters, then over particles, with the velocities of a substep and the predictions of the next."""
+    rotation, frames, scratch, record, poked, bodies, kinds, contacts): as `make_bodies_apart`, for bodies too few or large to
+    be shared out, or that meet: over clusters, then over particles, with the velocities of a substep and the predictions
+    of the next. `contacts`: ParticleContacts.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
     damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
@@ -231,10 +233,10 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     move(first, last, after, count, own, own_factors, frames)
                     if at_once and iteration == iterations - 1:
-                        rate(first, last, count, before, after, velocity, record)
+                        rate(first, last, count, before, after, velocity, weights, record)
                         if has_bodies:
                             number = step * substeps + n
-                            collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
+                            collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
                         if n < passes - 1:
                             begin(first, last, count, after, before, velocity, weights, record, poked)
                 if has_contacts:
@@ -244,7 +246,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     if has_pace:
                         settle(first, last, count, before, after, constants)
-                    rate(first, last, count, before, after, velocity, record)
+                    rate(first, last, count, before, after, velocity, weights, record)
                 if has_damping:
                     for band in prange(bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -256,7 +258,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                         slow(first, last, after, velocity, count, arrays)
                     if has_bodies:
                         number = step * substeps + n
-                        collide(first, last, count, number, before, after, velocity, record, bodies, kinds)
+                        collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
                     if n < passes - 1:
                         begin(first, last, count, after, before, velocity, weights, record, poked)
 

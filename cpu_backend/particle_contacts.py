@@ -31,7 +31,9 @@ class ParticleContacts:
     `arrays` is what kernels take; `lost`: neighbours beyond the MOST_NEIGHBOURS of a particle, since it was made.
     """
 
-    def __init__(self, scene: Scene, real: Any, math: str, parts: frozenset[str], slots: np.ndarray, count: int, bands: int):
+    def __init__(
+        self, scene: Scene, real: Any, math: str, parts: frozenset[str], slots: np.ndarray, count: int, bands: int
+    ):
         assert scene.contact is not None
         self.real, self.bands, self.sweeps, self.kinds = real, bands, scene.contact.sweeps, len(scene.bodies)
         body, kind, rest = np.zeros(count, np.int32), np.zeros(count, np.int32), np.zeros(AXES * count, real)

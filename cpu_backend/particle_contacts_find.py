@@ -3,7 +3,7 @@
 A cell is as large as the longest reach, so that the 27 around a particle hold all whom it may meet. Cells lie in a table
 row by row along x, and particles are copied into the cells' order: the 27 are nine runs of particles that lie side by side,
 looked at LANES at a time. The table holds the box of all particles where it is large enough, else cells a whole number of
-tables apart share a place, and distances tell them apart; at least MOST_NARROW cells wide, so that no two of the 27 do.
+tables apart share a place, and distances tell them apart; it is NARROWEST cells wide at least, so that no two of 27 do.
 Neighbours come in the order of cells, z, y, x, then of their numbers, whatever the table and the number of threads.
 """
 
@@ -22,6 +22,7 @@ from cpu_backend.layout import row_at
 from model.formulas import particle_contact
 from model.formulas.cluster import LANES
 from model.particle_contact_record import (
+    FARTHEST,
     G_DISTANCE,
     G_NEIGHBOURS,
     G_OWN,
@@ -33,7 +34,7 @@ from model.particle_contact_record import (
 )
 
 AXES = 3
-MOST_NARROW = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
+NARROWEST = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
 PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
 BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, how many each way
 ROOM = 64  # whole numbers: where the runs of a band's cell begin and end, 27 at most
@@ -56,11 +57,11 @@ def lowest_bit(typing_context, number):
 def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
     """`cells_of`, `span`, `enter`: from positions to places in the table."""
     scaled = particle_contact.make(real, compiler.compiled).scaled
-    zero = real(0)
+    zero, farthest = real(0), real(FARTHEST)
 
     @compiler.row
     def cells_of(n, weights, x, y, z, record, cell_x, cell_y, cell_z, box):
-        """The cells of n particles, and the box of those that weigh anything."""
+        """The cells of n particles, and the box of those that weigh anything and are somewhere; FAR for the others."""
         inverse = record[H_INVERSE_CELL]
         low_x, low_y, low_z, high_x, high_y, high_z = FAR, FAR, FAR, -FAR, -FAR, -FAR
         for k in range(n):
@@ -69,8 +70,10 @@ def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
             i = np.int32(i - 1) if a < real(i) else i
             j = np.int32(j - 1) if b < real(j) else j
             l = np.int32(l - 1) if c < real(l) else l  # noqa: E741
-            cell_x[k], cell_y[k], cell_z[k] = i, j, l
-            there = weights[k] != zero
+            there = (
+                (weights[k] != zero) & (abs(a) <= farthest) & (abs(b) <= farthest) & (abs(c) <= farthest)
+            )  # no NaN is
+            cell_x[k], cell_y[k], cell_z[k] = i if there else FAR, j, l
             low_x, high_x = min(low_x, i if there else FAR), max(high_x, i if there else -FAR)
             low_y, high_y = min(low_y, j if there else FAR), max(high_y, j if there else -FAR)
             low_z, high_z = min(low_z, l if there else FAR), max(high_z, l if there else -FAR)
@@ -78,20 +81,20 @@ def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def span(bands, boxes, most, table):
-        """The table of at most `most` cells that holds the boxes of all bands and a cell around; returned: whether it does, or is
-        but as large as it may be."""
+        """The table of at most `most` cells that holds the boxes of all bands and a cell around; returned: whether
+        it does, or is but as large as it may be."""
         holds = True
         for axis in range(AXES):
             low, high = np.int64(FAR), -np.int64(FAR)
             for band in range(bands):
                 low, high = min(low, boxes[BOX * band + axis]), max(high, boxes[BOX * band + AXES + axis])
-            table[axis], table[AXES + axis] = low - 1, max(high - low + 3, MOST_NARROW)
+            table[axis], table[AXES + axis] = low - 1, max(high - low + 3, NARROWEST)
         while table[3] > most or table[4] > most or table[3] * table[4] > most or table[3] * table[4] * table[5] > most:
             widest, holds = 3, False
             for axis in (4, 5):
                 if table[axis] > table[widest]:
                     widest = axis
-            table[widest] = max(MOST_NARROW, (table[widest] + 1) // 2)
+            table[widest] = max(NARROWEST, (table[widest] + 1) // 2)
         return holds
 
     @compiler.compiled
@@ -100,26 +103,26 @@ def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
         return place if 0 <= place < size else place - size * (place // size)
 
     @compiler.row
-    def enter_rows(n, weights, cell_x, cell_y, cell_z, low_x, low_y, low_z, width, height, buckets):
+    def enter_rows(n, cell_x, cell_y, cell_z, low_x, low_y, low_z, width, height, buckets):
         for k in range(n):
             place = ((cell_z[k] - low_z) * height + (cell_y[k] - low_y)) * width + (cell_x[k] - low_x)
-            buckets[k] = place if weights[k] != zero else np.int32(-1)
+            buckets[k] = place if cell_x[k] != FAR else np.int32(-1)
 
     @compiler.compiled
-    def enter(first, last, count, weights, cells, table, holds, buckets):
-        """The places of the particles' cells in the table, -1 of those that weigh nothing. `holds`: whether it has all."""
+    def enter(first, last, count, cells, table, holds, buckets):
+        """The places of the particles' cells in the table, -1 of those that have none. `holds`: whether it has all."""
         if holds:
             enter_rows(
-                last - first, row_at(weights, first), row_at(cells, first), row_at(cells, count + first),
-                row_at(cells, 2 * count + first), np.int32(table[0]), np.int32(table[1]), np.int32(table[2]),
-                np.int32(table[3]), np.int32(table[4]), row_at(buckets, first),
+                last - first, row_at(cells, first), row_at(cells, count + first), row_at(cells, 2 * count + first),
+                np.int32(table[0]), np.int32(table[1]), np.int32(table[2]), np.int32(table[3]), np.int32(table[4]),
+                row_at(buckets, first),
             )  # fmt: skip
             return
         for k in range(first, last):
             x = within_table(cells[k], table[0], table[3])
             y = within_table(cells[count + k], table[1], table[4])
             z = within_table(cells[2 * count + k], table[2], table[5])
-            buckets[k] = np.int32((z * table[4] + y) * table[3] + x) if weights[k] != zero else np.int32(-1)
+            buckets[k] = np.int32((z * table[4] + y) * table[3] + x) if cells[k] != FAR else np.int32(-1)
 
     return SimpleNamespace(cells_of=cells_of, span=span, enter=enter)
 
@@ -162,8 +165,8 @@ def _make_sort(compiler: Compiler) -> SimpleNamespace:
 
 
 def _make_runs(compiler: Compiler) -> Any:
-    """runs_around(b, table, holds, starts, runs): where the sorted particles of the 27 cells around cell b begin and end, without
-    empty runs; returned: how many numbers."""
+    """runs_around(b, table, holds, starts, runs): where the sorted particles of the 27 cells around cell b begin and end,
+    without empty runs; returned: how many numbers."""
 
     @compiler.compiled
     def runs_around(b, table, holds, starts, runs):
@@ -284,9 +287,8 @@ def make_find(real: Any, math: str) -> Any:
         holds = span(bands, boxes, starts.size - 1, table)
         size = table[3] * table[4] * table[5]
         for band in prange(bands):
-            enter(
-                np.int64(count * band // bands), count * (band + 1) // bands, count, weights, cells, table, holds, buckets
-            )
+            k, last = np.int64(count * band // bands), count * (band + 1) // bands
+            enter(k, last, count, cells, table, holds, buckets)
         for band in prange(bands):
             totals[band] = tally(size * band // bands, size * (band + 1) // bands, buckets, starts)
         for band in prange(bands):
@@ -302,8 +304,9 @@ def make_find(real: Any, math: str) -> Any:
         for band in prange(bands):
             begins[band] = live * band // bands
             search(
-                band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, holds, buckets, starts,
-                order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs, active, lost,
+                band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, holds, buckets,
+                starts, order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs, active,
+                lost,
             )  # fmt: skip
 
     return compiler.kernel(find)

@@ -9,7 +9,6 @@ bits, and the CPU's.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from numba import cuda
 from gpu_backend.bodies_kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.bodies_links import make_link_projection
 from gpu_backend.bodies_material import ClusterMaterial
+from gpu_backend.bodies_stages import bind_bodies_stages
 from gpu_backend.cloth_kernels import make_cloth_tools
 from gpu_backend.cloth_point import COLLIDER_COUNTS, INTEGERS, knows_time
 from gpu_backend.device import memory_info, require_gpu, simulated
@@ -26,7 +26,6 @@ from gpu_backend.particle_contacts import ParticleContacts, particle_contact_byt
 from gpu_backend.particle_contacts_project import make_contact_ends
 from gpu_backend.quad_simulation import QuadSimulation
 from gpu_backend.quads import SIZE
-from gpu_backend.xpbd_stages import make_xpbd_stages
 from model.cloth_record import collider_numbers
 from model.cluster_tables import first_particles, leans, matching_factors
 from model.errors import SceneError
@@ -154,7 +153,7 @@ class Bodies(QuadSimulation):
         self._contact_ends: Any = make_contact_ends(*variant, self._parts) if self.contacts else None
         self._project_links = make_link_projection(*variant) if "links" in self._parts else None
         if self.kernel == "stages":
-            self._executor = Executor(self.plan, self._stages())
+            self._executor = Executor(self.plan, bind_bodies_stages(self))
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
@@ -239,63 +238,6 @@ class Bodies(QuadSimulation):
         ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
         return method.substeps * (ends + iteration * method.iterations)
 
-    def _stages(self) -> dict[str, Callable[[int, float], None]]:
-        """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
-        substeps, flat, shape = self.scene.method.substeps, self._flat, (np.int32(1), np.int32(self.particle_count))
-        position, velocity, before = self.position[0], self.velocity[0], self.position[1]
-        a = self._zeros(SIZE * self.particle_count)
-        stage = make_xpbd_stages(self.real, self.options.math, self._parts, AXES)
-        now = {"step": -1, "substep": 0, "links": 0}  # links: colours projected so far in the substep
-
-        def predict(step: int, offset: float) -> None:
-            again = now["step"] == step and now["substep"] < substeps - 1
-            now.update(step=step, substep=now["substep"] + 1 if again else 0, links=0)
-            before.copy_to_device(position, stream=self.stream)
-            stage.predict[flat](before, velocity, a, position, self.record, *shape)
-
-        def find(step: int, offset: float) -> None:
-            assert self.contacts
-            self.contacts.find(position)
-
-        def project(step: int, offset: float) -> None:
-            assert self.contacts
-            self.contacts.project(before, position)
-
-        def update(step: int, offset: float) -> None:
-            if self.contacts:
-                self._contact_ends.update_velocity[flat](before, position, velocity, self.contacts.record, self.record)
-            else:
-                stage.update_velocity[flat](before, position, velocity, self.record)
-
-        def collide(step: int, offset: float) -> None:
-            number = np.int64(step * substeps + now["substep"])
-            stage.collide[flat](before, position, velocity, self.record, self.bodies, self.integers, number)
-
-        def damp(step: int, offset: float) -> None:
-            self._material.gather(position, velocity, self._entries, self._leans)
-            self._material.ends.slow[flat](position, velocity, *self._material.slowing(self._gathered))
-
-        def link(number: int) -> Callable[[int, float], None]:
-            def run(step: int, offset: float) -> None:
-                self._link(position, number, now["links"] < colours)
-                now["links"] += 1
-
-            return run
-
-        colours = self.scene.crowd.links.colours
-        return {f"project links {number}": link(number) for number in range(colours)} | {
-            "gravity": lambda step, offset: stage.gravity[flat](self.record, a),
-            "poke": lambda step, offset: stage.poke[flat](position, self.record, self.integers, a),
-            "predict": predict,
-            "match clusters": lambda step, offset: self._match(position, self.rotation),
-            "move to goals": lambda step, offset: self._cluster_kernels.move[flat](position, *self._gathered),
-            "find neighbours": find,
-            "project contacts": project,
-            "update velocity": update,
-            "damp clusters": damp,
-            "collide": collide,
-        }
-
     # ------------------------------------------------------------------ the contract
 
     @property
@@ -321,6 +263,9 @@ class Bodies(QuadSimulation):
         if self.contacts:
             self.contacts.change(self.scene)
         super()._parameters_changed()
+
+    def _weights_changed(self) -> None:
+        self._weight = (self.body.inverse_mass * self.scene.crowd.mass).astype(self.real)
 
     def _download_rotation(self) -> np.ndarray:
         return self._quads(self.rotation)

@@ -58,6 +58,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from bench.ablate import ablate
     from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
+    from bench.bar import run_bar
     from bench.convergence import run_convergence
     from bench.crowds import run_crowds
     from bench.findings import run_findings
@@ -87,6 +88,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
             _told(console, run_convergence(store, command=command))
             _told(console, run_projections(store, command=command))
             _told(console, run_crowds(store, command=command))
+            _told(console, run_bar(store, command=command))
         console.rule("stability: where it breaks")
         _told(console, run_stability(store, quick=quick, command=command))
         if not quick:

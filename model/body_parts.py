@@ -16,9 +16,10 @@ from model.soft_body import MATERIAL, BakedBody, RigidBody, SoftBody
 from model.soft_sheet import NOT_OF_SHEETS, SoftSheet
 from model.topology import mesh_path
 
-Copies = tuple[Count, Count, Count]
-Group = Annotated[int, Field(ge=0, le=31, strict=True)]
 MOST_COPIES = 1_000_000
+Copies = tuple[Count, Count, Count]
+Spare = Annotated[int, Field(ge=0, le=MOST_COPIES, strict=True)]
+Group = Annotated[int, Field(ge=0, le=31, strict=True)]
 
 
 class Placed(Part):
@@ -31,6 +32,7 @@ class Placed(Part):
     scale: Positive = 1.0  # m per unit of the file
     origin: Vector = ZERO  # m
     copies: Copies = (1, 1, 1)
+    spare: Spare = 0  # further copies, which wait until `Simulation.add_body` brings them in
     apart: Vector = (1.0, 1.0, 1.0)  # m
     angle: Number = 0.0  # degrees
     axis: Vector = (0.0, 1.0, 0.0)

@@ -114,9 +114,9 @@ def _build(scene: Scene) -> Body:
             f"at most {MOST_PARTICLES} masses (32-bit indices)",
         )
     if isinstance(grid, Crowd):
-        return Body(
-            1, count, grid.position.copy(), grid.velocity, 1 / grid.clusters.mass, np.zeros(0, np.int64), grid.extent
-        )
+        waiting = grid.waiting
+        inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
+        return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
     velocity = np.zeros_like(position)

@@ -20,13 +20,19 @@ MOST_PARTICLES = 2**31 - 1  # indices are 32-bit
 
 @dataclass(frozen=True)
 class Copy:
-    """A copy of a body: its part's `name`, what it is made of, its first particle and first cluster, its number in all."""
+    """A copy of a body: its part's `name`, what it is made of, its first particle and first cluster, its number in all;
+    `waits`: whether it is a spare one, which is not there when the scene starts."""
 
     name: str
     baked: BakedBody
     number: int
     first_particle: int
     first_cluster: int
+    waits: bool = False
+
+    @property
+    def particles(self) -> slice:
+        return slice(self.first_particle, self.first_particle + len(self.baked.position))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +65,11 @@ class Crowd:
         return len(self.position)
 
     @property
+    def waiting(self) -> np.ndarray:
+        """(particles,) bool: those of spare copies, which wait at the place of their body's first one."""
+        return np.array([copy.waits for copy in self.copies])[self.body]
+
+    @property
     def extent(self) -> float:
         """Its longest side [m]."""
         return float(np.ptp(self.position, axis=0).max(initial=self.spacing))
@@ -73,7 +84,7 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-    total = sum(len(part.baked.position) * part.count for part in parts.values())
+    total = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
     if total > MOST_PARTICLES:
         raise SceneError("copies", total, f"at most {MOST_PARTICLES} particles (32-bit indices)")
     copies: list[Copy] = []
@@ -85,10 +96,12 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         here = made.position @ turn.T
         centre = (made.mass[:, None] * here).sum(axis=0) / made.mass.sum()
         moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
-        for place in part.places():
-            copies.append(Copy(name, made, len(copies), particle, cluster))
+        places = part.places()
+        for number, place in enumerate([*places, *places[:1].repeat(part.spare, axis=0)]):
+            waits = number >= part.count
+            copies.append(Copy(name, made, len(copies), particle, cluster, waits))
             positions.append(here + place)
-            velocities.append(moving)
+            velocities.append(0 * moving if waits else moving)
             bodies.append(np.full(len(here), len(bodies), np.int32))
             masses.append(made.mass)
             indices.append(made.clusters.indices + particle)

@@ -46,14 +46,16 @@ def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.hypot(across[..., 0], across[..., 1]), np.hypot(down[..., 0], down[..., 1])
 
 
-def spring_strain(scene: Scene, position: np.ndarray, kind: str = "structural") -> np.ndarray:
+def spring_strain(
+    scene: Scene, position: np.ndarray, kind: str = "structural", plastic: np.ndarray | None = None
+) -> np.ndarray:
     """(springs,) float64: (length - rest) / rest of the horizontal springs row by row, then of the vertical ones.
 
     For a rest length of zero: length / spacing. In the order of `spring_ends`. Of a cloth: of its springs of that `kind`,
     or, where it has none, what they would be strained. Of bodies: (entries,), see `goal_strain`.
     """
     if scene.bodies:
-        return goal_strain(scene, position)
+        return goal_strain(scene, position, plastic)
     if scene.cloth:
         length, rest = cloth_lengths(scene, position, kind)
         return (length - rest) / rest

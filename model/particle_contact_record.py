@@ -9,6 +9,7 @@ from model.scene import Scene
 
 MOST_NEIGHBOURS = 32  # of one particle; those beyond are counted as lost
 MARGIN = 0.2  # of the distance: how much farther neighbours are searched, as iterations may bring them near
+FARTHEST = 2**30  # cells from the origin, along an axis: what is beyond has left the world, and meets nobody
 REST = 1.25  # distances: particles of a body nearer than that at rest are neighbours, and do not meet
 
 CONTACT_PARAMETERS = (

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isqrt
 from typing import Any
 
 import numpy as np
 
+from model import spare
 from model.build import Body, build
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import cloth_record
@@ -109,6 +110,7 @@ class Simulation(ABC):
         self.options = options
         self.real: Any = PRECISIONS[options.precision]
         self.body: Body = build(scene)
+        self._first_body = self.body  # `self.body` tells which bodies wait now
         self.step = 0
         self.time = 0.0
         self.limit = stability_limit(scene)
@@ -317,7 +319,7 @@ class Simulation(ABC):
             raise InputError(f"inverse_mass has shape {inverse_mass.shape}, this scene needs ({count},)")
         same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
-            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+            self._take_weights(inverse_mass)
         rotation = state.rotation
         if rotation is not None:
             rotation = checked_rotation(rotation, self._cluster_count(), self.real)
@@ -335,6 +337,19 @@ class Simulation(ABC):
         self.step, self.time = int(state.step), float(state.time)
         self._put_aside()
 
+    def _take_weights(self, inverse_mass: np.ndarray) -> None:
+        """Other bodies wait than do now. Raises InputError where anything else is different."""
+        waits = spare.waiting(self.scene, inverse_mass) if "spare" in self.plan.parts else None
+        if waits is None:
+            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+        weights = np.where(waits, 0.0, 1 / self.scene.crowd.clusters.mass)
+        self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(waits))
+        self._weights_changed()
+
+    def _weights_changed(self) -> None:
+        """Send `self.body.inverse_mass` to where the state is; the state itself is uploaded right after it."""
+        raise NotImplementedError
+
     def _cluster_count(self) -> int:
         return self.scene.crowd.clusters.count if self.scene.bodies else 0
 
@@ -344,8 +359,25 @@ class Simulation(ABC):
 
     def reset(self) -> None:
         """Back to the scene's start."""
-        body = self.body
+        body = self._first_body
         self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
+
+    def add_body(
+        self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = spare.STILL
+    ) -> int:
+        """Bring in a spare copy of the body `name`: its mesh's origin at `origin` (that of the part) [m], turned as the part
+        says, moving at `velocity` [m/s]. The number of the copy (in `scene.crowd.copies`).
+
+        Raises SceneError: no such body, or none left (its `spare` says how many there are).
+        """
+        found, state = spare.added(self, name, origin, velocity)
+        self.load(state)
+        return found
+
+    def remove_body(self, number: int) -> None:
+        """Take a copy out; it is a spare one from now on. Raises SceneError: no such copy, or it waits already, or the scene
+        was made without spare ones."""
+        self.load(spare.removed(self, number))
 
     def read(self, name: str, into: Any = None) -> Any:
         """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the

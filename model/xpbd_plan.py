@@ -96,7 +96,8 @@ def body_parts(scene: Scene) -> frozenset[str]:
     if not scene.bodies:
         return frozenset()
     links = {"links"} if scene.crowd.links.count else set()
-    return scene.crowd.clusters.parts | contact_parts(scene) | links
+    spare = {"spare"} if any(copy.waits for copy in scene.crowd.copies) else set()
+    return scene.crowd.clusters.parts | contact_parts(scene) | links | spare
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:

@@ -69,8 +69,8 @@ def draw(results: Results) -> Drawing | str:
     caption = (
         "One bar of one material: a strip of the lab's grid that hangs, under each solver, and a jelly bar of clusters, "
         f"which stands. Left: at {FINEST} substeps of a frame of a sixtieth of a second, against the masses along it. Right: "
-        f"at {SOME_LINKS} along it, against the substeps; mass-spring, whose steps are the substeps, is refused where there is "
-        "no mark. Over the closed form of a rod of the material (grey); float64, exact math."
+        f"at {SOME_LINKS} along it, against the substeps; mass-spring, whose steps are the substeps, is refused where there "
+        "is no mark. Over the closed form of a rod of the material (grey); float64, exact math."
     )
     return Drawing(figure, TITLE, caption, sources)
 

@@ -6,7 +6,7 @@ All have the same parts, most of them switched off or far away, so that a test c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -65,7 +65,13 @@ def everything(substeps: int = 2, iterations: int = 2) -> Scene:
 
 def of_all_materials(leave_out: Sequence[str] = (), substeps: int = 2, iterations: int = 2) -> Scene:
     """A bar that stretches, creeps and is damped, but for `leave_out`, hits the plane at 5 m/s, under a rigid brick."""
-    given = {"linear": 0.6, "plastic_threshold": 0.01, "plastic_creep": 20.0, "plastic_limit": 0.3, "cluster_damping": 4.0}
+    given = {
+        "linear": 0.6,
+        "plastic_threshold": 0.01,
+        "plastic_creep": 20.0,
+        "plastic_limit": 0.3,
+        "cluster_damping": 4.0,
+    }
     kept = {name: value for name, value in given.items() if name not in leave_out}
     bar = BAR | kept | {"origin": [0.0, 0.1, 0.0], "velocity": [0.0, -5.0, 0.0]}
     return bodies_scene(
@@ -84,6 +90,20 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
         at, zero, body, clusters, make_links(links), copies, 0.1, float(clusters.mass.mean())
     )
     scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # what its arrays are kept under
+    return scene
+
+
+def lone_points(
+    points: Any, velocity: Any = None, adhesion: float = 1e-30, radius: float = 0.05, **contact: Any
+) -> Scene:
+    """Bodies of one particle of 1 kg each, without weight, that meet."""
+    count, contact = len(points), {"maximum_speed": 1e3, "sleeping_speed": 1e-30} | contact
+    body = BRICK | {"copies": [count, 1, 1], "adhesion": adhesion, "radius": radius}
+    scene = by_hand(clusters_of(points, *([n] for n in range(count))), body=body, contact=contact)
+    crowd, zero = scene.crowd, np.zeros((count, 3))
+    copies = tuple(replace(crowd.copies[0], number=n, first_particle=n, first_cluster=n) for n in range(count))
+    moving = zero if velocity is None else np.asarray(velocity, dtype=np.float64)
+    scene.__dict__["crowd"] = replace(crowd, body=np.arange(count, dtype=np.int32), copies=copies, velocity=moving)
     return scene
 
 

@@ -9,7 +9,7 @@ import pytest
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
 from bench import bar as job
-from bench.bar import BODY, FINEST, LAW, STRIP, experiments, run_bar
+from bench.bar import FINEST, LAW, STRIP, experiments, run_bar
 from bench.bar_body import CLUSTERS, LENGTH, REACH, SPEED, bar, rod_swing, sampled, standing_sag, sway
 from bench.bar_strip import (
     ACROSS,
@@ -73,14 +73,14 @@ def test_springs_are_a_chain(solver: str, iterations: int, discrete) -> None:
     assert value(found, DECAY) == pytest.approx(rate, abs=1e-8)
 
 
-@pytest.mark.parametrize("region", [1, 3])
+@pytest.mark.parametrize("region", [1, 2])
 def test_windows_are_the_linear_system_of_their_clusters(region: int) -> None:
-    """Sags to what e^-30 leaves; a swing let go as a chain's is not quite one mode: of 1 % and 20 % others, squared."""
+    """Sags to what e^-30 leaves; a swing let go as a chain's is not quite one mode: of 1 % and 6 % others, squared."""
     method = method_of("shape-matching", FINEST, region=region)
     sag, frequency = chain_of_clusters(strip(FEW, method))
     assert value(hang(strip(FEW, method), "cpu"), SAG) == pytest.approx(sag, rel=1e-9)
     assert value(swing(strip(FEW, method, FREQUENCY), "cpu"), FREQUENCY) == pytest.approx(
-        frequency, rel=1e-4 if region == 1 else 0.04
+        frequency, rel=1e-4 if region == 1 else 4e-3
     )
     assert sag > rod_sag() and frequency < rod_frequency()
 
@@ -97,8 +97,8 @@ def test_springs_do_not_resist_shear_and_clusters_do() -> None:
 
 
 def test_a_jelly_bar_swings_as_its_clusters_say() -> None:
-    """The eigenvalue e of what clusters pull back, by differences, in substeps of h: z^2 = (1 - b e)(2 z - 1). A rod's mode is
-    98 % of the bar's: the others' 2 % of its square blur it."""
+    """The eigenvalue e of what clusters pull back, by differences, in substeps of h: z^2 = (1 - b e)(2 z - 1). Of a rod's
+    mode others of the bar's have 14 %, squared 2 %, which blurs it."""
     scene, layers, overlap = bar(FEW, 1.25, FINEST), FEW, 1.25
     clusters, at = scene.crowd.clusters, scene.crowd.position
 
@@ -117,7 +117,7 @@ def test_a_jelly_bar_swings_as_its_clusters_say() -> None:
     h = FRAME / FINEST
     b = matching_share(clusters.stiffness[0], h, 1)
     found = sway(scene, "cpu", layers, overlap)
-    assert value(found, FREQUENCY) == pytest.approx(np.arccos(np.sqrt(1 - b * e)) / (2 * pi * h), rel=0.02 * 0.5)
+    assert value(found, FREQUENCY) == pytest.approx(np.arccos(np.sqrt(1 - b * e)) / (2 * pi * h), rel=0.02)
     # one material: drawn out evenly it stores M c^2 e^2 / 2, less what askew clusters spare by turning
     stored = clusters.energy(at * [1 + 1e-3, 1, 1]) / (0.5 * clusters.mass.sum() * SPEED**2 * 1e-6)
     assert 0.99 < stored < 1 + 1e-6
@@ -184,8 +184,8 @@ def test_nothing_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     with Store(":memory:") as store:
         first = run_bar(store, quick=True, backends=["cpu"], progress=False)
         again = run_bar(store, quick=True, backends=["cpu"], progress=False)
-        assert (first.measured, first.held) == (4 + 2, 0)
-        assert (again.measured, again.held, again.run) == (0, 6, "")
+        assert (first.measured, first.held) == (4 + 3, 0)
+        assert (again.measured, again.held, again.run) == (0, 7, "")
         refused = [m for m in measures(store, SAG) if m.value is None]
         assert len(refused) == 1 and refused[0].reason is not None and "stability limit" in refused[0].reason
 

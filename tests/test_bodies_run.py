@@ -188,7 +188,6 @@ def test_a_scene_of_bodies_is_read_back_as_it_was_written(name: str) -> None:
 @pytest.mark.parametrize(
     "changes,word",
     [
-        ({"beam.link_radius": 0.1, "beam.link_stiffness": 10.0}, "beam.link_radius = 0.1: must be 0"),
         ({"beam.particle_spacing": 3.0}, "beam.particle_spacing = 3.0: larger than the mesh"),
         ({"beam.cluster_spacing": 0.4, "beam.cluster_radius": 0.1}, "the body will just fall apart"),
         ({"beam.copies": (0, 1, 1)}, "beam.copies"),

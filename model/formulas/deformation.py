@@ -14,7 +14,9 @@ import numpy as np
 
 from model.formulas import plain
 
-LEAST_VOLUME = 0.125  # of that at rest, below which the linear map's part falls to 0 with the volume
+# Of the volume at rest, below which the linear map's part falls to 0 with the volume: 1 / cbrt(det F) lengthens what is long
+# already, and what is crushed and cannot get its volume back would flee sideways, ever faster.
+LEAST_VOLUME = 0.5
 # a cluster's constants: see model/cluster_tables.py, `shape_table`
 SHAPE = 12  # numbers: three quads
 S_INVERSE, S_LINEAR, S_THRESHOLD, S_CREEP, S_LIMIT = 0, 6, 7, 8, 9

@@ -104,12 +104,12 @@ def test_what_is_projected_is_the_references() -> None:
 @pytest.mark.parametrize(
     ("scene", "precision", "kernel"),
     [
-        (meeting(2, 1), "float32", "launch"),
-        (smooth(1, 2), "float64", "stages"),
         (meeting(2, 1), "float64", "stages"),
+        (meeting(2, 1), "float32", "launch"),
         (smooth(1, 2), "float32", "launch"),
+        (smooth(1, 2), "float64", "stages"),
     ],
-    ids=["meeting-float32", "smooth-float64", "meeting-float64", "smooth-float32"],
+    ids=["meeting-float64", "meeting-float32", "smooth-float32", "smooth-float64"],
 )
 def test_the_bits_of_the_cpu(scene: Scene, precision: str, kernel: str) -> None:
     host = end_state(scene, precision=precision, steps=STEPS)
@@ -150,7 +150,7 @@ def test_no_number_is_told_and_not_met() -> None:
 
 
 def test_sums_of_more_chunks_than_a_block_has_threads() -> None:
-    count = CHUNK * (CHUNK + 3) + 5
+    count = CHUNK * (CHUNK + 1) + 5
     numbers = np.random.default_rng(2).integers(0, 9, count).astype(np.int32)
     counts, starts = cuda.to_device(numbers), cuda.to_device(np.zeros(count, np.int32))
     Scan(count, 0).run(counts, starts, starts)

@@ -1,0 +1,289 @@
+"""The commands that measure, into the store, one function a sub-command; softlab.py takes them among its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+
+measuring = typer.Typer()
+Methods = Annotated[
+    list[str] | None,
+    typer.Option(
+        help='Only this integrator or position-based method ("xpbd jacobi"; xpbd: all orderings). Repeatable.'
+    ),
+]
+
+
+def _precisions(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
+    """Those that were chosen, each once, else the `usual`, else all. Raises SceneError."""
+    from model.simulation import PRECISIONS, Options
+
+    return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
+
+
+def _tell(summary: Any) -> None:
+    """What was measured; the exit status of Ctrl-C, if that ended it."""
+    out.print(str(summary), markup=False, soft_wrap=True)
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
+@measuring.command(epilog="Example: softlab sweep --quick --backend cpu")
+def sweep(
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, about a minute.")] = False,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
+    max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
+    total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
+    graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
+    repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
+    min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    kernels: Annotated[
+        bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
+    ] = False,
+    kernel: Annotated[list[str] | None, typer.Option(help="With --kernels: only this one. Repeatable.")] = None,
+    energy: Annotated[bool, typer.Option(help="With --kernels: joules, where the machine counts them.")] = True,
+    starts: Annotated[bool, typer.Option(help="With --kernels: the time to a first step, too.")] = True,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp).")
+    ] = False,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
+    from bench.store import Store
+    from bench.tables import print_kernels, print_sweep
+
+    if peers and (kernels or kernel):
+        from model.errors import SceneError
+
+        raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
+    how: dict[str, Any] = {
+        "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
+        "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": _precisions(precision),
+        "command": typed(),
+    }  # fmt: skip
+    summary: Any
+    with Store(store) as opened:
+        if kernels:
+            from bench.kernel_sweep import run_kernel_sweep
+
+            summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, **how)
+            print_kernels(out, opened, summary.machine)
+        elif peers:
+            from bench.peer_results import print_peers
+            from bench.peer_sweep import run_peers
+
+            summary = run_peers(opened, **how)
+            print_peers(out, opened, summary.machine)
+        else:
+            from bench.sweep import run_sweep
+
+            summary = run_sweep(opened, graphics=graphics, **how)
+        print_sweep(out, summary)
+    if summary.interrupted:
+        raise typer.Exit(130)
+
+
+@measuring.command(epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)")
+def accuracy(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer repeats and methods; neither exact math nor other sizes.")
+    ] = False,
+    integrator: Methods = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    scene: Annotated[list[str] | None, typer.Option(help="Only S1, S2, S4, S5, S6 or S6-still. Repeatable.")] = None,
+    findings: Annotated[
+        bool | None,
+        typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
+    ] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Hold every method, step size and precision against a converged reference: speed against error."""
+    from bench.accuracy import run_accuracy
+    from bench.accuracy_points import CLOTHS, SCENES
+    from bench.choice import chosen
+    from bench.convergence import run_convergence
+    from bench.findings import run_findings
+    from bench.findings_costs import run_costs
+    from bench.store import Store
+
+    how: dict[str, Any] = {"quick": quick, "backends": backend, "command": typed()}
+    if findings is None:
+        findings = not (integrator or precision or scene)
+    scenes = chosen(scene, [*SCENES, *CLOTHS], "--scene") if scene else None
+    with Store(store) as opened:
+        _tell(run_accuracy(opened, integrators=integrator, precisions=precision, scenes=scenes, **how))
+        for run in (run_findings, run_costs, run_convergence) if findings else ():
+            _tell(run(opened, **how))
+
+
+@measuring.command(epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
+def stability(
+    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges.")] = False,
+    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
+    from bench.stability import run_stability
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_stability(
+            opened, quick=quick, integrators=integrator, backends=backend,
+            command=typed(),
+        )  # fmt: skip
+        _tell(summary)
+
+
+@measuring.command(epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
+def hard(
+    quick: Annotated[bool, typer.Option("--quick", help="The hand-out's step and velocity Verlet alone.")] = False,
+    case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
+    integrator: Methods = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Run the hard cases: grids collapsed, flipped, poked, far away; pass, fail, or refused with a diagnosis."""
+    from bench.hard import run_hard
+    from bench.hard_results import failed, print_hard
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_hard(
+            opened, quick=quick, cases=case, integrators=integrator, backends=backend, precisions=precision,
+            pictures=pictures, command=typed(),
+        )  # fmt: skip
+        print_hard(out, summary)
+    if summary.interrupted:
+        raise typer.Exit(130)
+    if failed(summary):
+        raise typer.Exit(1)
+
+
+@measuring.command(epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)")
+def projections(
+    quick: Annotated[bool, typer.Option("--quick", help="Two sizes, fewer repeats, nothing published.")] = False,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
+    from bench.projections import run_projections
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_projections(
+            opened, quick=quick, backends=backend, sizes=size, precisions=_precisions(precision, "float32"),
+            command=typed(),
+        )  # fmt: skip
+        _tell(summary)
+
+
+@measuring.command(epilog="Example: softlab crowds --quick   (softlab crowds --backend cpu --kind heap)")
+def crowds(
+    quick: Annotated[bool, typer.Option("--quick", help="Fifty bodies, the smallest grid, fewer repeats.")] = False,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    kind: Annotated[list[str] | None, typer.Option(help="Only soft, rigid, heap or grid. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time bodies: how many particles a second, soft, rigid, in a heap that collides, and the grid as jelly."""
+    from bench.crowds import KINDS, run_crowds
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_crowds(
+            opened, quick=quick, backends=backend, kinds=kind or KINDS, precisions=_precisions(precision, "float32"),
+            command=typed(),
+        )  # fmt: skip
+        _tell(summary)
+
+
+@measuring.command(epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
+def bar(
+    quick: Annotated[bool, typer.Option("--quick", help="Few spacings, substeps and sizes of clusters.")] = False,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Three solvers, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
+    from bench.bar import run_bar
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_bar(opened, quick=quick, backends=backend, command=typed())
+        _tell(summary)
+
+
+@measuring.command(epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
+def advise(
+    scene: SceneName,
+    error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
+    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
+    write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Then measure every method and step size, to see if the advice is right.")
+    ] = False,
+    settings: Settings = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
+    from app.scene_file import check_scene_target, write_scene
+    from bench.advise import advise as find
+    from bench.advise_check import brute_force
+    from bench.store import Store
+
+    if write is not None:
+        check_scene_target(write, force)  # before the work whose result it holds
+    with Store(store) as opened:
+        advice = find(
+            opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=_precisions(precision),
+            total_seconds=total_seconds, command=typed(),
+        )  # fmt: skip
+        out.print(str(advice), markup=False, soft_wrap=True)
+        if advice.best is None:
+            raise typer.Exit(2)
+        if check:
+            chosen = _precisions(precision) or ("float32", "float64")
+            out.print(
+                str(brute_force(opened, advice, backends=backend, precisions=chosen, progress=True)),
+                markup=False,
+                soft_wrap=True,
+            )
+    if write is not None:
+        path = write_scene(write, advice.configured(), advice.heading(), force=force)
+        out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
+
+
+@measuring.command(epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
+def ablate(
+    scene: SceneName,
+    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
+    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    settings: Settings = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
+    from bench.ablate import ablate as measure
+    from bench.ablation_results import print_ablation
+    from bench.store import Store
+
+    command = typed()
+    with Store(store) as opened:
+        summary = measure(opened, scene_of(scene, settings), backends=backend, time=time, command=command)
+    print_ablation(out, summary)
+    if summary.interrupted:
+        raise typer.Exit(130)

@@ -1,0 +1,66 @@
+"""Bodies that come and go while a scene runs: spare copies wait, weightless, until they are brought in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model.crowd import Copy
+from model.errors import SceneError
+from model.scene import Scene
+
+if TYPE_CHECKING:
+    from model.simulation import Simulation, State
+
+STILL = (0.0, 0.0, 0.0)  # m/s
+
+
+def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
+    """(particles,) bool: whose copies wait by these inverse masses [1/kg], (particles,); None where they are not those of
+    the scene's particles, all or none of a copy's being 0."""
+    crowd, waits = scene.crowd, inverse_mass == 0
+    known = np.where(waits, 0.0, 1 / crowd.clusters.mass)
+    share = np.bincount(crowd.body, waits) / np.bincount(crowd.body)
+    return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(share, (0, 1)).all() else None
+
+
+def added(
+    simulation: Simulation, name: str, origin: Sequence[float] | None, velocity: Sequence[float]
+) -> tuple[int, State]:
+    """See Simulation.add_body: the number of the copy, and the state with it."""
+    scene, weights = simulation.scene, simulation.body.inverse_mass
+    if name not in scene.bodies:
+        raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
+    part, mine = scene.bodies[name], [copy for copy in scene.crowd.copies if copy.name == name]
+    copy = next((one for one in mine if not weights[one.first_particle]), None)
+    if copy is None:
+        raise SceneError(f"{name}.spare", part.spare, "no copy is left; more of them, or remove_body, would do")
+    moved = np.subtract(part.places()[0] if origin is None else origin, part.places()[0])
+    return copy.number, _put(simulation, copy, scene.crowd.position[mine[0].particles] + moved, velocity, True)
+
+
+def removed(simulation: Simulation, number: int) -> State:
+    """See Simulation.remove_body: the state without it."""
+    scene, weights = simulation.scene, simulation.body.inverse_mass
+    copies = scene.crowd.copies if scene.bodies else ()
+    if not 0 <= number < len(copies) or not weights[copies[number].first_particle]:
+        raise SceneError("body", number, "there is no such body now")
+    copy = copies[number]
+    if "spare" not in simulation.plan.parts:
+        raise SceneError(f"{copy.name}.spare", 0, "must be at least 1 in a scene that bodies leave")
+    return _put(simulation, copy, scene.crowd.position[copy.particles], STILL, False)
+
+
+def _put(simulation: Simulation, copy: Copy, position: np.ndarray, velocity: Sequence[float], there: bool) -> State:
+    """The state with a copy in its rest shape at `position`, as a body that is there, or that waits."""
+    state, crowd = simulation.state(), simulation.scene.crowd
+    clusters = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
+    state.position[copy.particles], state.velocity[copy.particles] = position, velocity
+    state.inverse_mass[copy.particles] = 1 / crowd.clusters.mass[copy.particles] if there else 0.0
+    if state.rotation is not None:
+        state.rotation[clusters] = (1.0, 0.0, 0.0, 0.0)
+    if state.plastic is not None:
+        state.plastic[clusters] = np.eye(3)
+    return state
