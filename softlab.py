@@ -116,9 +116,14 @@ def run(
         raise result.diverged
 
 
-@app.command(epilog="Example: softlab demo lab-grid --backend gpu   (H in the window shows the keys)")
+@app.command(
+    epilog="Example: softlab demo lab-grid --backend gpu   (side by side: softlab demo two-worlds two-worlds-moon)"
+)
 def demo(
-    scene: SceneName = "lab-grid",
+    scenes: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SCENE ...]", help="Names or .toml files; several: side by side (default: lab-grid)."),
+    ] = None,
     backend: Backend = "cpu",
     threads: Threads = "1x",
     precision: Precision = "float32",
@@ -126,13 +131,14 @@ def demo(
     settings: Settings = None,
     frames: Annotated[int | None, typer.Option(help="Close after so many frames.")] = None,
 ) -> None:
-    """Show a scene in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
+    """Show scenes in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
     from app.viewer import run_demo
     from model.errors import SceneError
 
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be at least 1")
-    run_demo(scene_of(scene, settings), backend=backend, threads=threads, precision=precision, math=math, frames=frames)
+    shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
+    run_demo(*shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames)
 
 
 app.registered_commands += measuring.registered_commands  # here: it is the order of --help

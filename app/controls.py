@@ -49,6 +49,7 @@ BODY_KEYS = (  # without springs there is no stiffness to change
     ("Enter", "push its body (down, or arrow)"),
     *SPACE_KEYS[12:],
 )
+WORLDS_KEY = ("Tab", "change one world alone, all")
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
     "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
@@ -68,10 +69,11 @@ def hint(space: bool = False, bodies: bool = False) -> str:
     return BODY_HINT if bodies else SPACE_HINT if space else HINT
 
 
-def keys_text(width: int, space: bool = False, bodies: bool = False) -> str:
+def keys_text(width: int, space: bool = False, bodies: bool = False, several: bool = False) -> str:
     """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
-    one of bodies."""
-    lines = [f"{key:8}{meaning:33}" for key, meaning in (BODY_KEYS if bodies else SPACE_KEYS if space else KEYS)]
+    one of bodies; `several`, side by side."""
+    keys = (*((WORLDS_KEY,) if several else ()), *(BODY_KEYS if bodies else SPACE_KEYS if space else KEYS))
+    lines = [f"{key:8}{meaning:33}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2
         lines = [left + right for left, right in zip_longest(lines[:half], lines[half:], fillvalue="")]
@@ -87,6 +89,7 @@ class Controls:
         self.key = viewer.pyglet.window.key
         key, demo = self.key, self.demo
         self._key_actions: dict[int, Callable[[], object]] = {
+            key.TAB: demo.next_world,
             key.G: demo.toggle_gravity,
             key.SPACE: demo.toggle_pause,
             key.R: demo.restart,
@@ -122,6 +125,7 @@ class Controls:
             key.MOTION_UP: (0, 1),
             key.MOTION_DOWN: (0, -1),
         }
+        self._corner = (0, 0)  # pixels, of the pane in which a button went down last
         self._enter_keys = (key.ENTER, key.NUM_ENTER)
         self.window.push_handlers(
             on_key_press=self._key_down,
@@ -158,17 +162,35 @@ class Controls:
 
     def _pixels(self, x: float, y: float) -> tuple[float, float]:
         """Mouse coordinates in frame-buffer pixels (they differ on some high-resolution displays)."""
-        ratio = self.viewer.camera.width / max(self.window.width, 1)
+        ratio = self.viewer.width / max(self.window.width, 1)
         return x * ratio, y * ratio
 
+    def _in_pane(self, x: float, y: float) -> tuple[float, float]:
+        """In frame-buffer pixels from the lower left corner of the pane in which a button went down."""
+        across, up = self._pixels(x, y)
+        return across - self._corner[0], up - self._corner[1]
+
+    def _enter(self, x: float, y: float) -> int:
+        """The number of the world under the pointer, whose pane coordinates are of from now on."""
+        number = self.viewer.world_at(*self._pixels(x, y))
+        pane = self.viewer.panes[number]
+        self._corner = pane.left, pane.bottom
+        return number
+
     def _mouse_down(self, x: int, y: int, button: int, modifiers: int) -> None:
-        self.mouse.press(*self._pixels(x, y), button)
+        if self.mouse.pointer is None:  # a second button changes nothing of what is held
+            number = self._enter(x, y)
+            if button == self.mouse.button.LEFT:
+                self.demo.turn_to(number)
+        self.mouse.press(*self._in_pane(x, y), button)
 
     def _mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
-        self.mouse.drag(*self._pixels(x, y), *self._pixels(dx, dy))
+        self.mouse.drag(*self._in_pane(x, y), *self._pixels(dx, dy))
 
     def _mouse_up(self, x: int, y: int, button: int, modifiers: int) -> None:
         self.mouse.release(button)
 
     def _scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
-        self.mouse.scroll(*self._pixels(x, y), scroll_y)
+        if self.mouse.pointer is None:
+            self._enter(x, y)
+        self.mouse.scroll(*self._in_pane(x, y), scroll_y)

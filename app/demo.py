@@ -1,18 +1,20 @@
 """What the interactive demo does, without a window: every key and drag is a method here, and can be tested as one.
 
-`Demo` owns a list of simulations (worlds) that run side by side; actions apply to all of them, and masses are picked in
-the first. It never raises for what a user does: the reason goes to `message`, and the old state goes on.
+`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of them
+or, once one was chosen, in that one alone; all else is for all. It never raises for what a user does: the reason goes to
+`message`, and the old state goes on.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from app.hand import Poke, nearest, neighbour
+from app.hand import Hand, Poke, nearest, neighbour
 from app.worlds import STEPS_PER_FRAME, Worlds, stiffness_paths
+from model.errors import SoftlabError
 from model.simulation import Simulation
 
 THREAD_WORDS = ("1x", "2x", "4x")
@@ -25,23 +27,64 @@ class Demo(Worlds):
 
     # ------------------------------------------------------------------ keys
 
+    def next_world(self) -> None:
+        """Tab: all worlds, the first alone, the second alone ..."""
+        if len(self.worlds) == 1:
+            self.say("there is one scene only; softlab demo SCENE SCENE shows two side by side")
+            return
+        following = self.current + 1 if self.alone else 0
+        self.alone = following < len(self.worlds)
+        self.turn_to(following % len(self.worlds))
+        self.say(f"keys change {self.titles[self.current] + ' alone' if self.alone else 'every world'}")
+
+    def turn_to(self, number: int) -> None:
+        """The hand and the numbers are in another world from now on."""
+        if number != self.current:
+            self.release()
+            self.current, self.hand = number, Hand(self.scenes[number].dimensions)
+            self.refresh(force=True)
+
+    @property
+    def changed(self) -> list[Simulation]:
+        """The worlds that keys change."""
+        return [self.world] if self.alone else self.worlds
+
+    @property
+    def whose(self) -> str:
+        """How a message about one world alone begins."""
+        return f"{self.titles[self.current]}: " if self.alone else ""
+
     def toggle_gravity(self) -> None:
         """G"""
         if self._blocked():
             return
         on = not self.gravity
-        if self._guard(lambda: self._set("gravity.enabled", on)):
-            gravity = self.world.scene.gravity
-            self.say(f"gravity on: {gravity.acceleration:g} m/s² downward" if on and gravity else "gravity off")
+        if self._change([(world, {"gravity.enabled": on}) for world in self.changed]):
+            parts = [world.scene.gravity for world in self.changed]
+            found = dict.fromkeys(f"{part.acceleration:g}" for part in parts if part)
+            self.say(f"{self.whose}gravity " + (f"on: {', '.join(found)} m/s² downward" if on else "off"))
 
     @property
     def gravity(self) -> bool:
         gravity = self.world.scene.gravity
         return bool(gravity and gravity.enabled)
 
-    def _set(self, path: str, value: object) -> None:
-        for world in self.worlds:
-            world.set(path, value)
+    def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, float | bool]]]) -> bool:
+        """Set fields of worlds by their paths, or say why not and leave every world as it was."""
+        before = [(world, path, _field(world, path)) for world, fields in wanted for path in fields]
+
+        def change() -> None:
+            try:
+                for world, fields in wanted:
+                    self._at = self.worlds.index(world)
+                    for path, value in fields.items():
+                        world.set(path, value)
+            except SoftlabError:
+                for world, path, value in before:
+                    world.set(path, value)
+                raise
+
+        return self._guard(change)
 
     def toggle_pause(self) -> None:
         """Space"""
@@ -52,30 +95,27 @@ class Demo(Worlds):
         """[ (-1) and ] (+1): the step size by a factor of 1.25."""
         if self._blocked():
             return
-        dt = self.world.scene.method.dt * FACTOR**presses
-        if self._guard(lambda: self._set("method.dt", dt)):
-            self.say(f"dt {dt:.4g} s, {self.limit_text()}")
+        factor = FACTOR**presses
+        if self._change([(world, {"method.dt": world.scene.method.dt * factor}) for world in self.changed]):
+            self.say(f"{self.whose}dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
 
     def change_stiffness(self, presses: int) -> None:
         """{ (-1) and } (+1): the spring stiffness by a factor of 1.25."""
         if self._blocked():
             return
-        now = stiffness_paths(self.world.scene)
-        if not now:
-            self.say("this scene has no springs")
-            return
-        wanted = {path: stiffness * FACTOR**presses for path, stiffness in now.items()}
-
-        def change() -> None:
-            for path, stiffness in wanted.items():
-                self._set(path, stiffness)
-
-        if self._guard(change):
+        wanted = [
+            (world, {path: stiffness * FACTOR**presses for path, stiffness in stiffness_paths(world.scene).items()})
+            for world in self.changed
+        ]
+        told = next((fields for _, fields in wanted if fields), None)
+        if told is None:
+            self.say(f"{self.whose}this scene has no springs")
+        elif self._change(wanted):
             texts = [
                 f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"
-                for path, stiffness in wanted.items()
+                for path, stiffness in told.items()
             ]
-            self.say(f"{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
+            self.say(f"{self.whose}{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
 
     def limit_text(self) -> str:
         """The step size against its limit, in words."""
@@ -164,7 +204,7 @@ class Demo(Worlds):
 
     def force(self) -> tuple[float, ...]:
         """The held force [N], of as many components as the world has; 0 without one."""
-        return self.hand.force(self.world, self.positions[0], self._hold_time())
+        return self.hand.force(self.world, self.position, self._hold_time())
 
     def _tell_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
@@ -180,9 +220,7 @@ class Demo(Worlds):
         if self.hand.selected is not None and self.world.scene.bodies:
             crowd = self.world.scene.crowd
             own = np.flatnonzero(crowd.body == crowd.body[self.hand.selected])
-            self._tell_selection(
-                self.hand.move_to(neighbour(self.positions[0], own, self.hand.selected, towards), towards)
-            )
+            self._tell_selection(self.hand.move_to(neighbour(self.position, own, self.hand.selected, towards), towards))
             return
         self._tell_selection(self.hand.move(columns, rows, self.world, towards))
 
@@ -190,7 +228,7 @@ class Demo(Worlds):
         """Mouse down at (x, y) [m] in the plane: take the nearest mass within `reach` [m], to be pulled to the pointer."""
         if self._blocked():
             return False
-        particle = nearest(self.positions[0], x, y, reach)
+        particle = nearest(self.position, x, y, reach)
         return particle is not None and self.take(particle, (x, y))
 
     def take(self, particle: int, target: Sequence[float]) -> bool:
@@ -224,3 +262,10 @@ class Demo(Worlds):
         if self.hand.held is not None:
             self.hand.held = None
             self._guard(self._push)
+
+
+def _field(world: Simulation, path: str) -> float | bool:
+    """A field that is live, as it is now."""
+    if path == "gravity.enabled":
+        return bool(world.scene.gravity and world.scene.gravity.enabled)
+    return world.scene.method.dt if path == "method.dt" else stiffness_paths(world.scene)[path]

@@ -13,6 +13,7 @@ import numpy as np
 from app.camera import Camera
 from app.camera3d import Camera3D
 from app.demo import Demo
+from app.panes import Pane
 from app.worlds import stiffness_paths
 from model.scene import Scene
 
@@ -30,17 +31,39 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     springs = f"stiffness {stiffness} N/m   " if stiffness else ""
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
     gravity = "on" if demo.gravity else "off"
+    whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
+    steps = demo.steps_of(world)
     physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
     return "\n".join(
         (
             f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}, "
-            f"{demo.steps_per_frame} steps   {speed * demo.steps_per_frame * running:.0f} steps/s",
-            f"{world.backend}   {threads}   {world.options.precision}   "
+            f"{steps} steps   {speed * steps * running:.0f} steps/s",
+            f"{whose}{world.backend}   {threads}   {world.options.precision}   "
             f"{masses_text(scene)}   {springs}gravity {gravity}",
             f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   time {world.time:.2f} s   "
             f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}{state}",
         )
     )
+
+
+def gravity_of(scene: Scene) -> float:
+    """Downward [m/s^2]; 0 where it is off."""
+    return scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+
+
+def title_text(demo: Demo, number: int) -> str:
+    """A world beside others: what it is, and what may be different in it."""
+    world = demo.worlds[number]
+    gravity, method = gravity_of(world.scene), world.scene.method
+    stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
+    lines = [
+        demo.titles[number] + ("   (keys change it alone)" if demo.alone and number == demo.current else ""),
+        f"gravity {gravity:g} m/s²" if gravity else "gravity off",
+        f"dt {method.dt:.4g} s" + ("   OVER its limit" if method.dt > world.limit * (1 + 1e-12) else ""),
+        *([f"stiffness {stiffness} N/m"] if stiffness else []),
+        f"time {world.time:.2f} s",
+    ]
+    return lines[0] + "\n" + "   ".join(lines[1:])
 
 
 def strain_text(demo: Demo) -> str:
@@ -60,10 +83,11 @@ def masses_text(scene: Scene) -> str:
     return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
-def demo_state(demo: Demo, camera: Camera | Camera3D) -> dict[str, Any]:
-    """The demo as plain JSON values. `masses`: for the corners, the middle and the selected mass, the place in the
+def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -> dict[str, Any]:
+    """The demo as plain JSON values, of its current world, which is drawn in `pane` of a window `height` pixels high; of each
+    of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
     `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions."""
-    world, position, held = demo.world, demo.positions[0], demo.hand.held
+    world, position, held = demo.world, demo.position, demo.hand.held
     columns, last = world.body.columns, len(position) - 1
     sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}
     if demo.hand.selected is not None:
@@ -74,7 +98,10 @@ def demo_state(demo: Demo, camera: Camera | Camera3D) -> dict[str, Any]:
             x, y = camera.to_window(position[particle])
             metres = position[particle].tolist()
             if np.isfinite((x, y)).all():  # in space a mass can lie behind the viewer
-                masses[str(particle)] = {"window": [float(x), float(camera.height - y)], "position": metres}
+                masses[str(particle)] = {
+                    "window": [pane.left + float(x), height - pane.bottom - float(y)],
+                    "position": metres,
+                }
     finite = position[np.isfinite(position).all(axis=1)].astype(np.float64)
     some = finite if len(finite) else np.zeros((1, world.scene.dimensions))
     stiffness = list(stiffness_paths(world.scene).values())
@@ -103,6 +130,12 @@ def demo_state(demo: Demo, camera: Camera | Camera3D) -> dict[str, Any]:
         "low": some.min(axis=0).tolist(),
         "high": some.max(axis=0).tolist(),
         "masses": masses,
+        "current": demo.current,
+        "alone": demo.alone,
+        "worlds": [
+            {"title": title, "gravity": gravity_of(w.scene), "dt": w.scene.method.dt, "step": w.step, "time": w.time}
+            for title, w in zip(demo.titles, demo.worlds, strict=True)
+        ],
     }
 
 

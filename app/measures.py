@@ -19,8 +19,8 @@ KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers be
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is shown about the first world: energy [J], the strain of largest size and the range of colours (both
-    relative to the rest length), `bounds` of all worlds [m] as `finite_bounds` gives them."""
+    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length); of all worlds the
+    range of colours and the `bounds` [m], as `finite_bounds` gives them."""
 
     energy: float = 0.0
     kinetic: float = 0.0
@@ -29,22 +29,29 @@ class Statistics:
     bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
 
 
-def measure(world: Simulation, positions: Sequence[np.ndarray], before: Statistics) -> Statistics:
-    """The statistics of `world` now; bounds from all `positions` (each (particles, dimensions)). Raises Diverged."""
+def measure(
+    worlds: Sequence[Simulation], current: int, positions: Sequence[np.ndarray], before: Statistics
+) -> Statistics:
+    """The statistics of the world `current` of `worlds` now; of the others their `positions` (each (particles, dimensions))
+    are enough. Raises Diverged."""
+    world = worlds[current]
     state = world.state()
     energy = energies(world.scene, state.position, state.velocity)
     strain = drawn_strain(world.scene, state.position)
-    wanted = strain_range(strain)
+    others = [drawn_strain(w.scene, p) for w, p in zip(worlds, positions, strict=True) if w is not world]
+    wanted = max(map(strain_range, [strain, *others]))
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
     return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(positions, before))
 
 
-def measure_picture(scene: Scene, positions: Sequence[np.ndarray], before: Statistics) -> Statistics:
+def measure_picture(
+    scenes: Sequence[Scene], current: int, positions: Sequence[np.ndarray], before: Statistics
+) -> Statistics:
     """`before` (its energy), with strain and bounds of another picture: the one that is shown after divergence."""
-    strain = drawn_strain(scene, positions[0])
-    bounds = _bounds(positions, before)
-    return replace(before, worst_strain=_worst(strain), strain_range=strain_range(strain), bounds=bounds)
+    strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
+    wanted, bounds = max(map(strain_range, strains)), _bounds(positions, before)
+    return replace(before, worst_strain=_worst(strains[current]), strain_range=wanted, bounds=bounds)
 
 
 def _worst(strain: np.ndarray) -> float:

@@ -87,7 +87,7 @@ class SpaceMouse(PlaneMouse):
         self._taken = np.zeros(3)  # m, where the mass lay
 
     def _take(self, x: float, y: float) -> bool:
-        position = self.demo.positions[0]
+        position = self.demo.position
         particle = pick(self._camera, position, x, y, self._reach(position))
         if particle is None:
             return False

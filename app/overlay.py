@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app import colours
 from app.controls import hint, keys_text
-from app.demo_report import numbers_text
+from app.demo_report import numbers_text, title_text
 from app.frame_times import FrameGraph, FrameTimes
 from app.opengl import drawing_text
 from app.panels import Arrow, Panel, legend_of
@@ -33,6 +34,9 @@ class Overlay:
             self._hint = Panel("bottom-left", 9, monospaced=False)
             self._notice, self._warning = Panel("top-left", 10), Panel("top-left", 11, warning=True)
             self._arrow, self._graph = Arrow(), FrameGraph()
+            several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
+            self._titles = [Panel("top-left", 10) for _ in range(several)]
+            self._chosen = [Panel("top-left", 10, edge=colours.SELECTED) for _ in range(several)]
         self.times = FrameTimes()
         self.show_keys, self.show_numbers, self.show_graph = False, True, False
         self._keys_seen = False
@@ -56,8 +60,9 @@ class Overlay:
         """All of it, at `now` [s] of perf_counter."""
         self._draw_hand()
         viewer, demo = self.viewer, self.demo
-        width, height = viewer.camera.width, viewer.camera.height
+        width, height = viewer.width, viewer.height
         below = self._draw_numbers(now) if self.show_numbers else 0
+        below += self._draw_titles(below)
         if self._legend is not None and (not viewer.space or viewer.views[0].lines):
             self._legend.place(width, demo.statistics.strain_range)
             self._legend.draw()
@@ -72,7 +77,7 @@ class Overlay:
             self._notice.draw()
         above = 0
         if self.show_keys:
-            self._keys.place(keys_text(width, viewer.space, viewer.bodies), width, height)
+            self._keys.place(keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
             self._keys.draw()
         elif not self._keys_seen:
             self._hint.place(hint(viewer.space, viewer.bodies), width, height)
@@ -86,19 +91,31 @@ class Overlay:
         viewer = self.viewer
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
-            way = f" ({viewer.views[0].vertices.way})" if viewer.space else ""
+            way = f" ({viewer.views[self.demo.current].vertices.way})" if viewer.space else ""
             text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, way)
-            self._numbers.place(text, viewer.camera.width, viewer.camera.height)
+            self._numbers.place(text, viewer.width, viewer.height)
         self._numbers.draw()
         return self._numbers.height + 8
+
+    def _draw_titles(self, below: int) -> int:
+        """Of worlds side by side, those at the upper edge under the numbers; how high they are there, with a gap."""
+        viewer, demo, most = self.viewer, self.demo, 0
+        for number, (plain, chosen) in enumerate(zip(self._titles, self._chosen, strict=True)):
+            pane = viewer.panes[number]
+            top = viewer.height - pane.bottom - pane.height
+            panel = chosen if demo.alone and number == demo.current else plain
+            panel.place(title_text(demo, number), pane.width, viewer.height, top or below, pane.left)
+            panel.draw()
+            most = most if top else max(most, panel.height + 8)
+        return most
 
     def _draw_hand(self) -> None:
         """The arrow of the held force."""
         held, demo, camera = self.demo.hand.held, self.demo, self.viewer.camera
         if held is None:
             return
-        place = demo.positions[0][held.particle].astype(float)
-        start = camera.to_window(place)
+        place = demo.position[held.particle].astype(float)
+        start, pane = camera.to_window(place), self.viewer.panes[demo.current]
         force = demo.force()
         if held.target is not None:
             end = camera.to_window(np.array(held.target))
@@ -106,7 +123,8 @@ class Overlay:
             way = camera.to_window(place + demo.world.scene.grid.spacing * np.array(held.direction)) - start
             end = start + 70 * way / (np.hypot(*way) or 1.0)
         if np.isfinite([start, end]).all():
-            self._arrow.draw(tuple(start.tolist()), tuple(end.tolist()), force_text(math.hypot(*force)))
+            corner = np.array([pane.left, pane.bottom])
+            self._arrow.draw(tuple(start + corner), tuple(end + corner), force_text(math.hypot(*force)))
 
 
 def force_text(newtons: float) -> str:

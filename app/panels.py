@@ -15,6 +15,7 @@ MONOSPACED = ["DejaVu Sans Mono", "Menlo", "Consolas", "Courier New"]
 MINUS = "\N{MINUS SIGN}"
 STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"
 ZERO_REST_TITLE = "strain of a spring: length / spacing"
+EDGE = (0.75, 0.77, 0.80)
 LEGEND_WIDTH, LEGEND_HEIGHT, LEGEND_PARTS = 260, 14, 64  # pixels, pixels, rectangles
 
 
@@ -87,12 +88,19 @@ def legend_of(scene: Scene) -> Legend | None:
 class Panel:
     """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left` or `centre`."""
 
-    def __init__(self, corner: str, size: int = 10, monospaced: bool = True, warning: bool = False) -> None:
+    def __init__(
+        self,
+        corner: str,
+        size: int = 10,
+        monospaced: bool = True,
+        warning: bool = False,
+        edge: tuple[float, float, float] = EDGE,
+    ) -> None:
         import pyglet
 
         self.corner = corner
         self._batch = pyglet.graphics.Batch()
-        edge = colours.WARNING if warning else (0.75, 0.77, 0.80)
+        edge = colours.WARNING if warning else edge
         self._back = pyglet.shapes.BorderedRectangle(
             0, 0, 10, 10, border=1, color=(255, 255, 255, 232), border_color=rgba(edge, 232), batch=self._batch
         )
@@ -107,14 +115,15 @@ class Panel:
             anchor_y="top",
             batch=self._batch,
         )
-        self._shown: tuple[str, int, int] | None = None
+        self._shown: tuple[str, int, int, int] | None = None
         self.height = 0
 
-    def place(self, text: str, width: int, height: int, below: int = 0) -> None:
-        """Lay out `text` in a window of this size, `below` pixels lower than its corner. Free if nothing changed."""
-        if self._shown == (text, width, height + below):
+    def place(self, text: str, width: int, height: int, below: int = 0, beside: int = 0) -> None:
+        """Lay out `text` in a window of this size, `below` pixels lower than its corner and `beside` to the right of it. Free
+        if nothing changed."""
+        if self._shown == (text, width, height - below, beside):
             return
-        self._shown = (text, width, height + below)
+        self._shown = (text, width, height - below, beside)
         self._label.begin_update()
         self._label.width = max(width - 40, 80)  # longer lines are wrapped
         self._label.text = text
@@ -127,6 +136,7 @@ class Panel:
             top = (height + high) // 2 + 8
         else:
             top = height - 8 - below
+        left += beside
         self._back.position = (left, top - high - 12)
         self._back.width, self._back.height = wide + 16, high + 12
         self._label.position = (left + 8, top - 6, 0)

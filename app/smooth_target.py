@@ -12,7 +12,8 @@ SAMPLES = 4  # a pixel, or as many as the driver has
 
 
 class SmoothTarget:
-    """`begin(width, height)` turns all drawing to it, `finish()` shows it where drawing went before; `delete()` frees it.
+    """`begin(width, height)` turns all drawing to it, `finish()` shows it where drawing went before, at the lower left corner
+    of the viewport there; `delete()` frees it.
 
     Needs a current OpenGL 3.3 context, the same in every call. Raises BackendUnavailable where the driver refuses it.
     """
@@ -24,7 +25,7 @@ class SmoothTarget:
         gl.glGetIntegerv(gl.GL_MAX_SAMPLES, most)
         self.samples = min(samples, max(int(most.value), 0))
         self._size = (0, 0)
-        self._before = 0
+        self._before, self._box = 0, (gl.GLint * 4)()
         self._frames = (gl.GLuint * 2)()  # with samples, and resolved: the window's own format may be another
         self._stores = (gl.GLuint * 3)()  # colour and depth with samples, resolved colour
         gl.glGenFramebuffers(2, self._frames)
@@ -37,6 +38,7 @@ class SmoothTarget:
         bound = gl.GLint()
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         self._before = int(bound.value)
+        gl.glGetIntegerv(gl.GL_VIEWPORT, self._box)
         if self._size != (width, height):
             self._allocate(width, height)
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[0])
@@ -71,11 +73,14 @@ class SmoothTarget:
         from pyglet import gl
 
         width, height = self._size
-        for source, goal in ((self._frames[0], self._frames[1]), (self._frames[1], self._before)):
+        resolved, before = (self._frames[1], 0, 0), (self._before, *self._box[:2])
+        for source, (goal, left, bottom) in ((self._frames[0], resolved), (self._frames[1], before)):
             gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, source)
             gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, goal)
-            gl.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
+            box = (left, bottom, left + width, bottom + height)
+            gl.glBlitFramebuffer(0, 0, width, height, *box, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._before)
+        gl.glViewport(*self._box)
 
     def delete(self) -> None:
         """Free it."""

@@ -14,10 +14,13 @@ from typing import Any
 import numpy as np
 
 from app import colours
+from app.camera import Margins, joined_bounds
 from app.controls import Controls
 from app.demo import Demo
 from app.demo_report import demo_state, write_state
 from app.opengl import load_pyglet, open_window
+from app.panels import EDGE
+from app.panes import IN_A_ROW, check_alike, panes
 from app.pictures import write_png
 from app.views import camera_of, seen_bounds, view_of
 from model.errors import SoftlabError
@@ -39,8 +42,10 @@ class Viewer:
         self.pyglet = load_pyglet(False)
         self.demo = demo
         self.space, self.bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
+        ends = [(p.min(axis=0), p.max(axis=0)) for p in (world.body.position for world in demo.worlds)]
+        self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
         self.state_file, self.frames = state_file, frames
-        caption = f"softlab: {demo.world.scene.title}"
+        caption = f"softlab: {', '.join(demo.titles)}"
         self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
         try:
             self.window.set_minimum_size(480, 360)
@@ -49,8 +54,8 @@ class Viewer:
         except BaseException:
             self.window.close()
             raise
-        width, height = self.window.get_framebuffer_size()
-        self.camera: Any = camera_of(demo.world.scene, width, height)
+        self.camera: Any = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
+        self._lay_out()
         self.follow = True
         self.frame_count = 0
         self.frame_seconds = 1 / 60
@@ -123,12 +128,21 @@ class Viewer:
 
     # ------------------------------------------------------------------ the frame
 
+    def _lay_out(self) -> None:
+        """A pane a world, as large as the window is now."""
+        self.width, self.height = self.window.get_framebuffer_size()
+        self.panes = panes(len(self.demo.worlds), self.width, self.height)
+        self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
+
+    def world_at(self, x: float, y: float) -> int:
+        """The number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to it."""
+        return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
+
     def _approach_everything(self, share: float) -> None:
-        bounds, world = self.demo.statistics.bounds, self.demo.world
-        start = world.body.position
-        low, high = start.min(axis=0), start.max(axis=0)
+        bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
+        low, high = self._start
         middle = (low + high) / 2 if self.space else np.array([low[0], high[1]])
-        reach = FOLLOW_SIZE * world.body.size
+        reach = FOLLOW_SIZE * max(world.body.size for world in worlds)
         half = len(middle)
         least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
         if not (least <= most).all():
@@ -136,8 +150,15 @@ class Viewer:
         if self.space:
             for view in self.views:
                 view.keep_above_ground(float(least[1]))
-        kept = seen_bounds(world.scene, (*least.tolist(), *most.tolist()), world.time)
-        self.camera.approach(self.camera.framing(kept, MARGINS, world.scene.grid.spacing), share)
+        seen = (*least.tolist(), *most.tolist())
+        kept = joined_bounds([seen_bounds(world.scene, seen, world.time) for world in worlds])
+        spacing = max(world.scene.grid.spacing for world in worlds)
+        self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
+
+    def _margins(self) -> Margins:
+        """Of a pane. Of several rows only one lies under the numbers, and none needs all of them."""
+        left, bottom, right, top = MARGINS
+        return MARGINS if len(self.panes) <= IN_A_ROW else (left / 2, bottom / 2, right / 2, top)
 
     def _upload(self) -> None:
         """The state of every world, as it is drawn."""
@@ -160,18 +181,25 @@ class Viewer:
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
         demo = self.demo
-        self.camera.width, self.camera.height = self.window.get_framebuffer_size()
+        self._lay_out()
         self.controls.mouse.pull()
         demo.frame()
         if self.follow:
             self._approach_everything(FOLLOW_SHARE)
         start = perf_counter()
-        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        gl.glClearColor(*EDGE, 1.0)  # what is seen between panes
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
         self._upload()
-        for view, world in zip(self.views, demo.worlds, strict=True):
-            selected = demo.hand.selected if view is self.views[0] else None
+        for number, (view, world, pane) in enumerate(zip(self.views, demo.worlds, self.panes, strict=True)):
+            gl.glViewport(pane.left, pane.bottom, pane.width, pane.height)
+            gl.glScissor(pane.left, pane.bottom, pane.width, pane.height)
+            gl.glEnable(gl.GL_SCISSOR_TEST)
+            gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+            gl.glDisable(gl.GL_SCISSOR_TEST)
+            selected = demo.hand.selected if number == demo.current else None
             view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
+        gl.glViewport(0, 0, self.width, self.height)
         self.overlay.draw(start)
         gl.glFinish()  # so that drawing is timed, and not only the asking for it
         drawing = perf_counter() - start
@@ -195,7 +223,7 @@ class Viewer:
         while path.exists():
             path, number = Path.cwd() / f"{stem}-{number}.png", number + 1
         try:
-            self.screenshot = write_png(path, read_pixels(self.camera.width, self.camera.height))
+            self.screenshot = write_png(path, read_pixels(self.width, self.height))
             self.demo.say(f"saved {path}")
         except SoftlabError as error:
             self.demo.say(str(error))
@@ -206,7 +234,7 @@ class Viewer:
         """What the demo is doing and what its window shows, for a state file (see `run_demo`)."""
         shown = {
             "frame": self.frame_count,
-            "window": [self.camera.width, self.camera.height],
+            "window": [self.width, self.height],
             "keys_shown": self.overlay.show_keys,
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
@@ -217,7 +245,9 @@ class Viewer:
         if self.bodies:
             names = ("particles", "skin", "clusters", "links", "colouring")
             shown |= {name: getattr(self.views[0], name) for name in names}
-        return demo_state(self.demo, self.camera) | self.camera.told() | shown
+        return (
+            demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height) | self.camera.told() | shown
+        )
 
     def run(self) -> None:
         """Show the window until it is closed."""
@@ -233,8 +263,7 @@ class Viewer:
 
 
 def run_demo(
-    scene: Scene,
-    *,
+    *scenes: Scene,
     backend: str = "cpu",
     threads: str = "1x",
     precision: str = "float32",
@@ -242,13 +271,15 @@ def run_demo(
     frames: int | None = None,
     state_file: Path | None = None,
 ) -> None:
-    """Show `scene` in a window until it is closed, or for `frames` frames.
+    """Show one or more scenes, side by side, in a window until it is closed, or for `frames` frames.
 
     `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing (its keys:
-    `Viewer.state`). Raises BackendUnavailable (no display, no OpenGL, no GPU) and what opening the scene raises.
+    `Viewer.state`). Raises SceneError (scenes that cannot be side by side), BackendUnavailable (no display, no OpenGL,
+    no GPU) and what opening a scene raises.
     """
+    check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled
     # Idle threads that spin between frames would take the processor away from the drawing.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    with Demo([scene], backend=backend, threads=threads, precision=precision, math=math) as demo:
+    with Demo(scenes, backend=backend, threads=threads, precision=precision, math=math) as demo:
         Viewer(demo, state_file, frames).run()

@@ -15,6 +15,7 @@ from app.camera import finite_bounds
 from app.driver import open_simulation
 from app.hand import Hand
 from app.measures import Statistics, measure, measure_picture
+from app.panes import check_alike, titles_of
 from model.errors import Diverged, SoftlabError
 from model.scene import Scene
 from model.simulation import Simulation, State
@@ -51,13 +52,21 @@ def first_steps(scene: Scene) -> int:
     return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
 
 
+def _over_limit(world: Simulation) -> bool:
+    return world.scene.method.dt > world.limit * (1 + 1e-12)
+
+
 class Worlds:
-    """One or more scenes that run side by side, stepped by `frame`. Raises what `open_simulation` raises, when opening only.
+    """One or more scenes that run side by side, stepped by `frame`. Raises what `open_simulation` raises, and SceneError for
+    scenes that cannot be side by side; when opening only.
 
     Public: `worlds`, `positions` (one (particles, dimensions) float32 array a world: what is drawn), `statistics`, `message`,
     `paused`, `frozen` (diverged, with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand`
-    (selected mass, held poke), `physics_seconds` of the last frame. Positions are read from the worlds when they are asked
-    for: large cloths on a GPU are drawn without them.
+    (selected mass, held poke), `physics_seconds` of the last frame; `current`, the number of the world in which the hand is
+    and whose numbers are shown, `alone`, whether it is the only one that is changed, and `titles`. Positions are read from
+    the worlds when they are asked for: large cloths on a GPU are drawn without them.
+
+    Clocks go together: `steps_per_frame` are of the world with the longest dt, others do as many as take them there.
     """
 
     def __init__(
@@ -70,7 +79,9 @@ class Worlds:
         math: str = "fast",
         open_world: OpenWorld = open_simulation,
     ):
-        self.scenes = list(scenes)
+        check_alike(scenes)
+        self.scenes, self.titles = list(scenes), titles_of(scenes)
+        self.current, self.alone = 0, False
         self.backend, self.threads = backend, str(threads)
         self._options = {"precision": precision, "math": math}
         self._open_world = open_world
@@ -89,10 +100,11 @@ class Worlds:
         self.message_count = 0  # so that the same message twice is seen as new
         self.paused = False
         self.frozen = False
-        self.steps_per_frame = first_steps(self.scenes[0])
+        self.steps_per_frame = first_steps(max(self.scenes, key=lambda scene: scene.method.dt))
         self.hand = Hand(self.scenes[0].dimensions)
         self.physics_seconds = 0.0
         self._statistics_due, self._look_seconds = 0.0, inf
+        self._at = 0  # of the world that is stepped or looked at
         self.refresh(force=True)
 
     def _open(self, scene: Scene, backend: str, threads: str, state: State | None) -> Simulation:
@@ -120,8 +132,22 @@ class Worlds:
 
     @property
     def world(self) -> Simulation:
-        """The first world: the one that is picked in, and whose numbers are shown."""
-        return self.worlds[0]
+        """The one that is picked in, and whose numbers are shown."""
+        return self.worlds[self.current]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Of `positions` that world's."""
+        return self.positions[self.current]
+
+    def steps_of(self, world: Simulation) -> int:
+        """That a world does in a frame."""
+        pace = self._pace
+        return (
+            self._steps(world, self.steps_per_frame * pace.scene.method.dt)
+            if world is not pace
+            else self.steps_per_frame
+        )
 
     @property
     def positions(self) -> list[np.ndarray]:
@@ -152,7 +178,7 @@ class Worlds:
         done = 0
         for batch in range(1, self._batches() + 1):
             if done:
-                self.world.read("position", into=self._positions[0])
+                self.world.read("position", into=self._positions[self.current])
             steps = self.steps_per_frame * batch // self._batches() - done
             self._guard(self._push)
             if not self._guard(lambda steps=steps: self._pull_and_advance(steps)):  # type: ignore[misc]
@@ -166,16 +192,31 @@ class Worlds:
             return 1
         return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MOST_BATCHES)
 
+    @property
+    def _pace(self) -> Simulation:
+        """The world whose steps are counted: the one with the longest."""
+        return max(self.worlds, key=lambda world: world.scene.method.dt)
+
+    @staticmethod
+    def _steps(world: Simulation, seconds: float) -> int:
+        """That come nearest to so much time; not more than a frame may have, since dt can be made as short as one likes."""
+        return min(max(round(seconds / world.scene.method.dt), 0), STEPS_PER_FRAME[-1])
+
     def _pull_and_advance(self, steps: int) -> None:
-        self.hand.pull(self.world, steps * self.world.scene.method.dt)
-        for world in self.worlds:
-            world.advance(steps)
-        for world in self.worlds:
+        pace = self._pace
+        seconds = steps * pace.scene.method.dt
+        until = pace.time + seconds
+        self.hand.pull(self.world, seconds)
+        for number, world in enumerate(self.worlds):
+            self._at = number
+            world.advance(steps if world is pace else self._steps(world, until - world.time))
+        for number, world in enumerate(self.worlds):
+            self._at = number
             world.synchronize()
 
     def _keeps_pictures(self) -> bool:
         """Whether the last picture that fits the window is kept in every frame."""
-        return self.over_limit or len(self._positions[0]) <= ALWAYS_KEPT
+        return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= ALWAYS_KEPT
 
     def _read(self) -> None:
         self._moved = False
@@ -190,14 +231,16 @@ class Worlds:
 
     @property
     def over_limit(self) -> bool:
-        return self.world.scene.method.dt > self.world.limit * (1 + 1e-12)
+        return _over_limit(self.world)
 
     def _hold_time(self) -> float:
         """For which a held force stays as it is [s]."""
-        return self.steps_per_frame // self._batches() * self.world.scene.method.dt
+        return self.steps_per_frame // self._batches() * self._pace.scene.method.dt
 
     def _push(self) -> None:
-        position = self.positions[0] if self.hand.held else self._positions[0]  # with nothing held it is not looked at
+        position = (self.positions if self.hand.held else self._positions)[
+            self.current
+        ]  # with nothing held not looked at
         self.hand.push(self.world, position, self._hold_time())
 
     def refresh(self, force: bool = False) -> None:
@@ -212,14 +255,16 @@ class Worlds:
         self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_SHARE)
 
     def _measure(self) -> None:
-        self.statistics = measure(self.world, self.positions, self.statistics)
+        self._at = self.current
+        self.statistics = measure(self.worlds, self.current, self.positions, self.statistics)
 
     def _guard(self, action: Callable[[], object]) -> bool:
         """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
         try:
             action()
         except Diverged as error:
-            self._freeze(f"{error}. R restarts; the picture is the last that fitted the window")
+            whose = f"{self.titles[self._at]}: " if len(self.worlds) > 1 else ""
+            self._freeze(f"{whose}{error}. R restarts; the picture is the last that fitted the window")
             return False
         except SoftlabError as error:
             self.say(str(error))
@@ -238,7 +283,7 @@ class Worlds:
         self._moved = False  # what is shown from now on is no world's state
         for position, watchable in zip(self._positions, self._watchable, strict=True):
             position[...] = watchable
-        self.statistics = measure_picture(self.world.scene, self.positions, self.statistics)
+        self.statistics = measure_picture(self.scenes, self.current, self.positions, self.statistics)
 
     def _blocked(self) -> bool:
         if self.frozen:

@@ -22,7 +22,7 @@ from bench.findings import Measures
 from model.scene import Scene
 
 SPIN, FLIGHT, DROP = "spin", "flight", "drop"
-KEPT, LAW, MOMENTUM, ENERGY = "body_spin_kept", "body_spin_law", "body_momentum", "body_energy"
+KEPT, SPIN_LAW, MOMENTUM, ENERGY = "body_spin_kept", "body_spin_law", "body_momentum", "body_energy"
 SECONDS = {SPIN: 2.0, FLIGHT: 2.0, DROP: 10.0}
 SPEED = 2 * pi  # rad/s, about the axis of SPIN and FLIGHT
 THROWN = (1.0, 4.0, 0.5)  # m/s
@@ -76,10 +76,10 @@ def angular_momentum(position: np.ndarray, velocity: np.ndarray, mass: np.ndarra
 
 
 def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Measures:
-    """The measures of a law: KEPT, the part of the angular momentum that is left after SECONDS (of SPIN beside LAW, of FLIGHT
+    """The measures of a law: KEPT, the part of the angular momentum that is left after SECONDS (of SPIN beside SPIN_LAW, of FLIGHT
     beside MOMENTUM, how far the linear momentum is from what gravity makes of it, over the largest of its terms), or
     ENERGY, the kinetic energy after a DROP over that of the fall."""
-    names = {SPIN: (KEPT, LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
+    names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
 
     def measure() -> Measures:
         crowd, steps = scene.crowd, round(SECONDS[law] / scene.method.dt)
@@ -95,7 +95,7 @@ def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Me
         before = angular_momentum(crowd.position, crowd.velocity, mass)
         found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}
         if law == SPIN:
-            return found | {LAW: (spin_left(scene.method.substeps), "", "the law")}
+            return found | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}
         fallen = mass.sum() * GRAVITY * SECONDS[law]
         momentum = (mass[:, None] * velocity).sum(axis=0) - mass.sum() * np.array(THROWN) + [0.0, fallen, 0.0]
         return found | {MOMENTUM: (float(np.abs(momentum).max() / fallen), "", "off what gravity makes of it")}

@@ -46,7 +46,8 @@ class ParticleContacts:
         tables = np.zeros(AXES * count, np.int32), boxes, table, buckets, starts, totals
         order, bodies, rooms = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
         in_order = order, aligned_zeros(PLACES * ahead, real), bodies, rooms
-        who, many, entries, pairs, acting = (np.zeros(n, np.int32) for n in (count, count, most, most, most))
+        who, entries, acting = (np.zeros(n, np.uint32) for n in (count, most, most))  # unsigned: no index from the end
+        many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
         self._found = who, many, entries, pairs, begins, active, self._lost
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
         self._search = (body, kind, rest), tables, in_order, self._found

@@ -44,13 +44,14 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
         """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
         `acting`, how many into `met`."""
         entry, place = np.int64(first) * MOST_NEIGHBOURS, np.int64(first) * MOST_NEIGHBOURS
+        xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         for n in range(first, last):
             i, begin = who[n], place
-            x, y, z = position[i], position[count + i], position[2 * count + i]
+            x, y, z = xs[i], ys[i], zs[i]
             for e in range(entry, entry + numbers[n]):
                 j, pair = entries[e], pairs[e]
                 nearer = record[pair + G_ACTIVE] if pair >= 0 else record[-1 - pair + G_OWN]
-                square = squared(x - position[j], y - position[count + j], z - position[2 * count + j])
+                square = squared(x - xs[j], y - ys[j], z - zs[j])
                 acting[place] = e
                 place += 1 if within(square, nearer) else 0
             entry += numbers[n]
@@ -60,13 +61,15 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
     def push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways):
         """Where the particles that have contacts go, into `ways` by their places in `who`."""
         place = np.int64(first) * MOST_NEIGHBOURS
+        xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
+        old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
         for n in range(first, last):
             i = who[n]
             mine = met[i]
             if mine == zero:
                 continue
-            px, py, pz, weight = position[i], position[count + i], position[2 * count + i], weights[i]
-            ox, oy, oz = before[i], before[count + i], before[2 * count + i]
+            px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
+            ox, oy, oz = old_x[i], old_y[i], old_z[i]
             x, y, z = zero, zero, zero
             for a in range(place, place + np.int64(mine)):
                 j, pair = entries[acting[a]], pairs[acting[a]]
@@ -74,8 +77,8 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
                 pull = zero
                 if sticking:
                     pull = record[pair + G_PULL] if pair >= 0 else zero
-                dx, dy, dz = px - position[j], py - position[count + j], pz - position[2 * count + j]
-                bx, by, bz = ox - before[j], oy - before[count + j], oz - before[2 * count + j]
+                dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
+                bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
                 share = split(weight, mine, weights[j], met[j])
                 kept = held(distance, bx, by, bz, record[H_PUSH])
                 length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)

@@ -23,7 +23,7 @@ from bench.bar_strip import (
     strip,
     verlet_frequency,
 )
-from bench.body_laws import DROP, ENERGY, FLIGHT, KEPT, LAW, MOMENTUM, SECONDS, SPIN, STILL
+from bench.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
 from labbook import words
 from labbook.claims import Claim
 from labbook.words import number, percent, seconds
@@ -77,7 +77,9 @@ def springs(results: Results) -> Claim:
     )
     if refused:
         most = max(bar.substeps for bar in refused)
-        text += f" Up to {most} steps a frame mass-spring is refused at {SOME_LINKS} masses: over the limit of its springs."
+        text += (
+            f" Up to {most} steps a frame mass-spring is refused at {SOME_LINKS} masses: over the limit of its springs."
+        )
     return Claim(text, {"mass-spring": forces, "xpbd": positions}, max(forces, positions) < NEAR)
 
 
@@ -234,10 +236,10 @@ def _laws(results: Results, law: str) -> list[Bar]:
 
 def spin(results: Results) -> Claim:
     """S7 and A8: a rigid body loses spin by its law."""
-    found = [bar for bar in _laws(results, SPIN) if {KEPT, LAW} <= set(bar.values)]
+    found = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
     if not found:
         return Claim("The spin of a rigid body was not measured.")
-    off = max(abs(bar.values[KEPT] - bar.values[LAW]) for bar in found)
+    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
     parts = [f"{percent(bar.values[KEPT])} at {_substeps(bar)} a frame" for bar in found]
     return Claim(
         f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: what the law "

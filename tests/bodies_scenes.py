@@ -82,7 +82,7 @@ def of_all_materials(leave_out: Sequence[str] = (), substeps: int = 2, iteration
 
 def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
     """A scene whose crowd is these clusters and links, as one body."""
-    scene = bodies_scene(body=BRICK, **({"gravity": 0.0} | tables))
+    scene = bodies_scene(**({"body": BRICK, "gravity": 0.0} | tables))
     copies = (Copy("body", SimpleNamespace(), 0, 0, 0),)  # type: ignore[arg-type]
     at, count = clusters.position, len(clusters.mass)
     zero, body = np.zeros_like(at), np.zeros(count, np.int32)

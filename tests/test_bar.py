@@ -34,8 +34,7 @@ from bench.bar_strip import (
     told,
     verlet_frequency,
 )
-from bench.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SPIN, STILL, hold, law_scene, spin_left
-from bench.body_laws import LAW as SPIN_LAW
+from bench.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SPIN, SPIN_LAW, STILL, hold, law_scene, spin_left
 from bench.results import measures
 from bench.store import Store
 from labbook.body_claims import CLAIMS
@@ -59,12 +58,12 @@ def value(found, name: str) -> float:
 @pytest.mark.parametrize(
     "solver,iterations,discrete", [("mass-spring", 1, verlet_frequency), ("xpbd", 32, implicit_frequency)]
 )
-def test_springs_are_a_chain(solver: str, iterations: int, discrete) -> None:
+def test_springs_are_a_chain(solver: str, iterations: int, discrete, backend: str) -> None:
     """Sag m g / k (1 + ... + n), and the chain's frequency as the step changes it. At rest to e^-30; 32 sweeps leave 1e-12,
     and a linear recurrence of 97 samples of 1e-2 m, rounded to 1e-16 m, its root to some 100 x 1e-14."""
     method = method_of(solver, FINEST, iterations)
-    assert value(hang(strip(FEW, method), "cpu"), SAG) == pytest.approx(chain_sag(FEW), rel=1e-10)
-    found = swing(strip(FEW, method, FREQUENCY), "cpu")
+    assert value(hang(strip(FEW, method), backend), SAG) == pytest.approx(chain_sag(FEW), rel=1e-10)
+    found = swing(strip(FEW, method, FREQUENCY), backend)
     exact = discrete(chain_frequency(FEW), FRAME / FINEST)
     assert value(found, FREQUENCY) == pytest.approx(exact, rel=1e-10)
     # implicit Euler shrinks by (1 + w^2 h^2)^(-1/2) a step, Verlet does not
@@ -74,29 +73,29 @@ def test_springs_are_a_chain(solver: str, iterations: int, discrete) -> None:
 
 
 @pytest.mark.parametrize("region", [1, 2])
-def test_windows_are_the_linear_system_of_their_clusters(region: int) -> None:
+def test_windows_are_the_linear_system_of_their_clusters(region: int, backend: str) -> None:
     """Sags to what e^-30 leaves; a swing let go as a chain's is not quite one mode: of 1 % and 6 % others, squared."""
     method = method_of("shape-matching", FINEST, region=region)
     sag, frequency = chain_of_clusters(strip(FEW, method))
-    assert value(hang(strip(FEW, method), "cpu"), SAG) == pytest.approx(sag, rel=1e-9)
-    assert value(swing(strip(FEW, method, FREQUENCY), "cpu"), FREQUENCY) == pytest.approx(
+    assert value(hang(strip(FEW, method), backend), SAG) == pytest.approx(sag, rel=1e-9)
+    assert value(swing(strip(FEW, method, FREQUENCY), backend), FREQUENCY) == pytest.approx(
         frequency, rel=1e-4 if region == 1 else 4e-3
     )
     assert sag > rod_sag() and frequency < rod_frequency()
 
 
-def test_springs_do_not_resist_shear_and_clusters_do() -> None:
+def test_springs_do_not_resist_shear_and_clusters_do(backend: str) -> None:
     """Springs hang from their pins, 1 % of the load's sag or less from straight down; clusters bend as a beam does, softer
     by what the edges cut off their windows: at most as much as those are of the strip, 2 of 2 rows."""
     for solver in ("mass-spring", "xpbd"):
-        assert value(bend(strip(FEW, method_of(solver, FINEST), ACROSS), "cpu"), ACROSS) == pytest.approx(
+        assert value(bend(strip(FEW, method_of(solver, FINEST), ACROSS), backend), ACROSS) == pytest.approx(
             LENGTH, abs=0.01
         )
-    bent = value(bend(strip(FEW, method_of("shape-matching", FINEST), ACROSS), "cpu"), ACROSS)
+    bent = value(bend(strip(FEW, method_of("shape-matching", FINEST), ACROSS), backend), ACROSS)
     assert beam_tip() < bent < 2 * beam_tip()
 
 
-def test_a_jelly_bar_swings_as_its_clusters_say() -> None:
+def test_a_jelly_bar_swings_as_its_clusters_say(backend: str) -> None:
     """The eigenvalue e of what clusters pull back, by differences, in substeps of h: z^2 = (1 - b e)(2 z - 1). Of a rod's
     mode others of the bar's have 14 %, squared 2 %, which blurs it."""
     scene, layers, overlap = bar(FEW, 1.25, FINEST), FEW, 1.25
@@ -116,7 +115,7 @@ def test_a_jelly_bar_swings_as_its_clusters_say() -> None:
     e = values[np.argmax(np.abs(np.linalg.solve(modes, shape.ravel())))].real
     h = FRAME / FINEST
     b = matching_share(clusters.stiffness[0], h, 1)
-    found = sway(scene, "cpu", layers, overlap)
+    found = sway(scene, backend, layers, overlap)
     assert value(found, FREQUENCY) == pytest.approx(np.arccos(np.sqrt(1 - b * e)) / (2 * pi * h), rel=0.02)
     # one material: drawn out evenly it stores M c^2 e^2 / 2, less what askew clusters spare by turning
     stored = clusters.energy(at * [1 + 1e-3, 1, 1]) / (0.5 * clusters.mass.sum() * SPEED**2 * 1e-6)
@@ -153,19 +152,19 @@ def test_what_is_refused_or_diverges_has_a_reason() -> None:
 # ---------------------------------------------------------------------- laws
 
 
-def test_bodies_keep_their_laws() -> None:
+def test_bodies_keep_their_laws(backend: str) -> None:
     """Spin by its law to the roundings of 480 substeps, each of which changes the later ones; momentum of 480 x 256
     particles' sums; rest."""
-    spun = hold(SPIN, law_scene(SPIN, 4), "cpu")
+    spun = hold(SPIN, law_scene(SPIN, 4), backend)
     assert value(spun, KEPT) == pytest.approx(spin_left(4), abs=480**2 * 1e-15)
     assert value(spun, KEPT) == pytest.approx(
         1 / np.sqrt(1 + 2 * (2 * pi) ** 2 * FRAME / 4 * 2), rel=0.01
     )  # A8's envelope
-    thrown = hold(FLIGHT, law_scene(FLIGHT, 4), "cpu")
+    thrown = hold(FLIGHT, law_scene(FLIGHT, 4), backend)
     assert value(thrown, MOMENTUM) < 480 * 256 * 2.0**-53
     assert 0.5 < value(thrown, KEPT) < 1
     for precision in ("float64", "float32"):
-        assert value(hold(DROP, law_scene(DROP, 4), "cpu", precision), ENERGY) < STILL
+        assert value(hold(DROP, law_scene(DROP, 4), backend, precision), ENERGY) < STILL
 
 
 # ---------------------------------------------------------------------- the store

@@ -24,7 +24,7 @@ from plots.draw import FIGURES, draw_all, draw_figures
 from plots.energies import draw_energies, read_energies
 from plots.style import BLACK, GREY, settings
 
-# What the made-up stores hold; test_hard.py, test_findings.py, test_ablate.py, test_bar.py and test_crowds.py draw the others.
+# What the made-up stores hold; test_hard.py, test_findings.py, test_ablate.py, test_bar.py, test_crowds.py draw the others.
 ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "published", "bar-", "crowds")
 MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 

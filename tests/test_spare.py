@@ -93,7 +93,7 @@ def test_a_state_knows_who_waits(tmp_path: Path) -> None:
         whole = simulation.state()
         simulation.reset()
         assert not simulation.state().inverse_mass[scene.crowd.copies[number].particles].any()
-    with opened(scene, initial=read_state(tmp_path / "half.npz")) as again:
+    with opened(scene, initial=read_state(tmp_path / "half.npz", scene)) as again:
         again.advance(4)
         assert same(again.state(), whole)
 
