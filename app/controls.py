@@ -64,9 +64,14 @@ BODY_HINT = (
 )
 
 
-def hint(space: bool = False, bodies: bool = False) -> str:
-    """The keys that a user needs first."""
-    return BODY_HINT if bodies else SPACE_HINT if space else HINT
+def hint(space: bool = False, bodies: bool = False, several: bool = False) -> str:
+    """The keys that a user needs first; as `keys_text`."""
+    found = BODY_HINT if bodies else SPACE_HINT if space else HINT
+    if several:  # the last keys give way to it: the legend is beside them
+        return found.replace("H: keys", "H: keys    Tab: one world alone").replace(
+            "    R: restart    Escape: close", ""
+        )
+    return found
 
 
 def keys_text(width: int, space: bool = False, bodies: bool = False, several: bool = False) -> str:

@@ -37,7 +37,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     return "\n".join(
         (
             f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}, "
-            f"{steps} steps   {speed * steps * running:.0f} steps/s",
+            f"{steps} step{'s' * (steps != 1)}   {speed * steps * running:.0f} steps/s",
             f"{whose}{world.backend}   {threads}   {world.options.precision}   "
             f"{masses_text(scene)}   {springs}gravity {gravity}",
             f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   time {world.time:.2f} s   "
@@ -57,11 +57,10 @@ def title_text(demo: Demo, number: int) -> str:
     gravity, method = gravity_of(world.scene), world.scene.method
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
     lines = [
-        demo.titles[number] + ("   (keys change it alone)" if demo.alone and number == demo.current else ""),
+        demo.titles[number] + ("   (keys: this one)" if demo.alone and number == demo.current else ""),
         f"gravity {gravity:g} m/s²" if gravity else "gravity off",
         f"dt {method.dt:.4g} s" + ("   OVER its limit" if method.dt > world.limit * (1 + 1e-12) else ""),
         *([f"stiffness {stiffness} N/m"] if stiffness else []),
-        f"time {world.time:.2f} s",
     ]
     return lines[0] + "\n" + "   ".join(lines[1:])
 

@@ -62,7 +62,7 @@ class Overlay:
         viewer, demo = self.viewer, self.demo
         width, height = viewer.width, viewer.height
         below = self._draw_numbers(now) if self.show_numbers else 0
-        below += self._draw_titles(below)
+        below += self._draw_titles()
         if self._legend is not None and (not viewer.space or viewer.views[0].lines):
             self._legend.place(width, demo.statistics.strain_range)
             self._legend.draw()
@@ -80,7 +80,7 @@ class Overlay:
             self._keys.place(keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
             self._keys.draw()
         elif not self._keys_seen:
-            self._hint.place(hint(viewer.space, viewer.bodies), width, height)
+            self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
             self._hint.draw()
             above = self._hint.height + 8
         if self.show_graph:
@@ -97,17 +97,22 @@ class Overlay:
         self._numbers.draw()
         return self._numbers.height + 8
 
-    def _draw_titles(self, below: int) -> int:
-        """Of worlds side by side, those at the upper edge under the numbers; how high they are there, with a gap."""
-        viewer, demo, most = self.viewer, self.demo, 0
+    @property
+    def numbers_height(self) -> int:
+        """Pixels that the numbers take at the top."""
+        return self._numbers.height + 16 if self.show_numbers else 0
+
+    def _draw_titles(self) -> int:
+        """Of worlds side by side; how high the first is, with a gap."""
+        viewer, demo = self.viewer, self.demo
         for number, (plain, chosen) in enumerate(zip(self._titles, self._chosen, strict=True)):
             pane = viewer.panes[number]
             top = viewer.height - pane.bottom - pane.height
             panel = chosen if demo.alone and number == demo.current else plain
-            panel.place(title_text(demo, number), pane.width, viewer.height, top or below, pane.left)
+            panel.place(title_text(demo, number), pane.width, viewer.height, top, pane.left)
             panel.draw()
-            most = most if top else max(most, panel.height + 8)
-        return most
+        first = self._chosen if demo.alone and demo.current == 0 else self._titles
+        return first[0].height + 8 if first else 0
 
     def _draw_hand(self) -> None:
         """The arrow of the held force."""

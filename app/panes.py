@@ -58,7 +58,7 @@ class Pane:
 
 
 def panes(count: int, width: int, height: int) -> list[Pane]:
-    """Equal rectangles for so many worlds in a window of this size, in rows from the upper left."""
+    """Equal rectangles for so many worlds in this part of a window, from its lower edge, in rows from the upper left."""
     columns = count if count <= IN_A_ROW else ceil(sqrt(count))
     rows = ceil(count / columns)
     wide, high = (width - GAP * (columns - 1)) // columns, (height - GAP * (rows - 1)) // rows

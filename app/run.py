@@ -15,7 +15,7 @@ import numpy as np
 from app.driver import open_simulation
 from app.export import Exporter, Target, check_export
 from app.files import check_state_target, read_state, write_state, write_trajectory
-from app.run_parts import bodies_report, body_lines, contact_report
+from app.run_parts import bodies_report, body_lines, collider_lines, contact_report
 from app.video import check_render, render
 from cpu_backend.threads import core_count
 from model.energy import energies, spring_strain
@@ -118,7 +118,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    notes = [*mesh_lines(scene), *body_lines(scene), *overlap_lines(scene)]
+    notes = [*mesh_lines(scene), *body_lines(scene), *collider_lines(scene), *overlap_lines(scene)]
     steps = step_count(scene, request, notes)
     target = check_targets(scene, request, steps, notes)
     initial = read_state(request.initial, scene) if request.initial else None
@@ -230,9 +230,9 @@ def _report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
 ) -> dict[str, Any]:
     scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity)
+    energy = energies(scene, state.position, state.velocity, state.plastic)
     strained = scene.springs or scene.cloth or scene.bodies
-    strain = spring_strain(scene, state.position) if strained else np.zeros(0)
+    strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = scene.grid.particle_count
     rate = count * steps / seconds if seconds > 0 and not diverged else None
@@ -264,7 +264,7 @@ def _report(
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",
         **contact_report(simulation, state),
-        **bodies_report(scene),
+        **bodies_report(simulation),
     }
 
 

@@ -26,12 +26,20 @@ def collider_lines(scene: Scene) -> list[str]:
     return [f"{name}: {line}" for name, part in parts if isinstance(part, MeshCollider) for line in part.lines()]
 
 
-def bodies_report(scene: Scene) -> dict[str, Any]:
-    """Of bodies, how many there are, of how many clusters. Their `max_strain` is how far a particle is from where one of its
-    clusters wants it, over the particle spacing; nothing else of a report is different."""
+def bodies_report(simulation: Simulation) -> dict[str, Any]:
+    """Of bodies, how many are there, of how many clusters; and neighbours that contacts had no room for. Their `max_strain` is
+    how far a particle is from where one of its clusters wants it, over the particle spacing."""
+    scene = simulation.scene
     if not scene.bodies:
         return {}
-    return {"bodies": len(scene.crowd.copies), "clusters": scene.crowd.clusters.count}
+    copies, there = scene.crowd.copies, simulation.body.inverse_mass > 0
+    found = {
+        "bodies": sum(bool(there[copy.first_particle]) for copy in copies),
+        "clusters": scene.crowd.clusters.count,
+    }
+    if scene.contact:
+        found["contacts_lost"] = simulation.contacts_lost  # type: ignore[attr-defined]
+    return found
 
 
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:

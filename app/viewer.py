@@ -20,7 +20,7 @@ from app.demo import Demo
 from app.demo_report import demo_state, write_state
 from app.opengl import load_pyglet, open_window
 from app.panels import EDGE
-from app.panes import IN_A_ROW, check_alike, panes
+from app.panes import GAP, IN_A_ROW, Pane, check_alike, panes
 from app.pictures import write_png
 from app.views import camera_of, seen_bounds, view_of
 from model.errors import SoftlabError
@@ -28,6 +28,7 @@ from model.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
 MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
+TITLE = 80.0  # of a pane, instead of the numbers
 FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
 FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowing up, not shrinking out of sight
 STATE_FRAMES = 3  # frames between two writes of the state file
@@ -129,9 +130,10 @@ class Viewer:
     # ------------------------------------------------------------------ the frame
 
     def _lay_out(self) -> None:
-        """A pane a world, as large as the window is now."""
+        """A pane a world, as large as the window is now; several under the numbers, so that all show as much."""
         self.width, self.height = self.window.get_framebuffer_size()
-        self.panes = panes(len(self.demo.worlds), self.width, self.height)
+        several = len(self.demo.worlds) > 1
+        self.panes = panes(len(self.demo.worlds), self.width, self.height - several * self.overlay.numbers_height)
         self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
 
     def world_at(self, x: float, y: float) -> int:
@@ -156,9 +158,11 @@ class Viewer:
         self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
 
     def _margins(self) -> Margins:
-        """Of a pane. Of several rows only one lies under the numbers, and none needs all of them."""
-        left, bottom, right, top = MARGINS
-        return MARGINS if len(self.panes) <= IN_A_ROW else (left / 2, bottom / 2, right / 2, top)
+        """Of a pane."""
+        if len(self.panes) == 1:
+            return MARGINS
+        left, bottom, right, _ = MARGINS
+        return (left, bottom, right, TITLE) if len(self.panes) <= IN_A_ROW else (left / 2, bottom / 2, right / 2, TITLE)
 
     def _upload(self) -> None:
         """The state of every world, as it is drawn."""
@@ -190,13 +194,12 @@ class Viewer:
         gl.glClearColor(*EDGE, 1.0)  # what is seen between panes
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
         gl.glClearColor(*colours.BACKGROUND, 1.0)
+        top = self.panes[0].bottom + self.panes[0].height + GAP
+        self._clear(Pane(0, top, self.width, max(self.height - top, 0)))
         self._upload()
         for number, (view, world, pane) in enumerate(zip(self.views, demo.worlds, self.panes, strict=True)):
             gl.glViewport(pane.left, pane.bottom, pane.width, pane.height)
-            gl.glScissor(pane.left, pane.bottom, pane.width, pane.height)
-            gl.glEnable(gl.GL_SCISSOR_TEST)
-            gl.glClear(gl.GL_COLOR_BUFFER_BIT)
-            gl.glDisable(gl.GL_SCISSOR_TEST)
+            self._clear(pane)
             selected = demo.hand.selected if number == demo.current else None
             view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
         gl.glViewport(0, 0, self.width, self.height)
@@ -213,6 +216,15 @@ class Viewer:
             write_state(self.state_file, self.state())
         if self.frames is not None and self.frame_count >= self.frames:
             self.close()
+
+    @staticmethod
+    def _clear(pane: Pane) -> None:
+        from pyglet import gl
+
+        gl.glScissor(pane.left, pane.bottom, pane.width, pane.height)
+        gl.glEnable(gl.GL_SCISSOR_TEST)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        gl.glDisable(gl.GL_SCISSOR_TEST)
 
     def _save_screenshot(self) -> None:
         from app.offscreen import read_pixels

@@ -76,9 +76,9 @@ def angular_momentum(position: np.ndarray, velocity: np.ndarray, mass: np.ndarra
 
 
 def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Measures:
-    """The measures of a law: KEPT, the part of the angular momentum that is left after SECONDS (of SPIN beside SPIN_LAW, of FLIGHT
-    beside MOMENTUM, how far the linear momentum is from what gravity makes of it, over the largest of its terms), or
-    ENERGY, the kinetic energy after a DROP over that of the fall."""
+    """The measures of a law: KEPT, the part of the angular momentum that is left after SECONDS (of SPIN beside SPIN_LAW, of
+    FLIGHT beside MOMENTUM, how far the linear momentum is from what gravity makes of it, over what that gave), or ENERGY,
+    the kinetic energy after a DROP over that of the fall."""
     names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
 
     def measure() -> Measures:

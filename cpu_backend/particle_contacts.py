@@ -20,7 +20,7 @@ from model.particle_contact_record import (
 )
 from model.scene import Scene
 
-CELLS = 4  # of the table for a particle: what rests in a heap fills a third of them
+CELLS = 12  # of the table for a particle: with less it goes round for what falls in a column
 
 
 class ParticleContacts:
