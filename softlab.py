@@ -122,7 +122,9 @@ def run(
 def demo(
     scenes: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SCENE ...]", help="Names or .toml files; several: side by side (default: lab-grid)."),
+        typer.Argument(
+            metavar="SCENE", help="A name or a .toml file, as for run; several: side by side (default: lab-grid)."
+        ),
     ] = None,
     backend: Backend = "cpu",
     threads: Threads = "1x",

@@ -18,9 +18,10 @@ from app.skinning import ClusterFrames
 from app.skins import ClusterTexture, Skins
 from app.smooth_target import SAMPLES
 from app.space_view import SpaceView
-from app.vertex_arrays import POSITION, delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
+from app.vertex_arrays import POSITION, delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
 from model.scene import Scene
 from model.simulation import Simulation
+from model.spare import copies_there
 
 LOOK = 4  # where the shaders of app/body_shaders.py look for it
 PARTICLE_RADIUS = 0.5  # of the particle spacing
@@ -48,30 +49,48 @@ class BodiesView(SpaceView):
         self._sphere_shadow = shader_program(body_shaders.SPHERE_SHADOW_VERTEX, body_shaders.SPHERE_SHADOW_FRAGMENT)
         spacing = np.array([copy.baked.spacing for copy in crowd.copies])
         self._radius = PARTICLE_RADIUS * spacing[crowd.body]
-        owner = np.repeat(np.arange(len(crowd.copies)), [copy.baked.clusters.count for copy in crowd.copies])
-        middles = np.column_stack([cluster_colours(crowd), PARTICLE_RADIUS * spacing[owner]])
+        self._owner = np.repeat(np.arange(len(crowd.copies)), [copy.baked.clusters.count for copy in crowd.copies])
+        self._middle_look = np.column_stack([cluster_colours(crowd), PARTICLE_RADIUS * spacing[self._owner]])
+        self._there = copies_there(scene)
+        self._weights: np.ndarray | None = None  # by which that is so
         self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in crowd.copies])
         zero = np.zeros((crowd.clusters.count, 3), np.float32)
         self._buffers = [
-            static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, middles.astype(np.float32))
+            static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())
         ]
         self._spheres = self._sphere_array(self.vertices.position_buffer, self._buffers[0])
         self._middles = self._sphere_array(*self._buffers[2:4])
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1])
-        ends = np.concatenate([copy.first_particle + copy.baked.links for copy in crowd.copies]).astype(np.uint32)
-        self._buffers.append(static_buffer(ends))
-        self._link_ends = ends.size
+        self._links = np.concatenate([copy.first_particle + copy.baked.links for copy in crowd.copies]).astype(
+            np.uint32
+        )
+        self._buffers.append(static_buffer(self._links))
+        self._link_ends = 0  # of links that are drawn
         self._lines = vertex_array(self.vertices.position_buffer, self._buffers[-1])
         self._line_program = shader_program(shaders3d.VERTEX, shaders3d.LINE_FRAGMENT)
         self._skins = [Skins(list(copies)) for _, copies in groupby(crowd.copies, key=lambda copy: copy.name)]
         self._cluster_texture = ClusterTexture(crowd.clusters.count)
         self._constants()
+        self._send_links()
         self.upload(crowd.position)
 
     def _look(self) -> np.ndarray:
-        """(particles, 4) float32: colours and radii [m]."""
+        """(particles, 4) float32: colours and radii [m], 0 of what waits: nothing is drawn of it."""
         found = particle_colours(self.scene, self.colouring)
-        return np.ascontiguousarray(np.column_stack([found, self._radius]), np.float32)
+        radius = self._radius * self._there[self.scene.crowd.body]
+        return np.ascontiguousarray(np.column_stack([found, radius]), np.float32)
+
+    def _look_of_middles(self) -> np.ndarray:
+        """(clusters, 4) float32: likewise."""
+        look = self._middle_look.astype(np.float32)
+        look[:, 3] *= self._there[self._owner]
+        return look
+
+    def _send_links(self) -> None:
+        """Those of bodies that are there."""
+        ends = np.ascontiguousarray(self._links[self._there[self.scene.crowd.body[self._links[:, 0]]]])
+        refill(self._buffers[-1], ends)
+        self._link_ends = ends.size
 
     @staticmethod
     def _sphere_array(position: int, look: int) -> Any:
@@ -115,18 +134,34 @@ class BodiesView(SpaceView):
     # ------------------------------------------------------------------ the state
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send positions (particles, 3) [m]; the clusters follow from them. Raises InputError."""
+        """Send positions (particles, 3) [m]; the clusters follow from them. Who waits is as in `show_bodies`. Raises
+        InputError."""
         self.vertices.upload_state(position, False)
         self._send(self.frames.of_state(position))
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
         """Send the state of a simulation, with the clusters as its solver has them; `position` (particles, 3) float32, if
         the caller has read it already."""
+        self.show_bodies(simulation.body.inverse_mass)
         self.vertices.upload(simulation, False, position)
         self._send(self.frames.of_simulation(simulation, position))
 
+    def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
+        """Bodies that wait by these inverse masses (particles,), as in State, are not drawn from the next upload on; at first
+        those that wait when the scene starts."""
+        if inverse_mass is self._weights:  # as in nearly every frame
+            return
+        self._weights, there = inverse_mass, copies_there(self.scene, inverse_mass)
+        if not np.array_equal(there, self._there):
+            self._there = there
+            self.vertices.send(self._buffers[0], self._look())
+            self.vertices.send(self._buffers[3], self._look_of_middles())
+            self._send_links()
+
     def _send(self, matrices: np.ndarray) -> None:
-        """Where clusters are, (clusters, 3, 4), for the skins and for their middles."""
+        """Where clusters are, (clusters, 3, 4), for the skins and for their middles. The skin of what waits is one point."""
+        if not self._there.all():
+            matrices = matrices * self._there[self._owner, None, None].astype(np.float32)
         self._cluster_texture.send(matrices)
         with np.errstate(over="ignore", invalid="ignore"):
             self.vertices.send(
@@ -144,7 +179,7 @@ class BodiesView(SpaceView):
 
     def toggle_links(self) -> None:
         """Show or hide the links, if there are any."""
-        self.links = not self.links and self._link_ends > 0
+        self.links = not self.links and len(self._links) > 0
 
     def toggle_lines(self) -> bool:
         """Particles in place of the skin, or the skin in place of them; whether it is particles now."""

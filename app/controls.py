@@ -44,6 +44,7 @@ BODY_KEYS = (  # without springs there is no stiffness to change
     ("P K C I", "particles, skin, clusters, links"),
     ("L", "particles or skin"),
     ("O", "colour by body, group, cluster"),
+    ("D X", "drop a body, take one out"),
     ("mouse", "drag a body: pull it"),
     ("arrows", "select a particle"),
     ("Enter", "push its body (down, or arrow)"),
@@ -111,6 +112,9 @@ class Controls:
             key.C: viewer.toggle_clusters,
             key.I: viewer.toggle_links,
             key.O: viewer.next_colouring,
+            key.D: self._drop_body,
+            key.X: demo.remove_body,
+            key.DELETE: demo.remove_body,
             key.ENTER: demo.press_key,
             key.NUM_ENTER: demo.press_key,
             key.ESCAPE: viewer.close,
@@ -130,6 +134,7 @@ class Controls:
             key.MOTION_UP: (0, 1),
             key.MOTION_DOWN: (0, -1),
         }
+        self._pointer: tuple[float, float] | None = None  # window coordinates, while it is over the window
         self._corner = (0, 0)  # pixels, of the pane in which a button went down last
         self._enter_keys = (key.ENTER, key.NUM_ENTER)
         self.window.push_handlers(
@@ -137,6 +142,8 @@ class Controls:
             on_key_release=self._key_up,
             on_text=self._text,
             on_text_motion=self._motion,
+            on_mouse_motion=self._mouse_moved,
+            on_mouse_leave=self._mouse_left,
             on_mouse_press=self._mouse_down,
             on_mouse_drag=self._mouse_drag,
             on_mouse_release=self._mouse_up,
@@ -164,6 +171,24 @@ class Controls:
         if motion in self._motions:
             way = self._motions[motion]
             self.demo.move_selection(*way, self.viewer.camera.direction(*way))
+
+    def _drop_body(self) -> None:
+        """D: over the pointer, or, where it is elsewhere, over the middle of what is seen."""
+        viewer = self.viewer
+        pane = viewer.panes[self.demo.current]
+        place = pane.width / 2, pane.height / 2
+        if self._pointer is not None and self.mouse.pointer is None:
+            x, y = self._pixels(*self._pointer)
+            pane = viewer.panes[viewer.world_at(x, y)]
+            place = x - pane.left, y - pane.bottom
+        if viewer.space:
+            self.demo.drop_body(viewer.drop_place(*place))
+
+    def _mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
+        self._pointer = x, y
+
+    def _mouse_left(self, x: float, y: float) -> None:
+        self._pointer = None
 
     def _pixels(self, x: float, y: float) -> tuple[float, float]:
         """Mouse coordinates in frame-buffer pixels (they differ on some high-resolution displays)."""

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from app.hand import Hand, Poke, nearest, neighbour
+from app.spare_bodies import counts_text, drop, next_spare
 from app.worlds import STEPS_PER_FRAME, Worlds, stiffness_paths
 from model.errors import SoftlabError
 from model.simulation import Simulation
@@ -147,6 +148,8 @@ class Demo(Worlds):
                     world.set(path, stiffness)
 
         self.hand.held = None
+        if self.world.scene.bodies:  # it may wait again
+            self.hand.selected = None
         self.hand.forget()
         self.frozen, self.failure = False, ""
         if self._guard(back):
@@ -192,6 +195,41 @@ class Demo(Worlds):
         self._guard(self._push)
         return True
 
+    # ------------------------------------------------------------------ bodies that come and go
+
+    def drop_body(self, place: Sequence[float]) -> None:
+        """D: a body that waits comes in above `place` [m]; of several parts each in turn."""
+        if self._blocked():
+            return
+
+        def bring() -> None:
+            for world in self.changed:
+                self._at = self.worlds.index(world)
+                name = next_spare(world, self._dropped)
+                drop(world, name, place)
+            self._dropped = name
+            self.say(f"{self.whose}{name} dropped: {counts_text(self.world)}")
+
+        self._guard(bring)
+        self._moved = True
+        self.refresh(force=True)
+
+    def remove_body(self) -> None:
+        """X: the body of the selected particle leaves, and waits from then on."""
+        if self._blocked():
+            return
+        selected, crowd = self.hand.selected, self.world.scene.crowd if self.world.scene.bodies else None
+        if selected is None or crowd is None:
+            self.say("first select a body: press it, or an arrow" if crowd is not None else "there are no bodies here")
+            return
+        copy = crowd.copies[crowd.body[selected]]
+        if self._guard(lambda: self.world.remove_body(copy.number)):
+            self.hand.held = self.hand.selected = None
+            self.hand.forget()
+            self._moved = True
+            self.say(f"{copy.name} taken out: {counts_text(self.world)}")
+            self.refresh(force=True)
+
     # ------------------------------------------------------------------ poking
 
     def name(self, particle: int) -> str:
@@ -217,6 +255,9 @@ class Demo(Worlds):
         The `direction` (in the plane that same way) is also where Enter pokes to from then on.
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
+        if self.world.scene.bodies and not self.world.body.inverse_mass.any():
+            self.say("no body is there")
+            return
         if self.hand.selected is not None and self.world.scene.bodies:
             crowd = self.world.scene.crowd
             own = np.flatnonzero(crowd.body == crowd.body[self.hand.selected])

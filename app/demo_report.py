@@ -16,6 +16,7 @@ from app.demo import Demo
 from app.panes import Pane
 from app.worlds import stiffness_paths
 from model.scene import Scene
+from model.spare import copies_there, present
 
 
 def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
@@ -39,7 +40,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
             f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}, "
             f"{steps} step{'s' * (steps != 1)}   {speed * steps * running:.0f} steps/s",
             f"{whose}{world.backend}   {threads}   {world.options.precision}   "
-            f"{masses_text(scene)}   {springs}gravity {gravity}",
+            f"{masses_text(scene, world.body.inverse_mass)}   {springs}gravity {gravity}",
             f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   time {world.time:.2f} s   "
             f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}{state}",
         )
@@ -58,11 +59,12 @@ def title_text(demo: Demo, number: int) -> str:
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
     lines = [
         demo.titles[number] + ("   (keys: this one)" if demo.alone and number == demo.current else ""),
-        f"gravity {gravity:g} m/s²" if gravity else "gravity off",
-        f"dt {method.dt:.4g} s" + ("   OVER its limit" if method.dt > world.limit * (1 + 1e-12) else ""),
+        (f"gravity {gravity:g} m/s²" if gravity else "gravity off")
+        + f"   dt {method.dt:.4g} s"
+        + ("   OVER its limit" if method.dt > world.limit * (1 + 1e-12) else ""),
         *([f"stiffness {stiffness} N/m"] if stiffness else []),
     ]
-    return lines[0] + "\n" + "   ".join(lines[1:])
+    return "\n".join(lines)
 
 
 def strain_text(demo: Demo) -> str:
@@ -73,19 +75,24 @@ def strain_text(demo: Demo) -> str:
     return f"worst strain {worst:+.4g}"
 
 
-def masses_text(scene: Scene) -> str:
-    """How many masses there are, in words; of bodies also how many clusters and bodies; and colliders."""
+def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
+    """How many masses there are, in words; of bodies also how many clusters and bodies, and how many of them wait by inverse
+    masses as in State (None: when the scene starts); and colliders."""
     crowd, colliders = scene.crowd if scene.bodies else None, len(scene.colliders)
     found = f"{scene.grid.rows} x {scene.grid.columns} masses"
     if crowd is not None:
-        found = f"{crowd.particle_count} particles in {crowd.clusters.count} clusters of {len(crowd.copies)} bodies"
+        there = copies_there(scene, inverse_mass)
+        waiting = len(there) - int(there.sum())
+        found = f"{crowd.particle_count} particles in {crowd.clusters.count} clusters of {len(there) - waiting} bodies"
+        found += f", {waiting} waiting" if waiting else ""
     return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
 def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -> dict[str, Any]:
     """The demo as plain JSON values, of its current world, which is drawn in `pane` of a window `height` pixels high; of each
     of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
-    `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions."""
+    `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions, but of
+    `waiting` bodies, which are counted."""
     world, position, held = demo.world, demo.position, demo.hand.held
     columns, last = world.body.columns, len(position) - 1
     sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}
@@ -101,7 +108,8 @@ def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -
                     "window": [pane.left + float(x), height - pane.bottom - float(y)],
                     "position": metres,
                 }
-    finite = position[np.isfinite(position).all(axis=1)].astype(np.float64)
+    there = present(world.scene, position, world.body.inverse_mass)
+    finite = there[np.isfinite(there).all(axis=1)].astype(np.float64)
     some = finite if len(finite) else np.zeros((1, world.scene.dimensions))
     stiffness = list(stiffness_paths(world.scene).values())
     return {
@@ -129,6 +137,7 @@ def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -
         "low": some.min(axis=0).tolist(),
         "high": some.max(axis=0).tolist(),
         "masses": masses,
+        "waiting": int((~copies_there(world.scene, world.body.inverse_mass)).sum()) if world.scene.bodies else 0,
         "current": demo.current,
         "alone": demo.alone,
         "worlds": [

@@ -20,6 +20,7 @@ from app.pieces import Piece, collider_pieces, pieces_of
 from app.skinning import ClusterFrames
 from model.errors import InputError, SceneError
 from model.simulation import Simulation
+from model.spare import present
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip
@@ -98,9 +99,10 @@ class Exporter:
         scene, position = simulation.scene, simulation.read("position").astype(np.float64)
         matrices = self._frames.of_simulation(simulation, position) if self._frames else None
         path = self.target.of(len(self.written))
-        pieces = pieces_of(scene, position, matrices)
-        if path.suffix.lower() == GLB:
-            pieces += collider_pieces(scene, position, simulation.time) if scene.dimensions == 3 else ()
+        weights = simulation.body.inverse_mass
+        pieces = pieces_of(scene, position, matrices, weights)
+        if path.suffix.lower() == GLB and scene.dimensions == 3:
+            pieces += collider_pieces(scene, present(scene, position, weights), simulation.time)
         self.written.append(write_pieces(path, pieces))
 
 

@@ -53,6 +53,9 @@ class Hand:
         self.direction = direction
         if self.selected is None:
             self.selected = (body.rows // 2) * body.columns + body.columns // 2
+            if world.scene.bodies:  # of those that are there
+                there = np.flatnonzero(body.inverse_mass)
+                self.selected = int(there[len(there) // 2])
         else:
             row, column = divmod(self.selected, body.columns)
             row = min(max(row - rows, 0), body.rows - 1)

@@ -13,6 +13,7 @@ from app.surface import drawn_strain
 from model.energy import energies
 from model.scene import Scene
 from model.simulation import Simulation
+from model.spare import present
 
 KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
 
@@ -36,13 +37,14 @@ def measure(
     are enough. Raises Diverged."""
     world = worlds[current]
     state = world.state()
-    energy = energies(world.scene, state.position, state.velocity, state.plastic)
+    energy = energies(world.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
     strain = drawn_strain(world.scene, state.position)
     others = [drawn_strain(w.scene, p) for w, p in zip(worlds, positions, strict=True) if w is not world]
     wanted = max(map(strain_range, [strain, *others]))
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
-    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(positions, before))
+    there = [present(w.scene, p, w.body.inverse_mass) for w, p in zip(worlds, positions, strict=True)]
+    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before))
 
 
 def measure_picture(

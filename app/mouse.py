@@ -100,7 +100,8 @@ class SpaceMouse(PlaneMouse):
         if not scene.bodies:
             return SPACE_REACH
         _, depth = self._camera.project(position)
-        return np.fmax(SPACE_REACH, BODY_REACH * scene.grid.spacing * self._camera.focal / depth)
+        reach = np.fmax(SPACE_REACH, BODY_REACH * scene.grid.spacing * self._camera.focal / depth)
+        return np.where(self.demo.world.body.inverse_mass == 0, -1.0, reach)  # what waits is not there to be taken
 
     def pull(self) -> None:
         """As in the plane, in which the mass was taken."""

@@ -19,6 +19,7 @@ from app.views import camera_of, seen_bounds, view_of
 from model.build import rest_positions
 from model.errors import InputError, SoftlabError
 from model.scene import Scene
+from model.spare import present
 
 MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
 LEAST_SIZE, MOST_SIZE = 16, 16384  # pixels
@@ -61,6 +62,7 @@ class OffscreenRenderer:
             self._window.close()
             raise
         self._fitted = False
+        self._weights: np.ndarray | None = None
         self._bounds: tuple[float, ...] | None = None
         self.camera = camera_of(scene, width, height)
         self._frame(rest_positions(scene.grid), 0.0)
@@ -80,7 +82,7 @@ class OffscreenRenderer:
             self._window = None
 
     def _frame(self, position: np.ndarray, time: float) -> None:
-        bounds = finite_bounds(position)
+        bounds = finite_bounds(present(self.scene, position, self._weights))
         if bounds is None:
             return
         if self._space:
@@ -93,6 +95,13 @@ class OffscreenRenderer:
         if self._panel and self._space and not self._legend:
             margins = (40.0, 50.0, 40.0, 50.0)
         self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
+
+    def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
+        """Bodies that wait by these inverse masses (particles,), as in State, are not shown from now on; at first, and by
+        None, those that wait when the scene starts."""
+        if self.scene.bodies:
+            self._weights = inverse_mass
+            self._view.show_bodies(inverse_mass)
 
     def fit(self, position: np.ndarray, time: float = 0.0) -> None:
         """Make the view and the range of colours hold this state (particles, dimensions) [m] at `time` [s] as well as those
@@ -153,14 +162,17 @@ def render_frame(
     legend: bool = True,
     lines: bool = False,
     time: float = 0.0,
+    inverse_mass: np.ndarray | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
-    title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are.
+    title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are;
+    `inverse_mass`, as in State: which bodies wait.
 
     Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
     with OffscreenRenderer(scene, width, height, legend=legend, lines=lines) as renderer:
+        renderer.show_bodies(inverse_mass)
         renderer.fit(position, time)
         if caption is not None:
             renderer.caption = caption

@@ -17,7 +17,7 @@ GAP = 2  # pixels between two
 def check_alike(scenes: Sequence[Scene]) -> None:
     """Raises SceneError if scenes cannot be shown side by side: one camera and one hand are to do for all of them."""
     if not 1 <= len(scenes) <= MOST_WORLDS:
-        raise SceneError("SCENE", f"{len(scenes)} scenes", f"must be 1 to {MOST_WORLDS}")
+        raise SceneError("SCENE", f"{len(scenes)} scenes", f"side by side can be 1 to {MOST_WORLDS}")
     first = _look(scenes[0])
     for scene in scenes:
         if _look(scene) != first:
@@ -63,6 +63,6 @@ def panes(count: int, width: int, height: int) -> list[Pane]:
     rows = ceil(count / columns)
     wide, high = (width - GAP * (columns - 1)) // columns, (height - GAP * (rows - 1)) // rows
     return [
-        Pane(column * (wide + GAP), height - high - row * (high + GAP), wide, high)
+        Pane(ceil(column * (width + GAP) / columns), height - high - ceil(row * (height + GAP) / rows), wide, high)
         for row, column in (divmod(number, columns) for number in range(count))
     ]

@@ -13,6 +13,7 @@ from model.cloth_parts import Plane
 from model.crowd import Copy
 from model.normals import scene_normals
 from model.scene import Scene
+from model.spare import copies_there
 from model.topology import triangles_of
 
 PLANE_REACH = 1.0  # of the scene's size: a plane is shown as far as that on each side of the masses
@@ -34,12 +35,16 @@ class Piece:
     lines: tuple[np.ndarray, ...] = ()
 
 
-def pieces_of(scene: Scene, position: np.ndarray, matrices: np.ndarray | None = None) -> list[Piece]:
+def pieces_of(
+    scene: Scene, position: np.ndarray, matrices: np.ndarray | None = None, inverse_mass: np.ndarray | None = None
+) -> list[Piece]:
     """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) as app/skinning.py makes
-    them. A body without a skin is its particles; a sheet without triangles its lines; one without springs its masses."""
+    them, but for those that wait by `inverse_mass`, as in State (None: when the scene starts). A body without a skin is its
+    particles; a sheet without triangles its lines; one without springs its masses."""
     if scene.bodies:
         assert matrices is not None
-        return [_body(scene, copy, position, matrices) for copy in scene.crowd.copies]
+        there = copies_there(scene, inverse_mass)
+        return [_body(scene, copy, position, matrices) for copy in scene.crowd.copies if there[copy.number]]
     name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
     triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
     if len(triangles):
@@ -54,7 +59,7 @@ def pieces_of(scene: Scene, position: np.ndarray, matrices: np.ndarray | None = 
 def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
     """A copy of a body: its skin as its clusters take it (linear blend skinning, model/skin.py), or else its particles."""
     colour, baked = colours.BODIES[copy.number % len(colours.BODIES)], copy.baked
-    several = scene.bodies[copy.name].count > 1
+    several = scene.bodies[copy.name].count + scene.bodies[copy.name].spare > 1
     first = next(one.number for one in scene.crowd.copies if one.name == copy.name) if several else 0
     name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
     skin = baked.skin

@@ -230,7 +230,7 @@ def _report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
 ) -> dict[str, Any]:
     scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity, state.plastic)
+    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
     strained = scene.springs or scene.cloth or scene.bodies
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
@@ -276,8 +276,11 @@ def _write_results(
     if request.record:
         result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
     if request.render and not clip:
+        state = result.state
         result.written.append(
-            render(result.state.position, request.render, scene=simulation.scene, time=result.state.time)
+            render(
+                state.position, request.render, scene=simulation.scene, time=state.time, inverse_mass=state.inverse_mass
+            )
         )
     elif request.render:
         steps = result.state.step - start.step

@@ -9,6 +9,7 @@ import numpy as np
 from model.mesh_collider import MeshCollider
 from model.scene import Scene
 from model.simulation import Simulation, State
+from model.spare import copies_there
 
 
 def body_lines(scene: Scene) -> list[str]:
@@ -27,14 +28,15 @@ def collider_lines(scene: Scene) -> list[str]:
 
 
 def bodies_report(simulation: Simulation) -> dict[str, Any]:
-    """Of bodies, how many are there, of how many clusters; and neighbours that contacts had no room for. Their `max_strain` is
-    how far a particle is from where one of its clusters wants it, over the particle spacing."""
+    """Of bodies, how many are there and how many wait, of how many clusters; and neighbours that contacts had no room for.
+    Their `max_strain` is how far a particle is from where one of its clusters wants it, over the particle spacing."""
     scene = simulation.scene
     if not scene.bodies:
         return {}
-    copies, there = scene.crowd.copies, simulation.body.inverse_mass > 0
+    there = copies_there(scene, simulation.body.inverse_mass)
     found = {
-        "bodies": sum(bool(there[copy.first_particle]) for copy in copies),
+        "bodies": int(there.sum()),
+        "waiting": int((~there).sum()),
         "clusters": scene.crowd.clusters.count,
     }
     if scene.contact:

@@ -154,7 +154,8 @@ def render_clip(
 
     total = 1 + -(-steps // steps_per_frame)
     text = simulation.scene.title if caption is None else caption
-    return _write_clip(simulation.scene, states(), total, path, (width, height), fps, text, progress)
+    weights = simulation.body.inverse_mass
+    return _write_clip(simulation.scene, states(), total, path, (width, height), fps, text, progress, weights)
 
 
 def _write_clip(
@@ -166,11 +167,13 @@ def _write_clip(
     fps: int,
     caption: str,
     progress: bool,
+    inverse_mass: np.ndarray | None = None,
 ) -> Path:
     width, height = size[0] & ~1, size[1] & ~1
     writer = VideoWriter(path, width, height, fps)
     with OffscreenRenderer(scene, width, height) as renderer, writer, ExitStack() as stack:
         renderer.caption = caption
+        renderer.show_bodies(inverse_mass)
         start, bar, task = perf_counter(), None, None
         for position, time, normal in states:
             renderer.fit(position, time)
@@ -210,26 +213,32 @@ def render(
     fps: int = 60,
     caption: str | None = None,
     time: float = 0.0,
+    inverse_mass: np.ndarray | None = None,
 ) -> Path:
     """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
 
     `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles,
     dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
-    `time` [s] at which its moving colliders are to be shown. Raises InputError, BackendUnavailable.
+    `time` [s] at which its moving colliders are to be shown; `inverse_mass`, as in State, tells which bodies wait.
+    Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP
     if isinstance(source, Simulation):
         if clip:
             return render_clip(source, path, steps, steps_per_frame, width, height, fps=fps, caption=caption)
-        position, now = source.read("position"), source.time
-        return render_frame(source.scene, position, path, width, height, caption=caption, time=now)
+        position, now, weights = source.read("position"), source.time, source.body.inverse_mass
+        return render_frame(
+            source.scene, position, path, width, height, caption=caption, time=now, inverse_mass=weights
+        )
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
-        return render_frame(scene, source, path, width, height, caption=caption, time=time)
+        return render_frame(
+            scene, source, path, width, height, caption=caption, time=time, inverse_mass=inverse_mass
+        )
     if source.ndim != 3:
         raise InputError(f"positions of shape {source.shape}; a clip needs (frames, particles, {scene.dimensions})")
     text = scene.title if caption is None else caption
     states = ((position, time, None) for position in source)
-    return _write_clip(scene, states, len(source), path, (width, height), fps, text, True)
+    return _write_clip(scene, states, len(source), path, (width, height), fps, text, True, inverse_mass)

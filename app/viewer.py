@@ -140,7 +140,15 @@ class Viewer:
         """The number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to it."""
         return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
 
-    def _approach_everything(self, share: float) -> None:
+    def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
+        """Where D drops a body: above everything and over a place in the pane (frame-buffer pixels), at the depth that the
+        camera looks at."""
+        everything = self._everything()
+        across, above, toward = self.camera.on_plane(x, y, self.camera.target)
+        return across, max(above, everything[4]) if everything else above, toward
+
+    def _everything(self) -> tuple[float, ...] | None:
+        """The box [m] that the view is to hold, as `finite_bounds` gives it."""
         bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
         low, high = self._start
         middle = (low + high) / 2 if self.space else np.array([low[0], high[1]])
@@ -148,13 +156,18 @@ class Viewer:
         half = len(middle)
         least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
         if not (least <= most).all():
-            return
+            return None
         if self.space:
             for view in self.views:
                 view.keep_above_ground(float(least[1]))
         seen = (*least.tolist(), *most.tolist())
-        kept = joined_bounds([seen_bounds(world.scene, seen, world.time) for world in worlds])
-        spacing = max(world.scene.grid.spacing for world in worlds)
+        return joined_bounds([seen_bounds(world.scene, seen, world.time) for world in worlds])
+
+    def _approach_everything(self, share: float) -> None:
+        kept = self._everything()
+        if kept is None:
+            return
+        spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
         self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
 
     def _margins(self) -> Margins:

@@ -104,6 +104,7 @@ class Worlds:
         self.hand = Hand(self.scenes[0].dimensions)
         self.physics_seconds = 0.0
         self._statistics_due, self._look_seconds = 0.0, inf
+        self._dropped: str | None = None  # the part of which a body was brought in last
         self._at = 0  # of the world that is stepped or looked at
         self.refresh(force=True)
 

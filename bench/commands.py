@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from app.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+from model.errors import SceneError
 
 measuring = typer.Typer()
 Methods = Annotated[
@@ -59,9 +60,9 @@ def sweep(
     from bench.tables import print_kernels, print_sweep
 
     if peers and (kernels or kernel):
-        from model.errors import SceneError
-
         raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
+    if kernel and not kernels:
+        raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
         "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": _precisions(precision),

@@ -8,6 +8,7 @@ import numpy as np
 
 from model.mesh_constraints import edges_of, mesh_energy
 from model.scene import Scene
+from model.spare import absent
 from model.topology import vertex_masses
 
 WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
@@ -135,10 +136,12 @@ def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return across[None, :], down[:, None]
 
 
-def masses(scene: Scene) -> np.ndarray | float:
-    """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same."""
+def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | float:
+    """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same. Those `waiting`
+    (particles,) bool, of bodies that are not there, weigh nothing."""
     if scene.bodies:
-        return scene.crowd.clusters.mass[:, None]
+        mass = scene.crowd.clusters.mass
+        return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]
     if not scene.loads:
@@ -150,10 +153,15 @@ def masses(scene: Scene) -> np.ndarray | float:
 
 
 def energies(
-    scene: Scene, position: np.ndarray, velocity: np.ndarray, plastic: np.ndarray | None = None
+    scene: Scene,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    plastic: np.ndarray | None = None,
+    inverse_mass: np.ndarray | None = None,
 ) -> dict[str, float]:
     """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
-    its springs by kind. Where clusters take the place of springs, `spring` is theirs; `plastic` as in State.
+    its springs by kind. Where clusters take the place of springs, `spring` is theirs; `plastic`, `inverse_mass` as in State:
+    what waits by it (None: at the scene's start) has none.
 
     With the true mass. Gravity's zero is at y = 0. `conserved` is what the scheme itself keeps (up to a bounded
     wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
@@ -161,7 +169,7 @@ def energies(
     """
     springs, gravity = scene.springs, scene.gravity
     v = np.asarray(velocity, dtype=np.float64)
-    mass = masses(scene)
+    mass = masses(scene, absent(scene, inverse_mass))  # what waits is at rest, and stores nothing
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring = 0.0
     if scene.method.matches_shapes:

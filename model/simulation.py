@@ -460,4 +460,4 @@ class Simulation(ABC):
         from model.energy import energies
 
         state = self.state()
-        return energies(self.scene, state.position, state.velocity, state.plastic)
+        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)

@@ -26,6 +26,28 @@ def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
     return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(share, (0, 1)).all() else None
 
 
+def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
+    """(particles,) bool: those of bodies that wait, by inverse masses as in State or (None) when the scene starts; None where
+    no body does."""
+    if not scene.bodies:
+        return None
+    waits = scene.crowd.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
+    return waits if waits.any() else None
+
+
+def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None = None) -> np.ndarray:
+    """Those of `position` (particles, dimensions) that are there by `absent`; all, where none would be left."""
+    waits = absent(scene, inverse_mass)
+    return position if waits is None or waits.all() else position[~waits]
+
+
+def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray:
+    """(copies,) bool: which copies of a scene's bodies are there by `absent`."""
+    waits = absent(scene, inverse_mass)
+    copies = scene.crowd.copies
+    return np.array([waits is None or not waits[copy.first_particle] for copy in copies])
+
+
 def added(
     simulation: Simulation, name: str, origin: Sequence[float] | None, velocity: Sequence[float]
 ) -> tuple[int, State]:

@@ -87,7 +87,8 @@ def draw_clusters(results: Results) -> Drawing | str:
         wide = 2 * region + 1
         _curve(left, mine, _fine, SAG, color=colour, marker=marker, label=f"windows of {wide} x {wide}")
         _curve(left, mine, _fine, ACROSS, color=colour, marker=marker, linestyle=":", markersize=3)
-    left.plot([], [], ":", color=GREY, label="loaded across")
+    if any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in found):
+        left.plot([], [], ":", color=GREY, label="loaded across")
     overlaps = series(found, JELLY, _size, substeps=FINEST, fine=SOME_LAYERS)
     for name, colour, marker in ((SAG, VERMILLION, "D"), (FREQUENCY, SKY, "v")):
         _curve(

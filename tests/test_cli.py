@@ -141,7 +141,9 @@ def test_a_divergence_is_reported_and_the_last_good_state_kept(command, tmp_path
         assert np.isfinite(archive["position"]).all()
 
 
-@pytest.mark.parametrize("name", ["scenes", "plan lab-grid", "doctor", "--help", "run --help", "lab --help"])
+@pytest.mark.parametrize(
+    "name", ["scenes", "plan lab-grid", "doctor", "--help", "run --help", "lab --help", "crowds --help"]
+)
 def test_what_only_tells(command, name: str) -> None:
     outcome = command(name)
     assert outcome.status == 0 and outcome.out
@@ -201,6 +203,15 @@ BAD = [
     ("run lab-grid", "--initial none.npz", ["no such file"]),
     ("plan", "lab-grid --precision half", ["--precision"]),
     ("sweep", "--backend tpu", ["--backend"]),
+    ("sweep", "--kernel fused", ["--kernel", "add --kernels"]),
+    ("crowds", "--kind gas", ["--kind", "soft, rigid, heap, grid"]),
+    ("crowds", "--precision half", ["--precision", "float32"]),
+    ("crowds", "--backend tpu", ["--backend"]),
+    ("crowds", "5", ["unexpected"]),
+    ("projections", "--precision half", ["--precision", "float32"]),
+    ("demo lab-grid", "cloth-hanging", ["SCENE", "lab-grid", "masses in a plane"]),
+    ("demo lab-grid", "lab-gird", ["unknown scene"]),
+    ("demo lab-grid", "--frames 0", ["--frames"]),
     ("figures", "--store nothing.sqlite", ["nothing.sqlite"]),
     ("export", "file.csv --store nothing.sqlite", ["nothing.sqlite"]),
     ("merge", "nothing.csv --store new.sqlite", ["nothing.csv"]),

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from synthetic_store import GPU_RECORD
+from typer.testing import CliRunner
 
 from bench import crowds
 from bench.case_timing import make_case
@@ -98,6 +99,19 @@ def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
     for claim in CLAIMS.values():
         assert not claim(results).supported
     assert isinstance(figure.draw(results), str)
+
+
+def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    import softlab
+
+    monkeypatch.setattr(crowds, "QUICK_GRIDS", (12,))
+    path = tmp_path / "results.sqlite"
+    words = f"crowds --quick --backend cpu --kind grid --kind grid --precision float64 --store {path}".split()
+    for said in ("3 measured", "0 measured"):
+        done = CliRunner().invoke(softlab.app, words)
+        assert done.exit_code == 0 and said in done.output, done.output
+    with Store(path, readonly=True) as opened:
+        assert {(p.precision, p.particles, p.kind) for p in points(measures(opened))} == {("float64", 144, "grid")}
 
 
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:
