@@ -25,7 +25,9 @@ def next_spare(world: Simulation, last: str | None) -> str:
     waiting = {copy.name for copy in scene.crowd.copies if not there[copy.number]}
     if not waiting:
         name = next(name for name, part in scene.bodies.items() if part.spare)
-        raise SceneError(f"{name}.spare", scene.bodies[name].spare, "no body waits any more; X takes the selected one out")
+        raise SceneError(
+            f"{name}.spare", scene.bodies[name].spare, "no body waits any more; X takes the selected one out"
+        )
     begin = names.index(last) + 1 if last in names else 0
     return next(name for name in names[begin:] + names[:begin] if name in waiting)
 

@@ -234,9 +234,7 @@ def render(
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
-        return render_frame(
-            scene, source, path, width, height, caption=caption, time=time, inverse_mass=inverse_mass
-        )
+        return render_frame(scene, source, path, width, height, caption=caption, time=time, inverse_mass=inverse_mass)
     if source.ndim != 3:
         raise InputError(f"positions of shape {source.shape}; a clip needs (frames, particles, {scene.dimensions})")
     text = scene.title if caption is None else caption

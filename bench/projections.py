@@ -30,6 +30,7 @@ KERNEL = "projection_kernel"  # its name is the reason
 SIZES = (32, 64, 128, 256, 512)  # rows and columns
 QUICK_SIZES = (32, 128)
 LARGE = (1024,)  # more of them on a GPU
+QUICK_NEIGHBOURS = (4, 12)
 NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural", "shear", "bending")}
 ORDERINGS = ("gauss-seidel", "jacobi")
 BUDGETS = ((10, 10), (10, 1))  # substeps, iterations
@@ -80,7 +81,7 @@ def groups(
                 [
                     case_of(sheet(size, neighbours, ordering, *budget), backend, precision)
                     for precision in precisions
-                    for neighbours in ((4, 12) if quick else NEIGHBOURS)
+                    for neighbours in (QUICK_NEIGHBOURS if quick else NEIGHBOURS)
                     for budget in BUDGETS
                     for ordering in ORDERINGS
                 ]

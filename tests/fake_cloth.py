@@ -10,6 +10,7 @@ from model.errors import SceneError
 from model.plan import Plan
 from model.scene import Scene
 from model.simulation import Options, Simulation
+from model.xpbd_plan import xpbd_plan
 
 DAMPING = 100.0  # 1/s: a pull that is renewed once a frame of 0.01 s settles, with no neighbours to hold the mass
 
@@ -22,6 +23,8 @@ class FakeCloth(Simulation):
 
     def __init__(self, scene: Scene, options: Options | None = None):
         super().__init__(scene, options or Options(live=frozenset({"gravity", "poke", "dt"})))
+        if scene.bodies:
+            self.plan = xpbd_plan(scene, self.options.live)
         self.asked: list[str] = []
         self._velocity = np.zeros_like(self.body.position)
         self._position = self.body.position.copy()
@@ -50,6 +53,9 @@ class FakeCloth(Simulation):
         return int(bad[0]) if len(bad) else -1
 
     def _parameters_changed(self) -> None:
+        pass
+
+    def _weights_changed(self) -> None:
         pass
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:

@@ -106,12 +106,12 @@ def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: p
 
     monkeypatch.setattr(crowds, "QUICK_GRIDS", (12,))
     path = tmp_path / "results.sqlite"
-    words = f"crowds --quick --backend cpu --kind grid --kind grid --precision float64 --store {path}".split()
-    for said in ("3 measured", "0 measured"):
+    words = f"crowds --quick --backend cpu --kind grid --kind grid --precision float32 --store {path}".split()
+    for said in ("3 timed, 0 held", "0 timed, 3 held"):
         done = CliRunner().invoke(softlab.app, words)
         assert done.exit_code == 0 and said in done.output, done.output
     with Store(path, readonly=True) as opened:
-        assert {(p.precision, p.particles, p.kind) for p in points(measures(opened))} == {("float64", 144, "grid")}
+        assert {(p.precision, p.particles, p.kind) for p in points(measures(opened))} == {("float32", 144, "grid")}
 
 
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:
