@@ -140,7 +140,7 @@ CASES = (
 )  # fmt: skip
 
 NOT_YET = {
-    "B20": "needs shape matching",
+    "B20": "bodies have no sheet to draw: tests/test_rotation.py, tests/test_bodies_solver.py",
     "B21": "needs tetrahedra",
     "B22": "needs tetrahedra",
 }

@@ -105,7 +105,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             if has_spare and weights[k] == zero:
                 continue  # also of ghosts
             px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, number, record[C_DT], before[k], before[count + k], before[2 * count + k], after[k],
+                bodies, kinds, number, record, before[k], before[count + k], before[2 * count + k], after[k],
                 after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
             )  # fmt: skip
             after[k] = px

@@ -13,6 +13,7 @@ from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import (
     B_DYNAMIC,
     B_RADIUS,
+    B_RESTITUTION,
     B_SPIN,
     B_STATIC,
     B_THICKNESS,
@@ -27,6 +28,8 @@ from model.cloth_record import (
     B_X,
     B_Y,
     B_Z,
+    C_DT,
+    C_GRAVITY,
     COLLIDER_FIELDS,
 )  # fmt: skip
 from model.formulas import cloth, colliders, triangle_tree
@@ -35,18 +38,18 @@ PLANE, SPHERE, CAPSULE, BOX, MESH = range(len(COLLIDER_KINDS))  # what kernels a
 
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """By kind: touch(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
+    """By kind: touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
 
-    `body`: a row of model/cloth_record.py, and what follows it; `begin`, `end`: time [s] of the step; a: where the mass was
-    before the step; p, v: where it is after it, and at what velocity.
+    `body`: a row of model/cloth_record.py, and what follows it; `begin`, `end`: time [s] of the step; `slow`: of
+    `make_instants`; a: where the mass was before the step; p, v: where it is after it, and at what velocity.
     """
     compiled = compiler.compiled
     formulas, sums = colliders.make(real, compiled), cloth.make(real, compiled)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
-    sphere_entry, respond = formulas.sphere_entry, formulas.respond
+    sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
     moved, between, pushed = sums.moved, sums.between, sums.pushed
-    meet_mesh = triangle_tree.make(real, compiled).touch
-    has_friction = "friction" in parts
+    has_friction, bounces = "friction" in parts, "restitution" in parts
+    meet_mesh = triangle_tree.make(real, compiled, bounces).touch
     zero, one = real(0), real(1)
 
     @compiled
@@ -56,30 +59,33 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         )  # fmt: skip
 
     @compiled
-    def answer(body, vx, vy, vz, nx, ny, nz):
+    def answer(body, slow, vx, vy, vz, nx, ny, nz):
         static, dynamic = zero, zero
         if has_friction:
             static, dynamic = body[B_STATIC], body[B_DYNAMIC]
-        return respond(vx, vy, vz, body[B_VX], body[B_VY], body[B_VZ], nx, ny, nz, static, dynamic)
+        ux, uy, uz = body[B_VX], body[B_VY], body[B_VZ]
+        if bounces:
+            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, body[B_RESTITUTION], slow)
+        return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
 
     @compiled
-    def push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz):
+    def push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz):
         """Out to the collider's thickness."""
         thickness = body[B_THICKNESS]
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            vx, vy, vz = answer(body, vx, vy, vz, nx, ny, nz)
+            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
         return px, py, pz, vx, vy, vz
 
     @compiled
-    def touch_plane(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
         cx, cy, cz = point(body, end)
         distance, nx, ny, nz = plane(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
-        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
 
     @compiled
-    def touch_sphere(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
         """Swept: where a mass came near within the step, it is put where it entered, relative to the moving centre."""
         cx, cy, cz = point(body, end)
         ox, oy, oz = point(body, begin)
@@ -90,35 +96,37 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            vx, vy, vz = answer(body, vx, vy, vz, nx, ny, nz)
+            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
             return cx + dx, cy + dy, cz + dz, vx, vy, vz
         distance, nx, ny, nz = sphere(dx, dy, dz, radius)
-        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
 
     @compiled
-    def touch_capsule(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
         cx, cy, cz = point(body, end)
         distance, nx, ny, nz = capsule(
             px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS]
         )  # fmt: skip
-        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
 
     @compiled
-    def touch_box(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
         cx, cy, cz = point(body, end)
         distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
-        return push(body, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
 
     @compiled
-    def touch_mesh(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz):
+    def touch_mesh(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
         """Swept, see model/formulas/triangle_tree.py."""
-        static, dynamic = zero, zero
+        static, dynamic, restitution = zero, zero, zero
         if has_friction:
             static, dynamic = body[B_STATIC], body[B_DYNAMIC]
+        if bounces:
+            restitution = body[B_RESTITUTION]
         return meet_mesh(
             body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z], body[B_VX],
             body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin, end, ax, ay, az,
-            px, py, pz, vx, vy, vz,
+            px, py, pz, vx, vy, vz, restitution, slow,
         )  # fmt: skip
 
     return SimpleNamespace(
@@ -126,47 +134,62 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     )
 
 
+def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """instants(step, record) -> (begin, end, slow): the step's two ends [s], and the speed [m/s] up to which nothing bounces,
+    0 where nothing does anyway."""
+    instant = cloth.make(real, compiler.compiled).instant
+    settling_speed = colliders.make(real, compiler.compiled).settling_speed
+    bounces, zero = "restitution" in parts, real(0)
+
+    @compiler.compiled
+    def instants(step, record):
+        slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
+        return instant(step, record[C_DT]), instant(step + 1, record[C_DT]), slow
+
+    return instants
+
+
 def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_mass(bodies, kinds, step, dt, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass and
+    """collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass and
     all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
-    touches, instant = make_touches(compiler, real, parts), cloth.make(real, compiler.compiled).instant
+    touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
     mesh = touches.mesh_collider
     has_plane, has_sphere, has_capsule, has_box, has_mesh = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
-    def collide_mass(bodies, kinds, step, dt, ax, ay, az, px, py, pz, vx, vy, vz):
-        begin, end = instant(step, dt), instant(step + 1, dt)
+    def collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz):
+        begin, end, slow = instants(step, record)
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
-                px, py, pz, vx, vy, vz = plane(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+                px, py, pz, vx, vy, vz = plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
             if has_sphere and kinds[b] == SPHERE:
-                px, py, pz, vx, vy, vz = sphere(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+                px, py, pz, vx, vy, vz = sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
             if has_capsule and kinds[b] == CAPSULE:
-                px, py, pz, vx, vy, vz = capsule(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+                px, py, pz, vx, vy, vz = capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
             if has_box and kinds[b] == BOX:
-                px, py, pz, vx, vy, vz = box(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+                px, py, pz, vx, vy, vz = box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
             if has_mesh and kinds[b] == MESH:
-                px, py, pz, vx, vy, vz = mesh(body, begin, end, ax, ay, az, px, py, pz, vx, vy, vz)
+                px, py, pz, vx, vy, vz = mesh(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
         return px, py, pz, vx, vy, vz
 
     return collide_mass
 
 
 def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_row(bodies, kinds, step, dt, blocks, source, here, plane, target, there, target_plane): a row of masses and
+    """collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane): a row of masses and
     all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
-    touches, instant = make_touches(compiler, real, parts), cloth.make(real, compiler.compiled).instant
+    touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     block = block_of(real)
 
     def make_loop(kind: str) -> Any:
         touch = getattr(touches, kind)
 
-        def touch_row(blocks, body, begin, end, ax, ay, az, x, y, z, vx, vy, vz):
+        def touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz):
             for j in range(blocks * block):
                 px, py, pz, qx, qy, qz = touch(
-                    body, begin, end, ax[j], ay[j], az[j], x[j], y[j], z[j], vx[j], vy[j], vz[j]
+                    body, begin, end, slow, ax[j], ay[j], az[j], x[j], y[j], z[j], vx[j], vy[j], vz[j]
                 )
                 x[j] = px
                 y[j] = py
@@ -182,8 +205,8 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
     has_plane, has_sphere, has_capsule, has_box, has_mesh = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
-    def collide_row(bodies, kinds, step, dt, blocks, source, here, plane, target, there, target_plane):
-        begin, end = instant(step, dt), instant(step + 1, dt)
+    def collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane):
+        begin, end, slow = instants(step, record)
         x, y, z = row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane)
         new_x, new_y = row_at(target, there), row_at(target, there + target_plane)
         new_z, new_vx = row_at(target, there + 2 * target_plane), row_at(target, there + 3 * target_plane)
@@ -191,14 +214,14 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
-                plane_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+                plane_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
             if has_sphere and kinds[b] == SPHERE:
-                sphere_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+                sphere_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
             if has_capsule and kinds[b] == CAPSULE:
-                capsule_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+                capsule_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
             if has_box and kinds[b] == BOX:
-                box_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+                box_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
             if has_mesh and kinds[b] == MESH:
-                mesh_row(blocks, body, begin, end, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+                mesh_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
 
     return collide_row

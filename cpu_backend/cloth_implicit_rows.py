@@ -213,7 +213,7 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
         for axis in range(2 * AXES):
             copy(blocks, row_at(work, here + (X + axis) * plane), row_at(target, here + axis * plane))
         if has_colliders:
-            collide_row(bodies, kinds, step, record[C_DT], blocks, source, here, plane, target, here, plane)
+            collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
 
     return SimpleNamespace(
         elsewhere=elsewhere, clear=clear, pull_end=pull_end, pull_matrix=pull_matrix, settle=settle, add_up=add_up,

@@ -133,7 +133,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                     row_at(target, position), row_at(target, velocity),
                 )  # fmt: skip
             if has_colliders and not (verlet and kind == CLOSING):
-                collide_row(bodies, kinds, step, record[C_DT], blocks, source, here, plane, target, here, plane)
+                collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
     def advance(

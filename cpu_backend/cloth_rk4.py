@@ -96,7 +96,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                     stage, blocks, row_at(base, velocity), rate, record, row_at(total, velocity), row_at(into, velocity)
                 )  # fmt: skip
             if has_colliders and stage == 3:
-                collide_row(bodies, kinds, step, record[C_DT], blocks, base, here, plane, spare, here, plane)
+                collide_row(bodies, kinds, step, record, blocks, base, here, plane, spare, here, plane)
                 for axis in range(PLANES):
                     copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)

@@ -128,7 +128,7 @@ def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> 
         for i in prange(rows):
             for j in range(columns):
                 x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = collide_mass(
-                    bodies, kinds, step, record[C_DT], ax[i, j], ay[i, j], az[i, j], x[i, j], y[i, j], z[i, j], vx[i, j],
+                    bodies, kinds, step, record, ax[i, j], ay[i, j], az[i, j], x[i, j], y[i, j], z[i, j], vx[i, j],
                     vy[i, j], vz[i, j],
                 )  # fmt: skip
 
@@ -167,7 +167,7 @@ def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     stages = make_point_stages(compiler, real, integrator, "damping" in kicks)
     stages.spring_forces = made(make_spring_stage, *SPRING_KINDS)
     stages.wind = made(make_wind_stage, "wind", "gust")
-    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction")
+    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
     stages.pins = made(make_pin_stage, "motion")
     return stages
 

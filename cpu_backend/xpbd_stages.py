@@ -112,7 +112,7 @@ def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str])
 
     stages = made(make_point_stages, "load", "damping")
     stages.wind = made(make_wind_stage, "wind", "gust")
-    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction")
+    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
     stages.projections = make_projections(real, math, axes, parts)
     return stages
 

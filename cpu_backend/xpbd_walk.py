@@ -137,7 +137,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
         for c in range(classes):
             lane = i * places[P_STRIDE] + c * places[P_CLASS]
             collide_row(
-                bodies, kinds, substep, record[C_DT], places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
+                bodies, kinds, substep, record, places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
                 memory, position + lane, places[P_PLANE],
             )  # fmt: skip
             if row_uneven[i]:

@@ -13,6 +13,7 @@ from gpu_backend.strips import inlined
 from model.cloth_record import (
     B_DYNAMIC,
     B_RADIUS,
+    B_RESTITUTION,
     B_SPIN,
     B_STATIC,
     B_THICKNESS,
@@ -28,6 +29,7 @@ from model.cloth_record import (
     B_Y,
     B_Z,
     C_DT,
+    C_GRAVITY,
     COLLIDER_FIELDS,
 )  # fmt: skip
 from model.formulas import cloth, colliders, triangle_tree
@@ -42,9 +44,10 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     """
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
-    sphere_entry, respond = formulas.sphere_entry, formulas.respond
+    sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
+    settling_speed, bounces = formulas.settling_speed, "restitution" in parts
     instant, moved, between, pushed = sums.instant, sums.moved, sums.between, sums.pushed
-    meet_triangles = device_formulas(triangle_tree.make, real, math).touch
+    meet_triangles = device_formulas(triangle_tree.make, real, math, bounces=bounces).touch
     inline = inlined(math)
     has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
     has_boxes, has_meshes = "box" in parts, "mesh_collider" in parts
@@ -61,27 +64,28 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
         )
 
     @inline
-    def answer(vx, vy, vz, nx, ny, nz, bodies, at):
+    def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):
         static, dynamic = zero, zero
         if has_friction:
             static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
-        return respond(
-            vx, vy, vz, bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], nx, ny, nz, static, dynamic
-        )  # fmt: skip
+        ux, uy, uz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
+        if bounces:
+            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, bodies[at + B_RESTITUTION], slow)
+        return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
 
     @inline
-    def push(px, py, pz, vx, vy, vz, surface, bodies, at):
-        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz)."""
+    def push(px, py, pz, vx, vy, vz, surface, slow, bodies, at):
+        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz); `slow`: speed up to which nothing bounces."""
         distance, nx, ny, nz = surface
         thickness = bodies[at + B_THICKNESS]
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, bodies, at)
+            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
         return px, py, pz, vx, vy, vz
 
     @inline
-    def meet_sphere(before, px, py, pz, vx, vy, vz, bodies, at, begin, end):
+    def meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
         x, y, z = place_of(bodies, at, end)
         dx, dy, dz = px - x, py - y, pz - z
         old_x, old_y, old_z = place_of(bodies, at, begin)
@@ -92,67 +96,70 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             px, py, pz = x + dx, y + dy, z + dz
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, bodies, at)
+            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
             return px, py, pz, vx, vy, vz
-        return push(px, py, pz, vx, vy, vz, sphere(dx, dy, dz, radius), bodies, at)
+        return push(px, py, pz, vx, vy, vz, sphere(dx, dy, dz, radius), slow, bodies, at)
 
     @inline
-    def meet_plane(px, py, pz, vx, vy, vz, bodies, at, end):
+    def meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end):
         x, y, z = place_of(bodies, at, end)
         surface = plane(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-        return push(px, py, pz, vx, vy, vz, surface, bodies, at)
+        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     @inline
-    def meet_capsule(px, py, pz, vx, vy, vz, bodies, at, end):
+    def meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end):
         x, y, z = place_of(bodies, at, end)
         surface = capsule(
             px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
         )
-        return push(px, py, pz, vx, vy, vz, surface, bodies, at)
+        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     @inline
-    def meet_box(px, py, pz, vx, vy, vz, bodies, at, end):
+    def meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end):
         x, y, z = place_of(bodies, at, end)
         surface = box(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-        return push(px, py, pz, vx, vy, vz, surface, bodies, at)
+        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     @inline
-    def meet_mesh(before, px, py, pz, vx, vy, vz, bodies, at, begin, end):
-        static, dynamic = zero, zero
+    def meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+        static, dynamic, restitution = zero, zero, zero
         if has_friction:
             static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
+        if bounces:
+            restitution = bodies[at + B_RESTITUTION]
         return meet_triangles(
             bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
             bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ],
             bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], begin, end,
-            before[0], before[1], before[2], px, py, pz, vx, vy, vz,
+            before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
         )  # fmt: skip
 
     @inline
     def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
         if has_colliders:
             end, at = instant(step + next_one, record[C_DT]), np.int32(0)
+            slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
-                    px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, bodies, at, end)
+                    px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_spheres:
                 begin = instant(step, record[C_DT])
                 for _ in range(np.int32(integers[SPHERES])):
-                    px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, bodies, at, begin, end)
+                    px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_capsules:
                 for _ in range(np.int32(integers[CAPSULES])):
-                    px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, bodies, at, end)
+                    px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_boxes:
                 for _ in range(np.int32(integers[BOXES])):
-                    px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, bodies, at, end)
+                    px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_meshes:
                 begin = instant(step, record[C_DT])
                 for _ in range(np.int32(integers[MESHES])):
-                    px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, bodies, at, begin, end)
+                    px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)
         return px, py, pz, vx, vy, vz
 

@@ -88,12 +88,14 @@ class Wind(Part):
 
 class Collider(Part):
     """What masses cannot enter. A mass nearer than `thickness` is put at that distance; its velocity into the collider is
-    taken away, and Coulomb friction works against the rest, relative to the collider's own velocity."""
+    taken away, and Coulomb friction works against the rest, relative to the collider's own velocity. Of the velocity taken
+    away, the share `restitution` is given back outward where it is more than gravity adds within two steps."""
 
     velocity: Vector = ZERO  # m/s, constant
     thickness: NotNegative = 0.01  # m
     static_friction: NotNegative = 0.0
     dynamic_friction: NotNegative = 0.0
+    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
 
     @model_validator(mode="after")
     def _friction_is_ordered(self) -> Collider:

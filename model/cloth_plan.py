@@ -45,6 +45,8 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
         parts.add(kind)
         if collider.static_friction > 0:
             parts.add("friction")
+        if collider.restitution > 0:
+            parts.add("restitution")
     return frozenset(parts)
 
 

@@ -93,7 +93,7 @@ FIELDS = {
 REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
 
 # A collider's row, lengths in m and speeds in m/s, at time 0:
-COLLIDER_FIELDS = 16
+COLLIDER_FIELDS = 17
 (
     B_X,  # a point of the plane, the centre, the capsule's start, or the mesh's origin
     B_Y,
@@ -111,6 +111,7 @@ COLLIDER_FIELDS = 16
     B_SPIN,  # of a mesh, rad/s
     B_TURNS,  # 1/s
     B_TREE,  # where its tree begins, counted from its row
+    B_RESTITUTION,
 ) = range(COLLIDER_FIELDS)
 
 
@@ -200,6 +201,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
         row[B_VX : B_VZ + 1] = part["velocity"]
         row[B_THICKNESS] = part["thickness"]
         row[B_STATIC], row[B_DYNAMIC] = part["static_friction"], part["dynamic_friction"]
+        row[B_RESTITUTION] = part["restitution"]
     return rows.astype(real)
 
 

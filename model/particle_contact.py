@@ -18,15 +18,18 @@ MOST_KINDS = 64  # bodies of a scene, copies not counted: their table is of all 
 class Contact(Part):
     """Particles of bodies keep their distance, the sum of both radii, with Coulomb friction.
 
-    Each substep searches who may meet whom; each sweep, after each iteration, pushes all apart at once. What begins nearer is
-    moved apart at `separation_speed` at most. Which bodies meet: `group`, `avoids`, `self_collision`, and how they
-    stick: `adhesion`, all of the bodies. A particle never moves faster than `maximum_speed`, if given: what moves half a
-    distance in a substep relative to another may pass it.
+    Each substep searches who may meet whom; each sweep, after each iteration, pushes all apart at once. Which bodies meet:
+    `group`, `avoids`, `self_collision`, and how they stick: `adhesion`, all of the bodies.
+
+    What begins a substep nearer is moved apart at `separation_speed` at most: particles are, bodies follow as on a spring and
+    part at up to twice that. What is left of an impact's overlap is taken for one that was there: below the speed of impacts,
+    bodies get caught in each other. A particle never moves faster than `maximum_speed`, if given: what comes by more than an
+    eighth of the distance in a substep may pass.
     """
 
     static_friction: NotNegative = 0.4
     dynamic_friction: NotNegative = 0.3
-    separation_speed: Positive = 1.0  # m/s
+    separation_speed: Positive = 3.0  # m/s
     adhesion_reach: NotNegative = 0.25  # of the distance, beyond it: how far adhesion pulls
     sweeps: Count = 1
     maximum_speed: Positive | None = None  # m/s

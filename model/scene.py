@@ -349,7 +349,8 @@ class Scene:
                 raise SceneError(path, value, "a dotted path such as grid.rows or method.dt")
             kind = self.kinds.get(part_name, part_name)
             if kind not in KINDS:
-                raise SceneError(path, value, f"unknown part{_suggestion(part_name, KINDS)}; known: {', '.join(KINDS)}")
+                names = [*self.kinds, *(name for name in KINDS if name not in self.kinds)]
+                raise SceneError(path, value, f"unknown part{_suggestion(part_name, names)}; known: {', '.join(names)}")
             known = KINDS[kind].model_fields
             if field not in known:
                 raise SceneError(path, value, f"unknown key{_suggestion(field, known)}; known: {', '.join(known)}")

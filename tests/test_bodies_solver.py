@@ -32,7 +32,6 @@ from bench.reference import shape_matching as reference
 from model.cluster_tables import matching_factors
 from model.clusters import matching_share
 from model.errors import Diverged, InputError, SceneError
-from model.scene import load_scene
 
 CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (-0.3, 0.3)])
 KERNELS = [("stages", 1), ("stages", 3), ("fused", 1), ("fused", 2), ("fused", 5)]  # two of them share bodies out
@@ -67,15 +66,6 @@ def test_threads_share_what_can_be_shared() -> None:
     with opened(bricks, threads=2) as two:
         assert two._apart and two.layout.evenness(2) == 1
         assert np.diff(two.layout.groups[:, 2:4]).max() <= 16
-
-
-def test_the_catalogues_jelly_drops() -> None:
-    """Onto the plane, not through it, and nothing flies off."""
-    scene = load_scene("jelly-drop")
-    with opened(scene, precision="float32", threads=2) as simulation:
-        simulation.advance(100)
-        position = simulation.state().position
-    assert position[:, 1].min() > 0.0299 and position[:, 1].max() < 1.5 and np.abs(position).max() < 4
 
 
 # ---------------------------------------------------------------------- laws

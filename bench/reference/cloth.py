@@ -235,16 +235,18 @@ def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np
     return caught, a + np.where(caught, t, 0.0) * way
 
 
-def _touched(collider: Any, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
+def _touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
     """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it (to its `surface`
-    [m/s], where that moves in another way)."""
+    [m/s], where that moves in another way). Of what comes faster than `slow` [m/s], the restitution comes back."""
     surface = collider.velocity if surface is None else surface
     relative = velocity - surface
     into = np.maximum(-_dot(relative, normal), 0)
     along = np.where(into > 0, relative + into * normal, relative)
     speed, direction = _unit(along)
-    slowed = np.where(speed <= collider.static_friction * into, 0, speed - collider.dynamic_friction * into)
-    return surface + np.where(into > 0, slowed * direction, along)
+    back = np.where(into > slow, collider.restitution * into, 0)
+    change = into + back
+    slowed = np.where(speed <= collider.static_friction * change, 0, speed - collider.dynamic_friction * change)
+    return surface + np.where(into > 0, slowed * direction + back * normal, along)
 
 
 def collide(
@@ -257,11 +259,13 @@ def collide(
     """
     dt = scene.method.dt
     free = ~pinned_mask(scene)[..., None]
+    gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+    slow = 2 * gravity * dt
     for kind, collider in scene.colliders:
         if isinstance(collider, MeshCollider):
             old, new, speed = (array.reshape(-1, 3) for array in (before, position, velocity))
             settled, answered = mesh_collider.collide(
-                collider, old, new, speed, step * dt, (step + 1) * dt, partial(_touched, collider)
+                collider, old, new, speed, step * dt, (step + 1) * dt, partial(_touched, collider, slow)
             )  # fmt: skip
             position = np.where(free, settled.reshape(position.shape), position)
             velocity = np.where(free, answered.reshape(position.shape), velocity)
@@ -278,5 +282,5 @@ def collide(
             normal = np.where(caught, _unit(entered)[1], normal)
             touching = touching | caught
         position = np.where(touching & free, settled, position)
-        velocity = np.where(touching & free, _touched(collider, velocity, normal), velocity)
+        velocity = np.where(touching & free, _touched(collider, slow, velocity, normal), velocity)
     return position, velocity

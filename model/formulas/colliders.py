@@ -3,7 +3,8 @@
 Each distance function takes a point and the collider's own lengths and returns (distance, nx, ny, nz): the way to the
 surface, negative inside, and the unit normal that leads out. Distances: J. C. Hart, "Sphere tracing", The Visual Computer
 12 (1996), appendix. Response: R. Bridson, R. Fedkiw and J. Anderson, "Robust treatment of collisions, contact and
-friction for cloth animation", SIGGRAPH 2002, section 7.2 (inelastic, Coulomb friction by the change of normal velocity).
+friction for cloth animation", SIGGRAPH 2002, section 7.2 (inelastic, Coulomb friction by the change of normal velocity);
+bouncing: M. Mueller et al., "Detailed Rigid Body Simulation with Extended Position Based Dynamics", SCA 2020, section 3.6.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collide
 
 
 def make(real, compiled=plain):
-    """Distances `plane`, `sphere`, `capsule`, `box`; `sphere_entry` (swept), `respond`; in the arithmetic `real`."""
-    zero, one = real(0), real(1)
+    """Distances `plane`, `sphere`, `capsule`, `box`; `sphere_entry` (swept), `respond`, and of colliders that give back
+    `rebound`, `settling_speed`; in the arithmetic `real`."""
+    zero, one, two = real(0), real(1), real(2)
     touching = real(1e-3)  # of the squared reach: so near to a ball a mass is in contact
 
     @compiled
@@ -109,6 +111,31 @@ def make(real, compiled=plain):
                 rx, ry, rz = keep * rx, keep * ry, keep * rz
         return cx + rx, cy + ry, cz + rz
 
+    @compiled
+    def settling_speed(gravity, dt):
+        """Twice what `gravity` [m/s^2] adds within a step of `dt` [s]: who comes no faster rests, and must not jitter."""
+        return two * abs(gravity) * dt
+
+    @compiled
+    def rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction, restitution, settling):
+        """As `respond`, and of the normal velocity the share `restitution` comes back, where it is more than `settling`
+        [m/s]. Friction is limited by the whole change of the normal velocity."""
+        rx, ry, rz = vx - cx, vy - cy, vz - cz
+        normal = (rx * nx + ry * ny) + rz * nz
+        if normal < zero:
+            back = restitution * -normal if -normal > settling else zero
+            taken = back - normal
+            rx, ry, rz = rx - normal * nx, ry - normal * ny, rz - normal * nz
+            tangential = root((rx * rx + ry * ry) + rz * rz)
+            if tangential <= taken * static_friction:
+                rx, ry, rz = zero, zero, zero
+            elif dynamic_friction > zero:
+                keep = one - dynamic_friction * taken / tangential
+                rx, ry, rz = keep * rx, keep * ry, keep * rz
+            rx, ry, rz = rx + back * nx, ry + back * ny, rz + back * nz
+        return cx + rx, cy + ry, cz + rz
+
     return SimpleNamespace(
-        plane=plane, sphere=from_center, capsule=capsule, box=box, sphere_entry=sphere_entry, respond=respond
-    )
+        plane=plane, sphere=from_center, capsule=capsule, box=box, sphere_entry=sphere_entry, respond=respond,
+        rebound=rebound, settling_speed=settling_speed,
+    )  # fmt: skip

@@ -35,14 +35,15 @@ NEAR = (
 SLACK = 8  # eps: what rounding can make of the product of an edge that a way meets
 
 
-def make(real, compiled=plain):
+def make(real, compiled=plain, bounces=False):
     """`crossing` and `way_from`, of one triangle; `first_crossing` and `nearest`, of a tree; `settle`, of a mass in the
-    mesh's frame; `touch`, of a mass. In the arithmetic `real`."""
+    mesh's frame; `touch`, of a mass. In the arithmetic `real`. `bounces`: whether there is code for restitution."""
     zero, one, two = real(0), real(1), real(2)
     slack, settled, near = real(SLACK * float(np.finfo(real).eps)), real(SETTLED), real(NEAR)
     sums = make_cloth(real, compiled)
     moved, between, pushed, cross = sums.moved, sums.between, sums.pushed, sums.cross
-    respond, sine_cosine = make_colliders(real, compiled).respond, make_motion(real, compiled).sine_cosine
+    answers, sine_cosine = make_colliders(real, compiled), make_motion(real, compiled).sine_cosine
+    respond, rebound = answers.respond, answers.rebound
 
     @compiled
     def dot(ax, ay, az, bx, by, bz):
@@ -197,7 +198,8 @@ def make(real, compiled=plain):
 
     @compiled
     def settle(
-        numbers, tree, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz,
+        numbers, tree, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
+        settling,
     ):  # fmt: skip
         """(whether the mesh was met, x, y, z, vx, vy, vz) of a mass on its way from a to (x, y, z), in the mesh's frame.
 
@@ -230,7 +232,11 @@ def make(real, compiled=plain):
                 depth = thickness - distance
                 x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
             cx, cy, cz = cross(sx, sy, sz, x, y, z)
-            vx, vy, vz = respond(vx, vy, vz, ux + cx, uy + cy, uz + cz, nx, ny, nz, static, dynamic)
+            cx, cy, cz = ux + cx, uy + cy, uz + cz
+            if bounces:
+                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, settling)
+            else:
+                vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
             met, reach = True, settled * thickness
         return met, x, y, z, vx, vy, vz
 
@@ -245,7 +251,7 @@ def make(real, compiled=plain):
     @compiled
     def touch(
         numbers, tree, thickness, static, dynamic, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, begin, end,
-        ax, ay, az, px, py, pz, vx, vy, vz,
+        ax, ay, az, px, py, pz, vx, vy, vz, restitution, settling,
     ):  # fmt: skip
         """(px, py, pz, vx, vy, vz) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at `end`.
 
@@ -266,7 +272,7 @@ def make(real, compiled=plain):
             qx, qy, qz = turned(qx, qy, qz, ex, ey, ez, -sine, cosine)
         met, x, y, z, wx, wy, wz = settle(
             numbers, tree, thickness, static, dynamic, spin * ex, spin * ey, spin * ez, qx, qy, qz, ax, ay, az, x, y, z,
-            wx, wy, wz,
+            wx, wy, wz, restitution, settling,
         )  # fmt: skip
         if not met:
             return px, py, pz, vx, vy, vz
