@@ -23,13 +23,12 @@ from model.crowd import Crowd, make_crowd
 from model.errors import InputError, SceneError
 from model.mesh_collider import FILE_CONTRADICTIONS, MeshCollider
 from model.mesh_parts import CONTRADICTIONS, MESH_KINDS, Mesh
-from model.motion import Motion, motions_of_pins
-from model.particle_contact import Contact, check_contact
+from model.motion import Motion
+from model.particle_contact import Contact
 from model.parts import (
     FIELDS_OF_SOLVER,
     GRID_KINDS,
     Damping,
-    Elastic,
     External,
     Gravity,
     Grid,
@@ -39,18 +38,15 @@ from model.parts import (
     Perturbation,
     Springs,
 )
-from model.self_collision import SelfCollision, check_self_collision
+from model.scene_checks import check_fit, check_solver
+from model.self_collision import SelfCollision
 from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS | CLOTH_KINDS | {"mesh_collider": MeshCollider} | MESH_KINDS | XPBD_KINDS | BODY_KINDS
 ) | {"contact": Contact}
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
-GRID_ONLY = ("springs", "manufactured")
-MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
 ELASTIC_KINDS = ("springs", *SPRING_KINDS)
-OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 SEVERAL = (
     *SHEETS,
     *BODY_KINDS,
@@ -105,129 +101,20 @@ class Scene:
                 "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
                 "or bodies: soft_body, soft_sheet, rigid_body",
             )
-        self._check_fit()
-        if self._one("method") is None:
+        check_fit(self)
+        if self.one("method") is None:
             self.parts["method"], self.kinds["method"] = Method(), "method"
-        self._check_solver()
+        check_solver(self)
 
-    def _check_fit(self) -> None:
-        """Raise SceneError for a part that belongs to the other kind of sheet."""
-        if self.bodies:
-            self._check_bodies()
-            return
-        of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth"}
-        wrong = GRID_ONLY if self.cloth else of_cloth
-        for name, kind in self.kinds.items():
-            if kind in wrong:
-                raise SceneError(
-                    f"{name}.kind",
-                    kind,
-                    f"belongs to a {'grid' if self.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and "
-                    f"colliders, a grid has {', '.join(GRID_ONLY)}",
-                )
-
-    def _check_bodies(self) -> None:
-        """Raise SceneError for what does not go with bodies."""
-        for name, kind in self.kinds.items():
-            if kind not in OF_BODIES:
-                raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
-        check_contact(self)
-        method = self._one("method")
-        if method is None:
-            self.parts["method"], self.kinds["method"] = Method(solver="shape-matching"), "method"
-        elif not method.matches_shapes:
-            raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
-
-    def _check_solver(self) -> None:
-        """Raise SceneError for a part that the scene's solver does not know."""
-        solver, integrator = self.method.solver, self.method.integrator
-        if not self.cloth and not self.method.position_based and integrator.startswith("implicit-euler"):
-            raise SceneError(
-                "method.integrator", integrator, "is for a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
-            )  # fmt: skip
-        for name, kind in self.kinds.items():
-            part = self.parts[name]
-            if self.method.position_based:
-                if kind == "manufactured":
-                    raise SceneError(f"{name}.kind", kind, f"belongs to the solver mass-spring, not to {solver}")
-            elif kind in XPBD_KINDS:
-                raise SceneError(
-                    f"{name}.kind", kind, "needs a position-based solver: --set method.solver=xpbd, or leave it out"
-                )
-            elif isinstance(part, Elastic) and part.inextensible:
-                raise SceneError(
-                    f"{name}.compliance", 0.0,
-                    "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
-                )  # fmt: skip
-        if self.motions:
-            motions_of_pins(self)  # refuses those of masses that are not pinned
-        for name, load in self.loads.items():
-            row, column = load.at
-            if row >= self.grid.rows or column >= self.grid.columns:
-                raise SceneError(
-                    f"{name}.at", list(load.at),
-                    f"lies outside the sheet; rows are 0 to {self.grid.rows - 1}, columns 0 to {self.grid.columns - 1}",
-                )  # fmt: skip
-
-        check_self_collision(self)
-        self._check_matching()
-        self._check_mesh()
-
-    def _check_matching(self) -> None:
-        """Raise SceneError for what the solver shape-matching does not know."""
-        if not self.method.matches_shapes or self.bodies:
-            return
-        if self.cloth:
-            raise SceneError(
-                "method.solver", self.method.solver, "is for a grid; a cloth takes mass-spring, xpbd or pbd"
-            )
-        for name, kind in self.kinds.items():
-            if kind not in MATCHED:
-                raise SceneError(f"{name}.kind", kind, "is not known to the solver shape-matching; leave it out")
-        springs, name = self.springs, next((n for n, k in self.kinds.items() if k == "springs"), "springs")
-        if springs is None:
-            raise SceneError(
-                name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
-            )
-        for field, value, allowed, fits in (
-            ("compliance", springs.compliance, "greater than 0", not springs.inextensible),
-            ("stiffness_ratio", springs.stiffness_ratio, "1", not springs.alternate),
-            ("rest_length", springs.rest_length, "greater than 0", springs.rest_length > 0),
-        ):
-            if not fits:
-                raise SceneError(f"{name}.{field}", value, f"must be {allowed} for the solver shape-matching")
-
-    def _check_mesh(self) -> None:
-        """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
-        bending = next((name for name, kind in self.kinds.items() if kind == "bending"), "bending")
-        model = getattr(self.cloth_springs.get("bending"), "model", "distance")
-        if self.mesh is None:
-            if model != "distance":
-                raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
-            return
-        if not self.method.position_based:
-            raise SceneError("method.solver", self.method.solver, "must be xpbd or pbd for a mesh")
-        if self.method.ordering != "gauss-seidel":
-            raise SceneError("method.ordering", self.method.ordering, "must be gauss-seidel for a mesh")
-        for name, kind in self.kinds.items():
-            if kind in NOT_OF_MESHES:
-                why = (
-                    "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
-                )
-                raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
-        if model != "distance" and self.cloth_springs["bending"].damping > 0:
-            raise SceneError(
-                f"{bending}.damping", self.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
-            )  # fmt: skip
-
-    def _one(self, kind: str) -> Any:
+    def one(self, kind: str) -> Any:
+        """The part of a kind of which a scene has one at most, or None."""
         return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
 
     @property
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the crowd of a
         scene's bodies, which is a row of masses to whoever asks no more than that."""
-        return self.cloth or self._one("grid") or self.crowd  # type: ignore[return-value]
+        return self.cloth or self.one("grid") or self.crowd  # type: ignore[return-value]
 
     @property
     def bodies(self) -> dict[str, Placed]:
@@ -241,11 +128,11 @@ class Scene:
 
     @property
     def cloth(self) -> Cloth | None:
-        return self._one("cloth") or self.mesh
+        return self.one("cloth") or self.mesh
 
     @property
     def mesh(self) -> Mesh | None:
-        return self._one("mesh")
+        return self.one("mesh")
 
     @property
     def dimensions(self) -> int:
@@ -255,11 +142,11 @@ class Scene:
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
         """The cloth's springs by kind, those it has, in the order structural, shear, bending."""
-        return {kind: part for kind in SPRING_KINDS if (part := self._one(kind)) is not None}
+        return {kind: part for kind in SPRING_KINDS if (part := self.one(kind)) is not None}
 
     @property
     def wind(self) -> Wind | None:
-        return self._one("wind")
+        return self.one("wind")
 
     @property
     def colliders(self) -> list[tuple[str, Collider]]:
@@ -281,48 +168,48 @@ class Scene:
 
     @property
     def attachments(self) -> Attachments | None:
-        return self._one("attachments")
+        return self.one("attachments")
 
     @property
     def self_collision(self) -> SelfCollision | None:
-        return self._one("self_collision")
+        return self.one("self_collision")
 
     @property
     def contact(self) -> Contact | None:
         """What makes particles of bodies meet."""
-        return self._one("contact")
+        return self.one("contact")
 
     @property
     def fold(self) -> Fold | None:
-        return self._one("fold")
+        return self.one("fold")
 
     @property
     def springs(self) -> Springs | None:
-        return self._one("springs")
+        return self.one("springs")
 
     @property
     def damping(self) -> Damping | None:
-        return self._one("damping")
+        return self.one("damping")
 
     @property
     def gravity(self) -> Gravity | None:
-        return self._one("gravity")
+        return self.one("gravity")
 
     @property
     def external(self) -> External | None:
-        return self._one("external")
+        return self.one("external")
 
     @property
     def perturbation(self) -> Perturbation | None:
-        return self._one("perturbation")
+        return self.one("perturbation")
 
     @property
     def manufactured(self) -> Manufactured | None:
-        return self._one("manufactured")
+        return self.one("manufactured")
 
     @property
     def method(self) -> Method:
-        return self._one("method")
+        return self.one("method")
 
     def as_dict(self) -> dict[str, Any]:
         """The scene as nested tables, defaults filled in: what a TOML file of it would hold."""

@@ -46,7 +46,7 @@ def order_of(corners: np.ndarray) -> np.ndarray:
 
 
 def tree_numbers(corners: np.ndarray, real: Any) -> np.ndarray:
-    """(NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), which are in their `order_of`."""
+    """(NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), in their `order_of`."""
     count = len(corners)
     rounded = corners.reshape(count, CORNERS).astype(real)
     low, high = rounded.reshape(-1, 3, 3).min(axis=1), rounded.reshape(-1, 3, 3).max(axis=1)
