@@ -17,6 +17,7 @@ def body_lines(scene: Scene) -> list[str]:
     lines = []
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
+        times += f" and {part.spare} waiting" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
     return lines
 

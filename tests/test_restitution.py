@@ -43,9 +43,9 @@ def plate(restitution: float, dt: float) -> Scene:
 def apexes(restitution: float, dt: float, bounces: int) -> list[tuple[float, float]]:
     """[m] bounds of the highest place of a step, of a fall from 1 m and after each bounce.
 
-    Semi-implicit Euler's places lie on a parabola (apex A, S^2 = 2 g A) whose slope is g h / 2 beyond the velocity. It is seen
-    up to a step beyond 0, where the velocity is S, give or take g h / 2; sent back at e of that, from 0, its parabola has
-    S' = e v - g h / 2. Of a parabola the highest place is at most g h^2 / 8 below the apex.
+    Semi-implicit Euler's places lie on a parabola (apex A, S^2 = 2 g A) whose slope is g h / 2 above the velocity. It is
+    seen up to a step beyond 0, where the velocity is S, give or take g h / 2; sent back at e of that, from 0, its parabola
+    has S' = e v - g h / 2. Of a parabola the highest place is at most g h^2 / 8 below the apex.
     """
     missed, half = G * dt**2 / 8, G * dt / 2
     low = high = sqrt(2 * G * (1 + missed))
