@@ -31,7 +31,7 @@ QUICK = (50,)
 GRIDS, QUICK_GRIDS, LARGE = (64, 256, 1024), (64,), (2048,)
 REGIONS = (1, 2, 4)
 FRAME = 1 / 60  # s
-MEET = {"sweeps": 2, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing in a substep
+MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing in a substep
 REPEATS, QUICK_REPEATS = 7, 3
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from model.motion import Motion
 from model.parts import Elastic, Grid, NotNegative, Part, Positive, Seed
@@ -102,6 +102,15 @@ class Collider(Part):
         if self.dynamic_friction > self.static_friction:
             raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """As scenes were written before there was restitution: what is measured of them is kept under that."""
+        idle = self._idle_fields()
+        return {name: value for name, value in serialize(self).items() if name not in idle and value is not None}
+
+    def _idle_fields(self) -> set[str]:
+        return set() if self.restitution else {"restitution"}
 
 
 class Plane(Collider):

@@ -201,7 +201,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
         row[B_VX : B_VZ + 1] = part["velocity"]
         row[B_THICKNESS] = part["thickness"]
         row[B_STATIC], row[B_DYNAMIC] = part["static_friction"], part["dynamic_friction"]
-        row[B_RESTITUTION] = part["restitution"]
+        row[B_RESTITUTION] = collider.restitution
     return rows.astype(real)
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import model_validator
 
 from model.body_parts import file_digest
 from model.cloth_parts import ZERO, Collider, Number, Vector
@@ -56,11 +56,9 @@ class MeshCollider(Collider):
             self.__dict__["digest"] = digest  # the part is frozen for everyone else
         return self
 
-    @model_serializer(mode="wrap")
-    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _idle_fields(self) -> set[str]:
         """Only what can be given: a scene that is written can be read."""
-        idle = {"file", "digest", "scale"} if self.shape is not None else {"shape"}
-        return {name: value for name, value in serialize(self).items() if name not in idle and value is not None}
+        return super()._idle_fields() | ({"file", "digest", "scale"} if self.shape is not None else {"shape"})
 
     @cached_property
     def _mesh(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:

@@ -383,12 +383,12 @@ def test_the_keys_of_bodies_are_told() -> None:
 class BodiesWindow(Window):
     """Bodies that fall without a solver, so that nothing has to be compiled."""
 
-    def __init__(self, folder: Path, screen: str):
+    def __init__(self, folder: Path, screen: str, parts: str = ""):
         self.folder, self.state_file = folder, folder / "state.json"
         code = (
             "from pathlib import Path; from app.demo import Demo; from app.viewer import Viewer\n"
             "from bodies_scenes import beams_and_torus; from fake_cloth import open_fake\n"
-            "scene = beams_and_torus(gravity={'enabled': False})\n"
+            f"scene = beams_and_torus(gravity={{'enabled': False}}{parts})\n"
             f"with Demo([scene], open_world=open_fake) as demo: Viewer(demo, Path({str(self.state_file)!r}), None).run()"
         )
         paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])

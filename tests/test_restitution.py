@@ -190,6 +190,14 @@ def test_settling_follows_gravity() -> None:
     assert seen[0] == 0 and seen[1] == pytest.approx(0.025, abs=1e-15)
 
 
+def test_a_scene_is_written_as_before_and_read() -> None:
+    """What was measured of scenes without it is kept under their text."""
+    for given in (0.0, 0.5):
+        scene = ball(given, 0.01)
+        assert ("restitution" in scene.as_dict()["plane"]) == (given > 0)
+        assert Scene(scene.as_dict()).parts["plane"].restitution == given  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan"), True, "high"])
 def test_bad_input(value: Any) -> None:
     with pytest.raises(SceneError) as caught:

@@ -12,7 +12,9 @@ import pytest
 import trimesh
 from bodies_scenes import BEAM, METHOD, TORUS, beams_and_torus
 from fake_cloth import FakeCloth, open_fake
+from test_bodies_view import BodiesWindow
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
+from test_viewer import display, needs_display  # noqa: F401
 
 from app import colours
 from app.camera3d import Camera3D
@@ -212,3 +214,32 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
     assert demo.message == "no body is there" and demo.hand.selected is None
     demo.frame()
     assert not demo.frozen
+
+
+@pytest.mark.display
+@needs_display
+def test_keys_of_the_window_drop_over_the_pointer_and_take_out(tmp_path: Path, display: str) -> None:  # noqa: F811
+    window = BodiesWindow(tmp_path, display, f", torus={TORUS | {'spare': 2}!r}")
+    try:
+        window.wait("the first frames", lambda state: state["frame"] > 3 and state["waiting"] == 2)
+        window.xdotool("mousemove", 300, 400)
+        window.key("d")
+        state = window.wait("a body", lambda state: state["waiting"] == 1)
+        assert state["message"] == "torus dropped: 4 bodies, 1 waiting"
+        left, high = state["low"][0], state["high"][1]
+        window.xdotool("mousemove", 900, 400)
+        window.key("d")
+        state = window.wait("another one", lambda state: state["waiting"] == 0)
+        assert state["high"][1] > high and state["high"][0] > left + 1  # the other one, higher
+        window.key("d")
+        window.wait("none is left", lambda state: "X takes" in state["message"])
+        window.grab(0)
+        window.xdotool("mouseup", 1)
+        window.key("x")
+        state = window.wait("a body less", lambda state: state["waiting"] == 1)
+        assert state["message"] == "beam taken out: 4 bodies, 1 waiting" and state["selected"] is None
+        window.key("r")
+        window.wait("as at the start", lambda state: state["waiting"] == 2)
+    finally:
+        window.process.kill()
+        window.process.wait(timeout=10)
