@@ -15,7 +15,7 @@ import numpy as np
 from app.driver import open_simulation
 from app.export import Exporter, Target, check_export
 from app.files import check_state_target, read_state, write_state, write_trajectory
-from app.run_parts import bodies_report, body_lines, collider_lines, contact_report
+from app.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
 from app.video import check_render, render
 from cpu_backend.threads import core_count
 from model.energy import energies, spring_strain
@@ -140,17 +140,23 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
             notes=notes, diverged=diverged,
         )  # fmt: skip
+        notes += caught_lines(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, clip)
         if diverged is not None:
             notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
-        if simulation.backend == "cpu" and simulation.threads > 1 and _crowded():
+        if simulation.backend == "cpu" and simulation.threads > 1 and not _yields() and _crowded():
             notes.append(
                 "other programs use the cores, and threads that wait for one another lose most then: "
                 "set OMP_WAIT_POLICY=passive, or use --threads 1"
             )
     return result
+
+
+def _yields() -> bool:
+    """Whether idle threads leave their cores to others already."""
+    return os.environ.get("OMP_WAIT_POLICY", "").lower() == "passive"
 
 
 def _crowded() -> bool:
@@ -264,7 +270,7 @@ def _report(
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",
         **contact_report(simulation, state),
-        **bodies_report(simulation),
+        **bodies_report(simulation, state),
     }
 
 

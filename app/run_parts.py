@@ -7,9 +7,14 @@ from typing import Any
 import numpy as np
 
 from model.mesh_collider import MeshCollider
+from model.nearby import close_pairs
+from model.particle_contact_record import G_DISTANCE, kinds_of_particles, pair_rows
 from model.scene import Scene
 from model.simulation import Simulation, State
 from model.spare import copies_there
+
+CAUGHT = 0.7  # of the distance that contacts keep: nearer is no rest in a heap
+MOST_LOOKED_AT = 200_000  # particles
 
 
 def body_lines(scene: Scene) -> list[str]:
@@ -28,21 +33,51 @@ def collider_lines(scene: Scene) -> list[str]:
     return [f"{name}: {line}" for name, part in parts if isinstance(part, MeshCollider) for line in part.lines()]
 
 
-def bodies_report(simulation: Simulation) -> dict[str, Any]:
-    """Of bodies, how many are there and how many wait, of how many clusters; and neighbours that contacts had no room for.
-    Their `max_strain` is how far a particle is from where one of its clusters wants it, over the particle spacing."""
+def bodies_report(simulation: Simulation, state: State) -> dict[str, Any]:
+    """Of bodies, how many are there and how many wait, of how many clusters; neighbours that contacts had no room for; how
+    many particles are `caught`, nearer to one of another body than CAUGHT of their distance, and the least distance over what
+    contacts keep, `least_distance` (None: nobody is near, or there are too many to look). Their `max_strain` is how far a
+    particle is from where one of its clusters wants it, over the particle spacing."""
     scene = simulation.scene
     if not scene.bodies:
         return {}
     there = copies_there(scene, simulation.body.inverse_mass)
-    found = {
+    found: dict[str, Any] = {
         "bodies": int(there.sum()),
         "waiting": int((~there).sum()),
         "clusters": scene.crowd.clusters.count,
     }
     if scene.contact:
         found["contacts_lost"] = simulation.contacts_lost  # type: ignore[attr-defined]
+        found["caught"], found["least_distance"] = _caught(scene, state)
     return found
+
+
+def _caught(scene: Scene, state: State) -> tuple[int, float | None]:
+    """Of particles that are there and meet: how many are nearer to one of another body than CAUGHT of what contacts keep; the
+    least distance over that."""
+    crowd, there = scene.crowd, np.flatnonzero(state.inverse_mass > 0)
+    if len(there) > MOST_LOOKED_AT or not np.isfinite(state.position).all():
+        return 0, None
+    rows, kind = pair_rows(scene)[:, :, G_DISTANCE], kinds_of_particles(scene)[there]
+    one, other, distance = close_pairs(state.position[there].astype(np.float64), float(rows.max()))
+    kept = np.where(crowd.body[there][one] != crowd.body[there][other], rows[kind[one], kind[other]], 0.0)
+    meets = kept > distance
+    part = distance[meets] / kept[meets]
+    deep = part < CAUGHT
+    found = len(np.unique(np.concatenate([one[meets][deep], other[meets][deep]])))
+    return found, float(part.min()) if len(part) else None
+
+
+def caught_lines(report: dict[str, Any]) -> list[str]:
+    """What to do where bodies lie in each other at the end of a run."""
+    if not report.get("caught"):
+        return []
+    return [
+        f"bodies lie in each other: {report['caught']} particles are nearer than {CAUGHT:g} of what contacts keep, the "
+        f"nearest at {report['least_distance']:.2f}; more substeps, stiffer clusters, a larger contact.separation_speed or "
+        "contact.sweeps, or a contact.maximum_speed of an eighth of the distance a substep help"
+    ]
 
 
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:

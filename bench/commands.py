@@ -199,7 +199,7 @@ def crowds(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time bodies: how many particles a second, soft, rigid, in a heap that collides, and the grid as jelly."""
-    from bench.crowds import KINDS, run_crowds
+    from bench.crowds import KINDS, print_crowds, run_crowds
     from bench.store import Store
 
     with Store(store) as opened:
@@ -207,6 +207,7 @@ def crowds(
             opened, quick=quick, backends=backend, kinds=kind or KINDS, precisions=_precisions(precision, "float32"),
             command=typed(),
         )  # fmt: skip
+        print_crowds(out, opened, summary.machine)
         _tell(summary)
 
 
@@ -222,6 +223,7 @@ def bar(
 
     with Store(store) as opened:
         summary = run_bar(opened, quick=quick, backends=backend, command=typed())
+        out.print("softlab figures draws it, softlab labbook tells of it")
         _tell(summary)
 
 

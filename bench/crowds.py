@@ -11,8 +11,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rich.console import Console
+from rich.table import Table
+
 from bench.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
-from bench.results import Measure
+from bench.results import Measure, measures
 from bench.store import Store
 from bench.sweep import backends_here
 from model.errors import SceneError
@@ -120,6 +123,20 @@ def run_crowds(
 
 
 # ---------------------------------------------------------------------- what the store says
+
+
+def print_crowds(console: Console, store: Store, machine: str) -> None:
+    """A table of what was timed on a machine."""
+    table = Table("kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s", box=None)
+    for p in points(measures(store)):
+        if p.machine == machine:
+            width = f"{2 * p.region + 1} x {2 * p.region + 1}" if p.region else ""
+            table.add_row(
+                p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel, f"{1e6 * p.step:.1f}",
+                f"{p.rate / 1e6:.1f}",
+            )  # fmt: skip
+    console.print(table)
+    console.print("million / s: particles times substeps; softlab figures draws them")
 
 
 @dataclass(frozen=True)

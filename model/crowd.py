@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 
 import numpy as np
@@ -24,7 +24,7 @@ class Copy:
     `waits`: whether it is a spare one, which is not there when the scene starts."""
 
     name: str
-    baked: BakedBody
+    baked: BakedBody = field(repr=False)
     number: int
     first_particle: int
     first_cluster: int

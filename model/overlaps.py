@@ -26,6 +26,8 @@ def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, tree: np
 
 def overlap_lines(scene: Scene) -> list[str]:
     """A sentence for each collider that has pinned masses in it, or nearer than its thickness, when the scene begins."""
+    if scene.bodies:  # theirs are copies that wait, not pins
+        return []
     body = build(scene)
     pinned = body.position[body.pinned]
     if not len(pinned) or not scene.colliders:

@@ -81,7 +81,8 @@ class Scene:
                 raise SceneError(
                     part_name if kind == part_name else f"{part_name}.kind",
                     kind,
-                    f"unknown part{_suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}",
+                    f"unknown part{_suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
+                    + ('; or give the table a kind, such as kind = "soft_body"' if kind == part_name else ""),
                 )
             try:
                 self.parts[part_name] = KINDS[kind](**fields)

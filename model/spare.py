@@ -59,6 +59,10 @@ def added(
     copy = next((one for one in mine if not weights[one.first_particle]), None)
     if copy is None:
         raise SceneError(f"{name}.spare", part.spare, "no copy is left; more of them, or remove_body, would do")
+    for field, value in (("origin", origin), ("velocity", velocity)):
+        array = np.asarray(value if value is not None else STILL)
+        if array.shape != (3,) or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
+            raise SceneError(field, value, "must be three finite numbers, x first")
     moved = np.subtract(part.places()[0] if origin is None else origin, part.places()[0])
     return copy.number, _put(simulation, copy, scene.crowd.position[mine[0].particles] + moved, velocity, True)
 
@@ -67,7 +71,11 @@ def removed(simulation: Simulation, number: int) -> State:
     """See Simulation.remove_body: the state without it."""
     scene, weights = simulation.scene, simulation.body.inverse_mass
     copies = scene.crowd.copies if scene.bodies else ()
-    if not 0 <= number < len(copies) or not weights[copies[number].first_particle]:
+    if (
+        not isinstance(number, int | np.integer)
+        or not 0 <= number < len(copies)
+        or not weights[copies[number].first_particle]
+    ):
         raise SceneError("body", number, "there is no such body now")
     copy = copies[number]
     if "spare" not in simulation.plan.parts:

@@ -30,7 +30,10 @@ def mesh_path(file: str) -> Path:
     own = {path.name: path for path in sorted(mesh_folder().iterdir())}
     path = own.get(file) or Path(file)
     if not path.is_file():
-        raise InputError(f"mesh.file: {file}: no such file; a path, or one of the lab's own: {', '.join(own)}")
+        raise InputError(
+            f"file = {file}: no such file ({path.absolute()}); a path from the current folder, or one of the lab's own: "
+            f"{', '.join(own)}"
+        )
     return path
 
 

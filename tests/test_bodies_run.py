@@ -201,3 +201,16 @@ def test_a_scene_of_bodies_is_read_back_as_it_was_written(name: str) -> None:
 def test_what_bodies_cannot_be_is_told_with_the_part_s_name(changes: dict[str, Any], word: str) -> None:
     with pytest.raises(SoftlabError, match=word):
         assert SCENE.replace(changes).crowd
+
+
+def test_bodies_that_lie_in_each_other_are_told() -> None:
+    """A brick put into another one, a hundredth of a second before; apart, nothing is said."""
+    from bodies_scenes import BRICK, bodies_scene
+
+    from app.run import Request, run_scene
+
+    for gap, caught in ((0.05, True), (2.0, False)):
+        scene = bodies_scene(brick=BRICK | {"copies": [1, 2, 1], "apart": [0.0, gap, 0.0]}, contact={})
+        result = run_scene(scene, Request(steps=1), progress=False)
+        assert (result.report["caught"] > 0) == caught
+        assert any("lie in each other" in note for note in result.notes) == caught
