@@ -189,7 +189,7 @@ def test_friction_takes_back_what_its_cone_holds(slip: float, taken: float) -> N
 
 def test_points_in_one_place_part_upwards_and_downwards() -> None:
     """By the speed of separation, 1 m/s in 0.01 s, half of it each; the first one down."""
-    state = end_state(lone_points([[0.3, 0.2, 0.1]] * 2), steps=1)
+    state = end_state(lone_points([[0.3, 0.2, 0.1]] * 2, separation_speed=1.0), steps=1)
     assert state.position - [0.3, 0.2, 0.1] == pytest.approx(np.array([[0, -0.005, 0], [0, 0.005, 0]]), abs=1e-15)
 
 

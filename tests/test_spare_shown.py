@@ -60,7 +60,7 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     weights = simulation.body.inverse_mass
     assert masses_text(SPARE).endswith("of 3 bodies, 2 waiting") and masses_text(ALONE).endswith("of 3 bodies")
     assert masses_text(SPARE, weights).endswith("of 4 bodies, 1 waiting")
-    report = bodies_report(simulation)
+    report = bodies_report(simulation, state)
     assert (report["bodies"], report["waiting"]) == (4, 1)
     assert absent(ALONE) is None and absent(ALONE, np.zeros(COUNT)) is not None
     assert len(present(SPARE, state.position)) == COUNT

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.particle_contact_record import MARGIN, REST
 from model.scene import Scene
+
+MARGIN = 0.2  # of the distance: how much farther neighbours are looked for
+REST = 1.25  # distances: particles of a body nearer than that at rest do not meet
 
 
 class Contacts:
