@@ -66,7 +66,7 @@ def test_quick_is_a_part_of_the_whole():
 def store(tmp_path_factory) -> Store:
     """A small sheet, really timed on this CPU; and what a GPU of another machine is said to have done."""
     with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("store") / "results.sqlite") as opened:
-        patch.setattr("bench.projections.QUICK_NEIGHBOURS", (12,))
+        patch.setattr("bench.projections.QUICK_NEIGHBOURS", (4,))
         summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
         assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
         again = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
@@ -76,7 +76,7 @@ def store(tmp_path_factory) -> Store:
 
 def test_a_rate_is_projections_over_the_median_step(store):
     found = points(measures(store))
-    assert len(found) == 4 and {p.neighbours for p in found} == {12}
+    assert len(found) == 4 and {p.neighbours for p in found} == {4}
     for point in found:
         scene = sheet(8, point.neighbours, point.ordering, point.substeps, point.iterations)
         assert point.scene == scene.canonical()
