@@ -25,8 +25,8 @@ def world(spare: int, **parts: Any) -> Scene:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("kernel,threads", [("fused", 1), ("fused", 3), ("stages", 2)])
-@pytest.mark.parametrize("parts", [{}, CONTACT], ids=["clusters", "contacts"])
+@pytest.mark.parametrize("kernel,threads", [("fused", 3), ("fused", 1), ("stages", 2)])
+@pytest.mark.parametrize("parts", [CONTACT, {}], ids=["contacts", "clusters"])
 def test_what_waits_changes_no_bit(parts: dict[str, Any], kernel: str, threads: int) -> None:
     """Of the others; and stays where it is, to the rounding of its clusters, 40 times 1e-16 of a metre."""
     alone = end_state(world(0, **parts), steps=20, kernel=kernel, threads=threads)
