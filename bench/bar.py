@@ -77,12 +77,7 @@ def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Experimen
         task = bar_shown.add_task("bar", total=len(missing))
         for experiment in missing:
             bar_shown.update(task, description=str(experiment))
-            numbers = experiment.measure()
-            with store.transaction():
-                for name, (value, unit, reason) in numbers.items():
-                    store.add_measure(
-                        summary.run, experiment.description, experiment.sources, name, value, unit, reason
-                    )
+            experiment.run(store, summary.run)
             summary.measured += 1
             bar_shown.advance(task)
 

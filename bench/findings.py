@@ -82,6 +82,13 @@ class Experiment:
     def __str__(self) -> str:
         return str(self.description["finding"])
 
+    def run(self, store: Store, run: str) -> None:
+        """Measure it, and put its numbers into the store, all or none."""
+        numbers = self.measure()
+        with store.transaction():
+            for name, (value, unit, reason) in numbers.items():
+                store.add_measure(run, self.description, self.sources, name, value, unit, reason)
+
 
 def run_findings(
     store: Store,
@@ -127,12 +134,7 @@ def _measure(
         task = bar.add_task("findings", total=len(missing) + 10 * len(untimed))
         for experiment in missing:
             bar.update(task, description=f"finding: {experiment}", advance=1)
-            numbers = experiment.measure()
-            with store.transaction():
-                for name, (value, unit, reason) in numbers.items():
-                    store.add_measure(
-                        summary.run, experiment.description, experiment.sources, name, value, unit, reason
-                    )
+            experiment.run(store, summary.run)
             summary.measured += 1
         for pair in untimed:
             bar.update(task, description=f"finding: {EXACT}", advance=10)

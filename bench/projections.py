@@ -66,6 +66,7 @@ def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: 
 
 
 def case_of(scene: Scene, backend: str, precision: str) -> Case:
+    """One configuration, with its label."""
     return make_case(scene, backend, precision, label_of(scene))
 
 

@@ -43,6 +43,11 @@ def on_gpu(source: Source) -> str:
     return f"On the {source.gpu}{'' if source.own else ' (committed measurements)'}"
 
 
+def where(backend: str, source: Source) -> str:
+    """`the GPU (NVIDIA H200)`."""
+    return f"the {backend.upper()} ({source.gpu if backend == 'gpu' else source.processor})"
+
+
 def clearly(a: Timing, b: Timing) -> int:
     """-1 where every repeat of a is faster than every repeat of b, 1 where slower, 0 where they overlap."""
     return -1 if a.high < b.low else 1 if a.low > b.high else 0

@@ -7,17 +7,12 @@ from collections.abc import Callable
 from bench.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
 from bench.projections import ProjectionPoint, beside_published, newton_ratios
 from labbook import words
-from labbook.claims import Claim
-from plots.data import Results, Source
+from labbook.claims import Claim, where
+from plots.data import Results
 from plots.projections import panels
 
 SIZE = 256  # rows and columns that rates are told of
 NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}
-
-
-def _where(backend: str, source: Source) -> str:
-    """`the GPU (NVIDIA H200)`."""
-    return f"the {backend.upper()} ({source.gpu if backend == 'gpu' else source.processor})"
 
 
 def _point(found: list[ProjectionPoint], ordering: str, neighbours: int, iterations: int) -> ProjectionPoint | None:
@@ -43,7 +38,7 @@ def rates(results: Results) -> Claim:
                 numbers[f"{backend} {ordering}"] = point.rate
                 told.append(f"{name} does {_rate(point.rate)}")
         if told:
-            parts.append(f"on {_where(backend, source)} {words.listed(told)}")
+            parts.append(f"on {where(backend, source)} {words.listed(told)}")
     if not parts:
         return Claim("Projections were not timed at the size that is told of here.")
     size = f"{SIZE}{words.SPACE}{words.TIMES}{words.SPACE}{SIZE}"
@@ -67,7 +62,7 @@ def per_projection(results: Results) -> Claim:
         if ratios:
             numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
             parts.append(
-                f"{words.number(min(ratios), 2)} to {words.times(max(ratios))} as many on {_where(backend, source)}"
+                f"{words.number(min(ratios), 2)} to {words.times(max(ratios))} as many on {where(backend, source)}"
             )
     if not parts:
         return Claim("The two orderings were not timed side by side.")
@@ -87,7 +82,7 @@ def published(results: Results) -> Claim:
         if ratios:
             numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
             span = f"{words.number(min(ratios), 2)} to {words.times(max(ratios))}"
-            parts.append(f"{span} the time of a step on {_where(backend, source)}")
+            parts.append(f"{span} the time of a step on {where(backend, source)}")
     if not parts:
         return Claim("No published cloth was timed.")
     return Claim(f"The published frames took {words.listed(parts)}.", numbers, True)

@@ -6,14 +6,9 @@ from collections.abc import Callable
 
 from bench.crowds import CrowdPoint
 from labbook import words
-from labbook.claims import Claim
+from labbook.claims import Claim, where
 from plots.crowds import panels
-from plots.data import Results, Source
-
-
-def _where(backend: str, source: Source) -> str:
-    """`the GPU (NVIDIA H200)`."""
-    return f"the {backend.upper()} ({source.gpu if backend == 'gpu' else source.processor})"
+from plots.data import Results
 
 
 def heaps(results: Results) -> Claim:
@@ -30,7 +25,7 @@ def heaps(results: Results) -> Claim:
                 f"{words.number(1 / point.step)} frames a second"
             )
         if told:
-            parts.append(f"on {_where(backend, source)} {words.listed(told)}")
+            parts.append(f"on {where(backend, source)} {words.listed(told)}")
     if not parts:
         return Claim("Heaps of bodies were not timed.")
     return Claim(f"In a heap, with contacts and two substeps a frame: {'; '.join(parts)}.", numbers, True)
@@ -46,7 +41,7 @@ def clusters(results: Results) -> Claim:
             numbers |= {f"{backend} {kind}": p.step for kind, p in both.items()}
             parts.append(
                 f"{words.seconds(both['rigid'].step)} as rigid ones and {words.seconds(both['soft'].step)} as soft ones "
-                f"on {_where(backend, source)}"
+                f"on {where(backend, source)}"
             )
     if not parts:
         return Claim("Clusters alone were not timed.")
@@ -63,7 +58,7 @@ def contacts(results: Results) -> Claim:
         if told:
             numbers |= {f"{backend} {bodies}": ratio for bodies, ratio in told.items()}
             span = sorted({min(told.values()), max(told.values())})
-            parts.append(f"{' to '.join(words.times(ratio) for ratio in span)} on {_where(backend, source)}")
+            parts.append(f"{' to '.join(words.times(ratio) for ratio in span)} on {where(backend, source)}")
     if not parts:
         return Claim("What contacts cost was not timed.")
     return Claim(f"With contacts a substep takes {words.listed(parts)} as long as without.", numbers, True)
@@ -86,7 +81,7 @@ def windows(results: Results) -> Claim:
         ratios = [by_region[4] / by_region[1] for by_region in grids.values() if {1, 4} <= set(by_region)]
         if ratios:
             numbers[f"{backend} most"] = max(ratios)
-            parts.append(f"at most {words.times(max(ratios))} on {_where(backend, source)}")
+            parts.append(f"at most {words.times(max(ratios))} on {where(backend, source)}")
     if not parts:
         return Claim("Clusters of different widths were not timed on a grid.")
     area = (2 * 4 + 1) ** 2 / (2 * 1 + 1) ** 2

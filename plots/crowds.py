@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bench.crowds import CrowdPoint, points
+from plots import backends
+from plots.backends import name_of, sources_of
 from plots.data import Results, Source
-from plots.projections import name_of
 from plots.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Particles of bodies a second"
@@ -15,19 +16,11 @@ LOOKS = {
     "grid": ("jelly grid, a cluster around every mass", ORANGE, "s"),
 }
 LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's clusters
-PRECISION = "float32"
 
 
 def panels(results: Results) -> list[tuple[str, Source, list[CrowdPoint]]]:
-    """(backend, source, points) of the backends that were timed, own machines first, in float32."""
-    found = []
-    for backend in ("cpu", "gpu"):
-        for source in (*results.featured, *results.background):
-            mine = [p for p in points(source.measures) if (p.backend, p.precision) == (backend, PRECISION)]
-            if mine:
-                found.append((backend, source, mine))
-                break
-    return found
+    """(backend, source, points) of the backends that were timed."""
+    return backends.panels(results, points)
 
 
 def draw(results: Results) -> Drawing | str:
@@ -54,4 +47,4 @@ def draw(results: Results) -> Drawing | str:
         "freely, as soft and as rigid bodies, or into a heap with contacts; and the lab's grid by shape matching, its "
         "clusters 3 x 3 masses (solid), 5 x 5 (dashed) or 9 x 9 (dotted)."
     )
-    return Drawing(figure, TITLE, caption, tuple({id(source): source for _, source, _ in chosen}.values()))
+    return Drawing(figure, TITLE, caption, sources_of(chosen))

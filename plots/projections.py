@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from bench.projections import ProjectionPoint, beside_published, points
+from plots import backends
+from plots.backends import name_of, sources_of
 from plots.data import Results, Source
 from plots.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 
@@ -17,27 +19,11 @@ LOOKS = {
     ("jacobi", 12): ("Jacobi, 12 neighbours", VERMILLION, "^"),
 }
 LINES = {10: "-", 1: "--"}  # by iterations a substep
-PRECISION = "float32"
-
-
-def source_of(results: Results, backend: str) -> tuple[Source, list[ProjectionPoint]] | None:
-    """The machine that stands for a backend, own ones first, and its points in float32."""
-    for source in (*results.featured, *results.background):
-        found = [p for p in points(source.measures) if (p.backend, p.precision) == (backend, PRECISION)]
-        if found:
-            return source, found
-    return None
 
 
 def panels(results: Results) -> list[tuple[str, Source, list[ProjectionPoint]]]:
     """(backend, source, points) of the backends that were timed."""
-    held = {backend: source_of(results, backend) for backend in ("cpu", "gpu")}
-    return [(backend, *pair) for backend, pair in held.items() if pair is not None]
-
-
-def name_of(backend: str, source: Source) -> str:
-    """`GPU: NVIDIA H200`."""
-    return f"GPU: {source.gpu}" if backend == "gpu" else f"CPU: {source.processor}"
+    return backends.panels(results, points)
 
 
 def draw(results: Results) -> Drawing | str:
@@ -59,7 +45,7 @@ def draw(results: Results) -> Drawing | str:
         "(dashed), float32: a hanging sheet with the springs of 4 or 12 neighbours, by coloured Gauss-Seidel and by Jacobi. "
         "The whole step is timed, prediction and velocities included."
     )
-    return Drawing(figure, TITLE, caption, _sources(chosen))
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
 def _curve(ax: Any, found: list[ProjectionPoint], key: tuple[str, int, int], line: str, *look: str) -> None:
@@ -103,9 +89,4 @@ def draw_published(results: Results) -> Drawing | str:
         "iterations here, float32. Materials and what else was computed are not all told, and the GPUs are years apart: "
         "read orders of magnitude."
     )
-    return Drawing(figure, PUBLISHED_TITLE, caption, _sources(chosen))
-
-
-def _sources(chosen: list[Any]) -> tuple[Source, ...]:
-    """The machines of the panels, each once."""
-    return tuple({id(source): source for _, source, _ in chosen}.values())
+    return Drawing(figure, PUBLISHED_TITLE, caption, sources_of(chosen))

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import kernel_text
 
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction", "linear", "plastic", "cluster_damping"})
-LETTERS = {  # of each kernel's arguments: R, I, U, L arrays of reals and integers, l a number
+LETTERS = {  # of each kernel's arguments, see kernel_text.py
     "turn": "RIRRRRRRRR",
     "gather": "RRIIIRRR",
     "rate": "RRRIIRRR",
@@ -22,8 +23,6 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(name: str, real: Any, math: str) -> str:
-    from numba import cuda, types
-
     from gpu_backend.bodies_damping import make_damping_ends, make_gather
     from gpu_backend.bodies_shapes import make_shaped_turn
     from model.cluster_tables import shaping
@@ -32,11 +31,7 @@ def ptx(name: str, real: Any, math: str) -> str:
         turn=make_shaped_turn(real, math, shaping(PARTS)), gather=make_gather(real, math),
         **vars(make_damping_ends(real, math, PARTS)),
     )  # fmt: skip
-    numbers = (types.float32 if real is np.float32 else types.float64)[::1]
-    known = {"R": numbers, "I": types.int32[::1], "U": types.uint64[::1], "L": types.int64[::1], "l": types.int64}
-    arguments = tuple(known[letter] for letter in LETTERS[name])
-    text, _ = cuda.compile_ptx(getattr(made, name).py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return kernel_text(getattr(made, name), LETTERS[name], real, math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import kernel_text
 
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction"})
-LETTERS = {  # of each kernel's arguments: R, I, U, L arrays of reals and integers, l a number
+LETTERS = {  # of each kernel's arguments, see kernel_text.py
     "sum_up": "RIIIRR",
     "turn": "RIRRRRR",
     "move": "RIIRR",
@@ -23,18 +24,12 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(name: str, real: Any, math: str) -> str:
-    from numba import cuda, types
-
     from gpu_backend.bodies_kernels import make_bodies_clusters, make_bodies_ends
     from gpu_backend.bodies_links import make_link_projection
 
     made = SimpleNamespace(**vars(make_bodies_clusters(real, math)), **vars(make_bodies_ends(real, math, PARTS)))
     made.project = make_link_projection(real, math)
-    numbers = (types.float32 if real is np.float32 else types.float64)[::1]
-    known = {"R": numbers, "I": types.int32[::1], "U": types.uint64[::1], "L": types.int64[::1], "l": types.int64}
-    arguments = tuple(known[letter] for letter in LETTERS[name])
-    text, _ = cuda.compile_ptx(getattr(made, name).py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return kernel_text(getattr(made, name), LETTERS[name], real, math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import re
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import kernel_text
 
-# of each kernel's arguments: R and I arrays of reals and integers, L of 64-bit and U of unsigned ones, i and l numbers
+# of each kernel's arguments, see kernel_text.py
 FIND = {
     "hash_particles": "RRII",
     "fill_buckets": "IIII",
@@ -25,17 +25,6 @@ ATOMICS = {"hash_particles", "fill_buckets", "find_neighbours"}
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
-def ptx(kernel: Any, letters: str, real: Any, math: str) -> str:
-    from numba import cuda, types
-
-    numbers = (types.float32 if real is np.float32 else types.float64)[::1]
-    known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
-    known |= {"i": types.int32, "l": types.int64}
-    arguments = tuple(known[letter] for letter in letters)
-    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
-
-
 def stays_in_registers(text: str) -> bool:
     return ".f64" not in text and ".local" not in text and "call" not in text
 
@@ -45,7 +34,7 @@ def stays_in_registers(text: str) -> bool:
 def test_finding(name: str, own: bool, many: bool) -> None:
     from gpu_backend.particle_contacts_find import make_find
 
-    text = ptx(getattr(make_find(np.float32, own, many), name), FIND[name], np.float32, "exact")
+    text = kernel_text(getattr(make_find(np.float32, own, many), name), FIND[name], np.float32, "exact")
     assert stays_in_registers(text)
     assert "fma" not in text
     atomics = re.findall(r"\b(?:atom|red)\.\S+", text)
@@ -61,7 +50,7 @@ def test_projecting(name: str, math: str, rubbing: bool, sticking: bool, own: bo
     from gpu_backend.particle_contacts_project import make_project
 
     kernel = getattr(make_project(np.float32, math, rubbing, sticking, own, many), name)
-    text = ptx(kernel, PROJECT[name], np.float32, math)
+    text = kernel_text(kernel, PROJECT[name], np.float32, math)
     assert stays_in_registers(text)
     assert not re.search(r"\b(?:atom|red)\.", text)
 
@@ -73,7 +62,7 @@ def test_ends(name: str, math: str, parts: set[str]) -> None:
     from gpu_backend.particle_contacts_project import make_contact_ends
 
     kernel = getattr(make_contact_ends(np.float32, math, PARTS | parts), name)
-    text = ptx(kernel, ENDS[name], np.float32, math)
+    text = kernel_text(kernel, ENDS[name], np.float32, math)
     assert stays_in_registers(text)
     assert text.count("st.global.v4.f32") == 2
 
@@ -84,5 +73,5 @@ def test_exact_kernels_contract_nothing(name: str) -> None:
     from gpu_backend.particle_contacts_project import make_project
 
     kernel = getattr(make_project(np.float64, "exact", True, True, True, True), name)
-    text = ptx(kernel, PROJECT[name], np.float64, "exact")
+    text = kernel_text(kernel, PROJECT[name], np.float64, "exact")
     assert "fma.rn.f64" not in text and "mul.rn.f64" in text
