@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import cos, exp, log, pi, sin, tan
+from math import cos, exp, hypot, log, pi, sin, tan
 
 import numpy as np
 
@@ -19,9 +19,12 @@ MOST_PITCH = 0.49 * pi  # straight from above, "up" would have no direction
 TURN = 0.008  # rad per pixel of dragging
 NEAREST, FARTHEST = 0.02, 60.0  # times the distance: the planes between which is drawn
 LEAST_DISTANCE, MOST_DISTANCE = 1e-4, 1e7  # m
+CENTRING = 8  # steps of Newton's method, which mostly ends after three
 BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
 
 Vector = tuple[float, float, float]
+Side = tuple[float, float]  # tangents, from the middle to the margin at smaller and at larger coordinates
+Sides = tuple[Side, Side]  # across, and up
 
 
 @dataclass
@@ -132,43 +135,95 @@ class Camera3D:
 
     def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera3D:
         """A camera turned the same way that shows the whole box `bounds` (lowest x, y, z, highest x, y, z [m]) inside the
-        margins (pixels left, bottom, right, top), as large as can be. `least` [m]: no side is taken for shorter.
-
-        With the corners (x, y, z) in the camera's axes and an eye at (a, b, c), a corner lies left of the right margin
-        where x - a <= t (c - z), t the margin's tangent: each margin bounds a +- t c, and two together bound c.
-        """
+        margins (pixels left, bottom, right, top), as large as can be. `least` [m]: no side is taken for shorter."""
         low, high = np.array(bounds[:3]), np.array(bounds[3:])
         grow = np.maximum(least - (high - low), 0) / 2
-        low, high = low - grow, high + grow
-        corners = np.array([np.where([k & 1, k & 2, k & 4], high, low) for k in range(8)]) @ self.axes.T
-        left, bottom, right, top = margins
-        sides = (  # tangents from the middle of the window to the margins: smaller, larger coordinate
-            (max(self.width / 2 - left, 8.0) / self.focal, max(self.width / 2 - right, 8.0) / self.focal),
-            (max(self.height / 2 - bottom, 8.0) / self.focal, max(self.height / 2 - top, 8.0) / self.focal),
-        )
-        limits = []
-        for axis, (below, above) in enumerate(sides):
-            limits.append(
-                (
-                    float(np.max(below * corners[:, 2] - corners[:, axis])),
-                    float(np.max(above * corners[:, 2] + corners[:, axis])),
-                )
-            )
+        return self.holding(box_corners(low - grow, high + grow), margins)
+
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera3D:
+        """A camera turned the same way that shows balls of `radius` [m] about all `points` (n, 3) [m] inside the margins, as
+        large as can be.
+
+        With a point (x, y, z) in the camera's axes and an eye at (a, b, c), it lies left of the right margin where
+        x - a <= t (c - z), t the margin's tangent: each margin bounds a +- t c, and two together bound c. A ball takes its
+        radius times the length of (1, t) more.
+        """
+        seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
+        limits = [
+            (float(low.max()) + radius * hypot(1, below), float(high.max()) + radius * hypot(1, above))
+            for (low, high), (below, above) in zip(_limits(seen, sides), sides, strict=True)
+        ]
         eye = np.zeros(3)
         eye[2] = max(
             (lower + upper) / (below + above) for (lower, upper), (below, above) in zip(limits, sides, strict=True)
         )
         for axis, ((lower, upper), (below, above)) in enumerate(zip(limits, sides, strict=True)):
-            eye[axis] = (below * eye[2] - lower + upper - above * eye[2]) / 2
-        middle = float(((low + high) / 2) @ self.axes[2])
+            least, most = upper - above * eye[2], below * eye[2] - lower
+            eye[axis] = _middle(seen[:, axis], eye[2] - seen[:, 2], radius, (below, above), least, most)
+        middle = float(seen[:, 2].min() + seen[:, 2].max()) / 2
         distance = min(max(float(eye[2]) - middle, LEAST_DISTANCE), MOST_DISTANCE)
         x, y, z = (np.array([eye[0], eye[1], middle]) @ self.axes).tolist()
         return replace(self, x=x, y=y, z=z, distance=distance)
+
+    def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
+        """Those of `points` (n, 3) [m] that this camera, which holds them, goes by: it would be the same for them alone."""
+        seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
+        found = [int(np.argmin(seen[:, 2])), int(np.argmax(seen[:, 2]))]
+        eye = self.axes @ self.eye
+        for axis, (limit, side) in enumerate(zip(_limits(seen, sides), sides, strict=True)):
+            found += [int(np.argmax(one)) for one in limit]
+            found += _outer(seen[:, axis] - eye[axis], eye[2] - seen[:, 2], radius, side)
+        return points[found]
+
+    def _tangents(self, margins: Margins) -> Sides:
+        """Of a window's margins."""
+        left, bottom, right, top = margins
+        return (
+            (max(self.width / 2 - left, 8.0) / self.focal, max(self.width / 2 - right, 8.0) / self.focal),
+            (max(self.height / 2 - bottom, 8.0) / self.focal, max(self.height / 2 - top, 8.0) / self.focal),
+        )
 
     def approach(self, other: Camera3D, share: float) -> None:
         """Go `share` (0 to 1) of the way to what another camera shows; the turn stays, it is the user's."""
         self._aim(self.target + (other.target - self.target) * share)
         self.distance *= exp(log(other.distance / self.distance) * share)
+
+
+def _limits(seen: np.ndarray, sides: Sides) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Across and up, for points (n, 3) in a camera's axes: what each demands of the eye by the one margin, and the other."""
+    return [
+        (below * seen[:, 2] - seen[:, axis], above * seen[:, 2] + seen[:, axis])
+        for axis, (below, above) in enumerate(sides)
+    ]
+
+
+def _middle(place: np.ndarray, depth: np.ndarray, radius: float, side: Side, least: float, most: float) -> float:
+    """The eye's coordinate from `least` to `most` [m] from which balls of `radius` [m] at `place` (n,), `depth` (n,) [m] away
+    keep as many pixels from the one margin as from the other.
+
+    Newton's method: for two of them it is a line, and they are the outer ones as seen from the last guess.
+    """
+    below, above = (radius * hypot(1, tangent) for tangent in side)
+    eye = (least + most) / 2
+    for _ in range(CENTRING):
+        one, other = _outer(place - eye, depth, radius, side)
+        near, far = 1 / depth[one], 1 / depth[other]
+        wanted = (place[one] - below) * near + (place[other] + above) * far - (side[1] - side[0])
+        eye, before = min(max(float(wanted / (near + far)), least), most), eye
+        if eye == before:
+            break
+    return eye
+
+
+def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> list[int]:
+    """Which balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye, are seen outermost."""
+    below, above = (radius * hypot(1, tangent) for tangent in side)
+    return [int(np.argmin((away - below) / depth)), int(np.argmax((away + above) / depth))]
+
+
+def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(8, 3): the corners of the box from `low` to `high`, each (3,)."""
+    return np.array([np.where([k & 1, k & 2, k & 4], high, low) for k in range(8)])
 
 
 def pick(camera: Camera3D, position: np.ndarray, x: float, y: float, reach: float | np.ndarray) -> int | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from model.cloth_parts import Box, Capsule, Collider, Plane, Sphere
-from model.mesh_collider import MeshCollider, turn_matrix
 from model.scene import Scene
+from model.surface_collider import SurfaceCollider, turn_matrix
 
 RINGS, SECTORS = 20, 64  # of half a ball: flat enough that no edge shows
 GROUND_STEPS = 8  # of the ground's height over the scene's size: it moves seldom, not with the lowest mass
@@ -113,7 +113,7 @@ def _vectors(array: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(array.reshape(-1, 3), dtype=np.float32)
 
 
-def surface_mesh(collider: MeshCollider) -> Mesh:
+def surface_mesh(collider: SurfaceCollider) -> Mesh:
     """A mesh of triangles, three vertices each: smooth where its facets meet at less than EDGE, with edges elsewhere."""
     corners = np.asarray(collider.origin) + collider.position[collider.triangles]
     facets = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -137,7 +137,7 @@ def collider_mesh(collider: Collider) -> Mesh | None:
         return capsule_mesh(collider.start, collider.end, collider.radius, collider.velocity)
     if isinstance(collider, Box):
         return box_mesh(collider.center, collider.half_size, collider.velocity)
-    if isinstance(collider, MeshCollider):
+    if isinstance(collider, SurfaceCollider):
         return surface_mesh(collider)
     return None
 
@@ -151,7 +151,7 @@ def _extent(collider: Collider) -> tuple[np.ndarray, np.ndarray] | None:
         return ends.min(axis=0) - collider.radius, ends.max(axis=0) + collider.radius
     if isinstance(collider, Box):
         return np.subtract(collider.center, collider.half_size), np.add(collider.center, collider.half_size)
-    if isinstance(collider, MeshCollider):
+    if isinstance(collider, SurfaceCollider):
         origin = np.array(collider.origin)
         if any(collider.spin):
             reach = float(np.linalg.norm(collider.position, axis=1).max())
@@ -169,7 +169,7 @@ def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
         across, along, normal = plane_axes(plane.normal)
         found.append(Ground(np.array(plane.point) + time * np.array(plane.velocity), normal, across, along))
     if not found:
-        if any(isinstance(collider, MeshCollider) for _, collider in scene.colliders):
+        if any(isinstance(collider, SurfaceCollider) for _, collider in scene.colliders):
             return []  # it has a ground of its own
         size = scene.grid.extent
         step = size / GROUND_STEPS
@@ -196,9 +196,19 @@ def line_distance(size: float) -> float:
 
 
 def with_colliders(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """`bounds` (lowest x, y, z, highest x, y, z [m]) of the masses, grown to hold the colliders at `time` [s] too.
+    """`bounds` (lowest x, y, z, highest x, y, z [m]) of the masses, grown to hold the colliders at `time` [s] too; see
+    `collider_boxes`."""
+    low, high = np.array(bounds[:3]), np.array(bounds[3:])
+    for near, far in collider_boxes(scene, bounds, time):
+        low, high = np.minimum(low, near), np.maximum(high, far)
+    return (*low.tolist(), *high.tolist())
 
-    Not further than the masses' own size on each side: a ball as large as a planet, or one that flew off, would leave
+
+def collider_boxes(scene: Scene, bounds: Sequence[float], time: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """The lowest and highest corners (3,) [m] of what a view of masses within `bounds` is to show of each collider at `time`
+    [s], planes apart.
+
+    Not further than half the masses' own size on each side: a ball as large as a planet, or one that flew off, would leave
     nothing to see of the cloth.
     """
     low, high = np.array(bounds[:3]), np.array(bounds[3:])
@@ -210,5 +220,4 @@ def with_colliders(scene: Scene, bounds: Sequence[float], time: float) -> tuple[
             continue
         near, far = (corner + time * np.array(collider.velocity) for corner in extent)
         if (near <= most).all() and (far >= least).all():
-            low, high = np.minimum(low, np.maximum(near, least)), np.maximum(high, np.minimum(far, most))
-    return (*low.tolist(), *high.tolist())
+            yield np.maximum(near, least), np.minimum(far, most)

@@ -27,7 +27,8 @@ DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
 def scene_of(name: str, settings: list[str] | None) -> Any:
     """The scene of that name or file, with the fields of --set. Raises SceneError."""
-    from model.scene import load_scene, parse_settings
+    from model.scene import load_scene
+    from model.scene_reader import parse_settings
 
     return load_scene(name).replace(parse_settings(settings))
 

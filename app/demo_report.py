@@ -16,7 +16,7 @@ from app.demo import Demo
 from app.panes import Pane
 from app.worlds import stiffness_paths
 from model.scene import Scene
-from model.spare import copies_there, present
+from model.spare import counts, present
 
 
 def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
@@ -76,15 +76,14 @@ def strain_text(demo: Demo) -> str:
 
 
 def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
-    """How many masses there are, in words; of bodies also how many clusters and bodies, and how many of them wait by inverse
-    masses as in State (None: when the scene starts); and colliders."""
-    crowd, colliders = scene.crowd if scene.bodies else None, len(scene.colliders)
+    """How many masses there are, in words; of bodies also how many clusters and bodies, and how many more bodies wait, by
+    inverse masses as in State (None: when the scene starts); and colliders."""
+    colliders = len(scene.colliders)
     found = f"{scene.grid.rows} x {scene.grid.columns} masses"
-    if crowd is not None:
-        there = copies_there(scene, inverse_mass)
-        waiting = len(there) - int(there.sum())
-        found = f"{crowd.particle_count} particles in {crowd.clusters.count} clusters of {len(there) - waiting} bodies"
-        found += f", {waiting} waiting" if waiting else ""
+    if scene.bodies:
+        told = counts(scene, inverse_mass)
+        found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
+        found += f" + {told.waiting} waiting" if told.waiting else ""
     return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
@@ -137,7 +136,7 @@ def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -
         "low": some.min(axis=0).tolist(),
         "high": some.max(axis=0).tolist(),
         "masses": masses,
-        "waiting": int((~copies_there(world.scene, world.body.inverse_mass)).sum()) if world.scene.bodies else 0,
+        "waiting": counts(world.scene, world.body.inverse_mass).waiting,
         "current": demo.current,
         "alone": demo.alone,
         "worlds": [

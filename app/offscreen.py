@@ -12,10 +12,11 @@ import numpy as np
 
 from app import colours
 from app.camera import finite_bounds, joined_bounds
+from app.framing import seen_points, seen_radius
 from app.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from app.pictures import check_target, write_png
 from app.surface import drawn_strain
-from app.views import camera_of, seen_bounds, view_of
+from app.views import camera_of, view_of
 from model.build import rest_positions
 from model.errors import InputError, SoftlabError
 from model.scene import Scene
@@ -63,7 +64,8 @@ class OffscreenRenderer:
             raise
         self._fitted = False
         self._weights: np.ndarray | None = None
-        self._bounds: tuple[float, ...] | None = None
+        self._bounds: tuple[float, ...] | None = None  # of a plane
+        self._points: np.ndarray | None = None  # in space
         self.camera = camera_of(scene, width, height)
         self._frame(rest_positions(scene.grid), 0.0)
 
@@ -82,19 +84,26 @@ class OffscreenRenderer:
             self._window = None
 
     def _frame(self, position: np.ndarray, time: float) -> None:
-        bounds = finite_bounds(present(self.scene, position, self._weights))
+        """Hold these positions; after the first `fit` only ever more, so that a clip does not jump."""
+        there = present(self.scene, position, self._weights)
+        bounds = finite_bounds(there)
         if bounds is None:
             return
-        if self._space:
-            self._view.keep_above_ground(bounds[1])
-        bounds = seen_bounds(self.scene, bounds, time)
-        if self._bounds is not None and self._fitted:  # only ever outwards, so that a clip does not jump
-            bounds = joined_bounds([self._bounds, bounds])
-        self._bounds = bounds
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
         if self._panel and self._space and not self._legend:
             margins = (40.0, 50.0, 40.0, 50.0)
-        self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
+        if not self._space:
+            if self._bounds is not None and self._fitted:
+                bounds = joined_bounds([self._bounds, bounds])
+            self._bounds = bounds
+            self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
+            return
+        self._view.keep_above_ground(bounds[1])
+        points, radius = seen_points(self.scene, there, time), seen_radius(self.scene)
+        if self._points is not None and self._fitted:
+            points = np.concatenate([self._points, points])
+        self.camera = self.camera.holding(points, margins, radius)
+        self._points = self.camera.outermost(points, margins, radius)
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
         """Bodies that wait by these inverse masses (particles,), as in State, are not shown from now on; at first, and by

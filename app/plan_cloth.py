@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.plan_report import BackendPlan, Pass, leaves
+from app.plan_passes import BackendPlan, Pass, leaves
 from model.cloth_plan import PRODUCT_STAGE, kicks_meet
 from model.plan import Node, Plan, Stage
 from model.scene import Scene

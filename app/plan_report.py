@@ -7,7 +7,7 @@ way through memory, and it computes some springs twice where that is cheaper tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import Any
@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from app.driver import BACKENDS
+from app.plan_grid import grid_on_cpu, grid_on_gpu
+from app.plan_passes import BackendPlan
 from model.errors import SceneError
-from model.formulas.springs import OPERATIONS_SPRING_2D
 from model.frequency import frequency_lines, scene_net
 from model.integrators import integrators_for, stability_limit
 from model.mesh_constraints import families
@@ -25,8 +26,6 @@ from model.plans import scene_plan
 from model.scene import Scene
 from model.simulation import PRECISIONS
 
-EACH_ONCE = 2.0  # springs a mass, each computed once: a grid's interior has as many right and below as masses
-SPRINGS_OF_A_MASS = 4.0
 POSITION_BASED_NOTE = "constraints are projected, at any step size; first order, and damped by it"
 
 
@@ -42,41 +41,6 @@ class Row:
     runs: int
     stage: Stage | None = None
     seconds: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Pass:
-    """What a kernel does in one pass: `stages` by name, in order. `bytes` through memory and `operations`, a mass and
-    pass; `note` says what the pass is."""
-
-    stages: tuple[str, ...]
-    bytes: float
-    operations: float
-    note: str
-
-
-def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str) -> Pass:
-    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way."""
-    moved = max(stage.bytes(item, dimensions) for stage in stages)
-    operations = sum(stage.operations for stage in stages)
-    return Pass(tuple(stage.name for stage in stages), float(moved), float(operations), note)
-
-
-@dataclass(frozen=True)
-class BackendPlan:
-    """What a backend makes of a step: on `device`, by `kernel` (its `tile`, where it has one) for the reason `why`.
-
-    Where stages were to be measured: `unmeasured`, why they could not be; `empty`, seconds of a stage that does nothing.
-    """
-
-    name: str
-    device: str
-    kernel: str
-    tile: str | None
-    why: str
-    passes: tuple[Pass, ...]
-    unmeasured: str | None = None
-    empty: float | None = None
 
 
 @dataclass(frozen=True)
@@ -188,94 +152,6 @@ def flatten(root: Node) -> tuple[list[Row], list[int]]:
     return rows, order
 
 
-# ---------------------------------------------------------------------- what a kernel makes of the stages
-
-
-def leaves(node: Node | Stage) -> Iterator[Stage]:
-    """The stages below a node, or the one that it is."""
-    yield from (node,) if isinstance(node, Stage) else node.stages()
-
-
-def _merged(plan: Plan) -> list[list[Stage]]:
-    """The stages of each pass that a fused kernel makes over the grid in a step, in order.
-
-    Velocity Verlet's force at the end of a step is the next one's at its start, so that one pass does the end of one and
-    the start of the next; its random force is taken for both.
-    """
-    children = plan.root.children
-    if plan.has("second half kick"):
-        first, last = (list(leaves(child)) for child in children if isinstance(child, Node))
-        again = [stage for stage in first if stage.name == "external force"]
-        kicks = {stage.name: stage for stage in plan.root.stages()}
-        pins = [kicks["pins"]] if "pins" in kicks else []
-        return [[*last, *again, kicks["second half kick"], kicks["first half kick and drift"], *pins]]
-    if all(isinstance(child, Node) for child in children):  # the stages of a Runge-Kutta method
-        return [list(leaves(child)) for child in children]
-    return [list(plan.root.stages())]
-
-
-def _passes(plan: Plan, item: int, springs: float, way: float, note: str) -> tuple[Pass, ...]:
-    """`springs` computed a mass; `way`: of the bytes of a whole pass through memory, what one pass takes."""
-    merged = _merged(plan)
-    more_springs = (springs - EACH_ONCE) * OPERATIONS_SPRING_2D
-    moved = way * plan.bytes(item) / len(merged)
-    found = []
-    for stages in merged:
-        operations = float(sum(stage.operations for stage in stages))
-        operations += more_springs * any(stage.name == "spring forces" for stage in stages)
-        found.append(Pass(tuple(stage.name for stage in stages), moved, operations, note))
-    if plan.has("second half kick"):
-        found[0] = replace(found[0], note=note + "; the end of a step and the start of the next are one pass")
-    return tuple(found)
-
-
-def _cpu_plan(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    from cpu_backend.choice import LEVELS, default_kernel
-    from cpu_backend.mass_spring import processor_name
-
-    real = PRECISIONS[precision]
-    kernel, why = default_kernel(scene, real)
-    sums = scene.method.integrator == "rk4" or plan.parts & {"external", "manufactured", "poke", "alternating"}
-    loops = "through rows of sums" if sums else "one loop along a row"
-    note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows a thread")
-    way = 1 / LEVELS if kernel == "tiled" else 1.0
-    passes = _passes(plan, np.dtype(real).itemsize, EACH_ONCE, way, note)
-    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
-
-
-def _gpu_plan(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Also where there is no GPU: then for the one that the table of kernels was measured on."""
-    from gpu_backend.choice import MEASURED_LIMITS, MEASURED_ON, default_kernel
-    from gpu_backend.device import gpu_available, simulated
-
-    real = PRECISIONS[precision]
-    available, device = gpu_available()
-    if not available:
-        device = f"none here; as on the {MEASURED_ON} of the table"
-    limits = None if available and not simulated() else MEASURED_LIMITS
-    kernel, tile, why = default_kernel(scene, real, limits)
-    springs, way, note = SPRINGS_OF_A_MASS, 1.0, "one thread a mass"
-    if tile is not None:
-        from gpu_backend.tile_launch import blocks_of
-
-        across, down = blocks_of(scene.grid.rows, scene.grid.columns, tile)
-        springs = 3 + 1 / tile.strip
-        note = f"{tile.strip} masses a thread" if tile.strip > 1 else "one thread a mass"
-        halos = across * down * tile.masses / scene.grid.particle_count if across * down > 1 else 1.0
-        if kernel == "one-block":
-            way, note = 0.0, f"{note}, all on the chip"
-        elif kernel == "resident":
-            way = (halos - 1) / max(tile.halo, 1)
-            note += f", {across} x {down} tiles on the chip, borders exchanged every {tile.halo} steps"
-        else:
-            way = (halos + 1) / 2 / tile.halo
-            note += f", {tile.halo} steps for one way through memory"
-        if halos > 1:
-            note += f"; with the halos {halos:.2f} x the masses"
-    passes = _passes(plan, np.dtype(real).itemsize, springs, way, note)
-    return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, passes)
-
-
 def plan_report(
     scene: Scene, precision: str = "float32", backends: Sequence[str] = BACKENDS, measure: bool = False
 ) -> PlanReport:
@@ -292,7 +168,7 @@ def plan_report(
     plan = scene_plan(scene)
     rows, order = flatten(plan.root)
     found, unknown = [], {}
-    ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": _cpu_plan, "gpu": _gpu_plan}
+    ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": grid_on_cpu, "gpu": grid_on_gpu}
     if scene.mesh:
         from app.plan_mesh import mesh_on_cpu, mesh_on_gpu
 

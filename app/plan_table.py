@@ -5,9 +5,11 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Column, Table
 
-from app.plan_report import BackendPlan, PlanReport, Row, limit_line, share
+from app.plan_passes import BackendPlan
+from app.plan_report import PlanReport, Row, limit_line, share
 from app.tables import number
 from model.frequency import frequency_lines
+from model.spare import counts
 
 
 def _percent(part: float, whole: float) -> str:
@@ -60,9 +62,12 @@ def print_plan(console: Console, report: PlanReport) -> None:
     scene = report.scene
     amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
     if scene.bodies:
-        crowd = scene.crowd
+        crowd, told = scene.crowd, counts(scene)
+        waiting = (
+            f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+        )
         amounts = (
-            f"{number(crowd.particle_count)} particles of {number(len(crowd.copies))} bodies, "
+            f"{number(crowd.particle_count)} particles of {number(len(crowd.copies))} bodies{waiting}, "
             f"{number(crowd.clusters.count)} clusters, {len(crowd.clusters.indices) / crowd.particle_count:.2f} a particle"
         )
     console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.plan_report import BackendPlan, Pass, merged_pass
+from app.plan_passes import BackendPlan, Pass, merged_pass
 from model.plan import Plan
 from model.scene import Scene
 from model.simulation import PRECISIONS

@@ -18,12 +18,14 @@ from app.files import check_state_target, read_state, write_state, write_traject
 from app.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
 from app.video import check_render, render
 from cpu_backend.threads import core_count
+from model.divergence import LEAST_INTERVAL
 from model.energy import energies, spring_strain
 from model.errors import Diverged, InputError, SceneError
 from model.memory import available_bytes, require
 from model.overlaps import overlap_lines
 from model.scene import Scene
-from model.simulation import LEAST_INTERVAL, Simulation, State
+from model.simulation import Simulation, State
+from model.spare import counts
 from model.topology import mesh_lines
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
@@ -240,7 +242,7 @@ def _report(
     strained = scene.springs or scene.cloth or scene.bodies
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
-    count = scene.grid.particle_count
+    count = counts(scene, simulation.body.inverse_mass).particles
     rate = count * steps / seconds if seconds > 0 and not diverged else None
     return {
         "scene": scene.name,

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from model.mesh_collider import MeshCollider
 from model.nearby import close_pairs
 from model.particle_contact_record import G_DISTANCE, kinds_of_particles, pair_rows
 from model.scene import Scene
 from model.simulation import Simulation, State
-from model.spare import copies_there
+from model.spare import counts
+from model.surface_collider import SurfaceCollider, naming
 
 CAUGHT = 0.7  # of the distance that contacts keep: nearer is no rest in a heap
 MOST_LOOKED_AT = 200_000  # particles
@@ -29,23 +29,28 @@ def body_lines(scene: Scene) -> list[str]:
 
 def collider_lines(scene: Scene) -> list[str]:
     """What became of the meshes that masses collide with."""
-    parts = [(name, scene.parts[name]) for name, kind in scene.kinds.items() if kind == "mesh_collider"]
-    return [f"{name}: {line}" for name, part in parts if isinstance(part, MeshCollider) for line in part.lines()]
+    lines = []
+    for name, part in scene.parts.items():
+        if isinstance(part, SurfaceCollider):
+            with naming(name):
+                lines += [f"{name}: {line}" for line in part.lines()]
+    return lines
 
 
 def bodies_report(simulation: Simulation, state: State) -> dict[str, Any]:
-    """Of bodies, how many are there and how many wait, of how many clusters; neighbours that contacts had no room for; how
-    many particles are `caught`, nearer to one of another body than CAUGHT of their distance, and the least distance over what
-    contacts keep, `least_distance` (None: nobody is near, or there are too many to look). Their `max_strain` is how far a
-    particle is from where one of its clusters wants it, over the particle spacing."""
+    """Of bodies, how many are there, of how many clusters, and how many wait, of how many particles; neighbours that contacts
+    had no room for; how many particles are `caught`, nearer to one of another body than CAUGHT of their distance, and the
+    least distance over what contacts keep, `least_distance` (None: nobody is near, or there are too many to look). Their
+    `max_strain` is how far a particle is from where one of its clusters wants it, over the particle spacing."""
     scene = simulation.scene
     if not scene.bodies:
         return {}
-    there = copies_there(scene, simulation.body.inverse_mass)
+    told = counts(scene, simulation.body.inverse_mass)
     found: dict[str, Any] = {
-        "bodies": int(there.sum()),
-        "waiting": int((~there).sum()),
-        "clusters": scene.crowd.clusters.count,
+        "bodies": told.bodies,
+        "waiting": told.waiting,
+        "waiting_particles": told.waiting_particles,
+        "clusters": told.clusters,
     }
     if scene.contact:
         found["contacts_lost"] = simulation.contacts_lost  # type: ignore[attr-defined]

@@ -48,13 +48,12 @@ class ClusterFrames:
         """As the solver has them, or from `position` (None: read) where it does not tell. Clusters that do more than turn go
         by the whole of what takes rest offsets to goals."""
         try:
-            centre = np.asarray(simulation.read("centre"), np.float64)
+            turn, centre = (np.asarray(told, np.float64) for told in simulation.read_clusters())
             if self._clusters.parts & {"linear", "plastic"}:
                 return self.matrices(centre, np.asarray(simulation.read("deformation"), np.float64))
-            turn = simulation.read("rotation")
         except (SceneError, NotImplementedError):
             return self.of_state(simulation.read("position") if position is None else position)
-        return self.matrices(centre, of_quaternions(np.asarray(turn, np.float64)))
+        return self.matrices(centre, of_quaternions(turn))
 
 
 def of_quaternions(quaternion: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from model.errors import SceneError
 from model.simulation import Simulation
-from model.spare import copies_there
+from model.spare import copies_there, counts
 
 GAP = 0.1  # of a body's longest side: between it and what it is dropped on
 
@@ -46,6 +46,5 @@ def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
 
 def counts_text(world: Simulation) -> str:
     """How many bodies there are, and how many wait."""
-    there = copies_there(world.scene, world.body.inverse_mass)
-    bodies, waiting = int(there.sum()), int((~there).sum())
-    return f"{bodies} bod{'y' if bodies == 1 else 'ies'}, {waiting} waiting"
+    told = counts(world.scene, world.body.inverse_mass)
+    return f"{told.bodies} bod{'y' if told.bodies == 1 else 'ies'}, {told.waiting} waiting"

@@ -11,7 +11,9 @@ from rich.table import Column, Table
 
 from app.doctor import Finding
 from model.integrators import stability_limit
-from model.scene import catalogue, load_scene
+from model.scene import load_scene
+from model.scene_reader import catalogue
+from model.spare import counts
 
 UNITS = {
     "dt": "s",
@@ -40,11 +42,13 @@ def number(value: Any) -> str:
 def print_report(console: Console, report: dict[str, Any], written: list[Path]) -> None:
     """The result of one run."""
     table = Table(show_header=False, box=None, pad_edge=False)
+    waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
-        if key == "error_reason" or (key == "error" and value is None):
+        if key in ("error_reason", "waiting", "waiting_particles") or (key == "error" and value is None):
             continue
         unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
-        table.add_row(key.replace("_", " "), f"{number(value)} {unit}".rstrip())
+        more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
+        table.add_row(key.replace("_", " "), f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not known: " if report["error"] is None else "") + report["error_reason"])
@@ -60,14 +64,13 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
     heads = ("scene", "masses", "pinned", "method", "dt / s", "limit / s")
-    table = Table(*(Column(head, no_wrap=True) for head in heads), box=None)
+    table = Table(*(Column(head, overflow="fold") for head in heads), box=None, pad_edge=False, collapse_padding=True)
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
-        size = str(grid.particle_count) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
+        size = str(counts(scene).particles) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
         table.add_row(
-            name, size, str(grid.pinned), method.name, f"{method.dt:g}",
-            f"{stability_limit(scene):.4g}",
+            name, size, str(grid.pinned), method.name, f"{method.dt:.4g}", f"{stability_limit(scene):.4g}"
         )  # fmt: skip
     console.print(table)
 

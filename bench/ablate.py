@@ -129,6 +129,7 @@ def _check(scene: Scene, end: float) -> int:
     dt = scene.method.dt
     if not 0 < end < math.inf:
         raise SceneError("--time", end, "must be greater than 0 and finite")
+    motion = newton(scene)
     if scene.manufactured:
         raise SceneError(
             "manufactured", "present", "its force is made from the other parts, so that the motion stays as it is whichever "
@@ -145,7 +146,7 @@ def _check(scene: Scene, end: float) -> int:
     steps = 2 * round(end / (2 * dt))
     if steps < 2:
         raise SceneError("--time", end, f"must be at least two steps of method.dt, {2 * dt:g} s")
-    method, motion = scene.method, newton(scene)
+    method = scene.method
     forces = sweeps(method.name, method.iterations, method.substeps)
     seconds = 2 * steps * forces * (scene.grid.particle_count * OWN_SECONDS + 1e-6)
     if random_force(scene):

@@ -26,6 +26,7 @@ from bench.judgement import (
     UNRESOLVED,
 )
 from bench.methods import WRONG, efforts, name_of
+from model.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
 SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
@@ -42,6 +43,22 @@ COPY = "copy_seconds"  # of the whole state, from the device to the host
 def end_of(label: str) -> float:
     """The time [s] at which runs of a scene are judged."""
     return CLOTH_ENDS.get(label, END)
+
+
+def labels_of(names: Iterable[str]) -> list[str]:
+    """The labels of scenes that are named by label or as in the catalogue, each once. Raises SceneError for others."""
+    known, found = SCENES | CLOTHS, []
+    for name in names:
+        mine = [label for label, scene in known.items() if name.lower() in (label.lower(), scene)]
+        if not mine:
+            raise SceneError(
+                "--scene", name, "accuracy has scenes of its own, those with converged references: "
+                f"{', '.join(f'{label} ({scene})' for label, scene in known.items())}; of other grids and cloths softlab run "
+                "and softlab advise tell the error; bodies have none: softlab bar holds their material against closed forms, "
+                "softlab crowds times them"
+            )  # fmt: skip
+        found += mine
+    return list(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,7 @@ def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None
         raise SceneError(
             "--error", error, f"in spacings; must be finite and at least {least:g}, which references resolve"
         )
+    motion = newton(scene)
     if scene.external and scene.external.magnitude > 0:
         raise SceneError(
             "external.magnitude",
@@ -131,7 +132,6 @@ def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None
         )
     if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
         raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, any method is right")
-    motion = newton(scene)
     needed = min(numpy_seconds(motion, end), own_seconds(motion, end))
     if needed > REFERENCE_SECONDS:
         fits = end * REFERENCE_SECONDS / needed

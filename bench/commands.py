@@ -98,26 +98,30 @@ def accuracy(
     integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
-    scene: Annotated[list[str] | None, typer.Option(help="Only S1, S2, S4, S5, S6 or S6-still. Repeatable.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="SCENE", help="As --scene.", show_default=False)
+    ] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option(help="Only S1 (lab-curtain), S2, S4, S5, S6 or S6-still. Repeatable.")
+    ] = None,
     findings: Annotated[
         bool | None,
         typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
     ] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Hold every method, step size and precision against a converged reference: speed against error."""
+    """Hold every method, step size and precision against a converged reference: speed against error (bodies: softlab bar)."""
     from bench.accuracy import run_accuracy
-    from bench.accuracy_points import CLOTHS, SCENES
-    from bench.choice import chosen
+    from bench.accuracy_points import labels_of
     from bench.convergence import run_convergence
     from bench.findings import run_findings
     from bench.findings_costs import run_costs
     from bench.store import Store
 
     how: dict[str, Any] = {"quick": quick, "backends": backend, "command": typed()}
+    scenes = labels_of([*(names or []), *(scene or [])]) or None
     if findings is None:
-        findings = not (integrator or precision or scene)
-    scenes = chosen(scene, [*SCENES, *CLOTHS], "--scene") if scene else None
+        findings = not (integrator or precision or scenes)
     with Store(store) as opened:
         _tell(run_accuracy(opened, integrators=integrator, precisions=precision, scenes=scenes, **how))
         for run in (run_findings, run_costs, run_convergence) if findings else ():
@@ -153,7 +157,8 @@ def hard(
     pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Run the hard cases: grids collapsed, flipped, poked, far away; pass, fail, or refused with a diagnosis."""
+    """Run the hard cases: grids collapsed, flipped, poked, far away, bodies squashed, shot, stacked (--integrator
+    shape-matching); pass, fail, or refused with a diagnosis."""
     from bench.hard import run_hard
     from bench.hard_results import failed, print_hard
     from bench.store import Store

@@ -20,6 +20,7 @@ from bench.store import Store
 from bench.sweep import backends_here
 from model.errors import SceneError
 from model.scene import Scene, load_scene
+from model.spare import counts
 
 STAGE = "crowds"  # of the samples in the store
 STEP = "crowd_step"  # s: the median of a step
@@ -95,7 +96,7 @@ def measured(case: Case, step: float, kernel: str) -> Measured:
     yield STEP, step, "s", "the median"
     yield KERNEL, None, "", kernel
     yield KIND, None, "", kind_of(case.scene)
-    yield RATE, case.scene.grid.particle_count * method.substeps * method.iterations / step, "1/s", None
+    yield RATE, counts(case.scene).particles * method.substeps * method.iterations / step, "1/s", None
 
 
 def run_crowds(

@@ -19,25 +19,45 @@ from typing import Any
 
 import numpy as np
 
-from bench import hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd
+from bench import (
+    body_laws,
+    body_scenes,
+    clusters_by_hand,
+    hard_bodies,
+    hard_body_cases,
+    hard_cases,
+    hard_cloth,
+    hard_laws,
+    hard_piles,
+    hard_rotations,
+    hard_stiff,
+    hard_trial,
+    hard_xpbd,
+    rotations,
+)
 from bench.choice import chosen
 from bench.hard_cases import CASES, HardCase
-from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, rows_of
+from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, bodies_as_text, rows_of
 from bench.hard_trial import Check, Endless, SilentNaN, Trial
 from bench.machine import enter_machine, source_revision
-from bench.methods import METHODS, changes
+from bench.methods import MATCHING, METHODS, changes
 from bench.progress import progress_bar
 from bench.results import configuration, measures
 from bench.store import Store, configuration_hash
 from bench.sweep import backends_here, host_of, source_hash
 from model.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
 from model.integrators import stability_limit
-from model.scene import Scene, load_scene
+from model.scene import Scene
 from model.simulation import PRECISIONS
 
 SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
 QUICK = ("lab", "velocity-verlet")
-DRAWN = ("lab", "velocity-verlet", "xpbd gauss-seidel")  # methods whose end states are drawn, besides all that failed
+DRAWN = (
+    "lab",
+    "velocity-verlet",
+    "xpbd gauss-seidel",
+    MATCHING,
+)  # methods whose end states are drawn, besides all that failed
 
 
 @dataclass(frozen=True)
@@ -52,11 +72,18 @@ class Outcome:
     time: float = 0.0
 
 
+OF_BODIES = ("gravity",)  # live, so that scenes of bodies without weight share kernels with the others
+LAWS = (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd)  # modules by which a case is judged
+BODY_LAWS = (
+    body_laws, body_scenes, clusters_by_hand, hard_bodies, hard_body_cases, hard_piles, hard_rotations, hard_trial, rotations,
+)  # fmt: skip
+
+
 def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
     """The scene of a case under a method, and what is to be said of its step size."""
-    base = load_scene(case.scene)
+    base = case.base()
     own = base.method.position_based  # then substeps and iterations are the scene's
-    solved = {"method.ordering": method.split()[-1]} if own else changes(method)
+    solved = {} if case.of_bodies else {"method.ordering": method.split()[-1]} if own else changes(method)
     scene = base.replace({**solved, **case.changes})
     limit, dt = stability_limit(scene), scene.method.dt
     if not case.own_step or dt <= limit or limit <= 0:
@@ -68,7 +95,8 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
 def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
     """Run one case and judge it. `how`: options of a Trial. Never raises but for Ctrl-C: a crash is a verdict, too."""
     scene, note = case_scene(case, method)
-    trial = Trial(scene, backend, precision, **how)
+    shared = {"live": OF_BODIES} if case.of_bodies else {}
+    trial = Trial(scene, backend, precision, **(shared | how))
 
     def outcome(verdict: str, diagnosis: str, checks: Sequence[Check] = ()) -> Outcome:
         known = case.known_failure(method, precision)
@@ -119,10 +147,10 @@ class _Work:
         return f"{self.case.name} {self.method} {self.precision} {self.backend}"
 
 
-def _digest() -> str:
-    """A hash of the laws: a case that judges otherwise is run anew."""
+def _digest(case: HardCase) -> str:
+    """A hash of the laws of its kind: a case that judges otherwise is run anew."""
     digest = hashlib.sha256()
-    for module in (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd):
+    for module in BODY_LAWS if case.of_bodies else LAWS:
         digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()[:16]
 
@@ -131,10 +159,9 @@ def _work(
     cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
     """All runs, those that share machine code one after another."""
-    laws, found = _digest(), []
+    laws, found = {case.of_bodies: _digest(case) for case in cases}, []
     for backend in backends:
-        host = host_of(backend)
-        sources = f"{source_hash(backend)}-{laws}"
+        host, sources = host_of(backend), source_hash(backend)
         for precision in precisions:
             for method in methods:
                 for case in cases:
@@ -143,7 +170,7 @@ def _work(
                     scene, _ = case_scene(case, method)
                     description = configuration(scene, backend=backend, precision=precision, **host)
                     entry = description | {"hard": case.name}
-                    found.append(_Work(case, method, backend, precision, entry, sources))
+                    found.append(_Work(case, method, backend, precision, entry, f"{sources}-{laws[case.of_bodies]}"))
     return found
 
 
@@ -169,7 +196,7 @@ def run_hard(
     """
     begin = time.perf_counter()
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
-    names = chosen(integrators or (QUICK if quick else None), METHODS, "--integrator", rows=True)
+    names = chosen(integrators or (QUICK if quick else None), (*METHODS, MATCHING), "--integrator", rows=True)
     accurate = chosen(precisions, list(PRECISIONS), "--precision")
     here, revision = backends_here(backends), source_revision()
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
@@ -220,9 +247,15 @@ def _keep(store: Store, run: str, work: _Work, outcome: Outcome, drawn: bool) ->
             value = None if np.isnan(check.value) else check.value
             add(f"{CHECK}{place:02d} {check.name}", value, check.unit, check.bound_text)
         if drawn:
-            grid = case_scene(work.case, work.method)[0].grid
-            add(SHAPE, None, "m", as_text(outcome.end, grid.rows, grid.columns))
+            scene, _ = case_scene(work.case, work.method)
+            add(SHAPE, None, "m", _shape(scene, outcome.end))
         add(VERDICT, CODES[outcome.verdict], "", outcome.diagnosis)
+
+
+def _shape(scene: Scene, end: Any) -> str:
+    if scene.bodies:
+        return bodies_as_text(end, scene.crowd.body)
+    return as_text(end, scene.grid.rows, scene.grid.columns)
 
 
 def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:

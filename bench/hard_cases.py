@@ -1,20 +1,17 @@
 """The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
 
-Those that concern the mass-spring grid and cloth are CASES, with a scene in the catalogue under `hard/` and a law of
-bench/hard_laws.py, hard_stiff.py or hard_cloth.py; the others, with what they wait for, are NOT_YET. docs/method.md names
-the rows.
+Those that concern the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law of
+bench/hard_laws.py, hard_stiff.py or hard_cloth.py; those of bodies are in bench/hard_body_cases.py. What waits for other
+solvers is NOT_YET. docs/method.md names the rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
-
+from bench.hard_body_cases import BODY_CASES
+from bench.hard_case import ANY, FORCES, POSITIONS, SEIDEL, HardCase
 from bench.hard_cloth import ball_inside, fast_ball
 from bench.hard_contacts import comes_to_rest_in_layers
 from bench.hard_laws import (
-    Law,
     beside_the_limit,
     coincident,
     comes_to_rest,
@@ -36,42 +33,8 @@ from bench.hard_laws import (
 )
 from bench.hard_stiff import stiff_chain_hangs, too_stiff
 from bench.hard_xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
-from bench.methods import XPBD
-from model.integrators import INTEGRATORS
 
-ANY = "any"
-FORCES = tuple(INTEGRATORS)
-SEIDEL = XPBD[:1]
-POSITIONS = XPBD[:2]  # averaged-jacobi is another material's
-
-
-@dataclass(frozen=True)
-class HardCase:
-    """`name`: row and variant; `scene`: catalogue name; `changes`: fields replaced in it; `law`: runs a Trial and returns
-    its checks, the telling one first. `expect`: the verdict that is right, `pass` or `refused`. `own_step`: an integrator
-    that the scene's dt is too large for runs at 0.9 of its limit instead; else it is refused. `known`: (method, precision),
-    either of them ANY -> why it fails there, which then is no bug. `methods`: those it is for, by name; a position-based
-    one has the iterations and substeps of `changes`, or of the scene."""
-
-    name: str
-    title: str
-    scene: str
-    law: Law
-    changes: Mapping[str, Any] = field(default_factory=dict)
-    expect: str = "pass"
-    own_step: bool = True
-    known: Mapping[tuple[str, str], str] = field(default_factory=dict)
-    methods: tuple[str, ...] = FORCES
-
-    @property
-    def row(self) -> str:
-        return self.name.split()[0]
-
-    def known_failure(self, method: str, precision: str) -> str | None:
-        """Why this case fails there by nature of the method; None where it must hold."""
-        keys = ((method, precision), (method, ANY), (ANY, precision))
-        return next((self.known[key] for key in keys if key in self.known), None)
-
+__all__ = ["CASES", "FORCES", "NOT_YET", "POSITIONS", "HardCase"]
 
 LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
 FAR_KNOWN = {("lab", ANY): LAB_FAR}
@@ -137,10 +100,10 @@ CASES = (
     HardCase("B24 pinned", "every mass pinned", "hard/b24", like_the_reference,
              {"grid.rows": 2, "grid.columns": 3, "grid.pinned": "edges"}, methods=FORCES + POSITIONS),
     HardCase("B24 empty", "no masses", "hard/b24", empty, expect="refused", methods=FORCES + POSITIONS),
+    *BODY_CASES,
 )  # fmt: skip
 
 NOT_YET = {
-    "B20": "bodies have no sheet to draw: tests/test_rotation.py, tests/test_bodies_solver.py",
     "B21": "needs tetrahedra",
     "B22": "needs tetrahedra",
 }

@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from bench.hard_cases import CASES, NOT_YET
-from bench.methods import METHODS, name_of
+from bench.methods import MATCHING, METHODS, name_of
 from bench.results import Measure
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
@@ -26,6 +26,9 @@ CODES = {"fail": 0.0, "pass": 1.0, "refused": 2.0, "known": 3.0}  # verdict -> i
 WORDS = {"pass": "pass", "fail": "FAIL", "refused": "refused", "known": "fails"}
 STYLES = {"pass": "green", "fail": "bold red", "refused": "cyan", "known": "yellow"}
 TITLES = {case.name: case.title for case in CASES}
+BASES = {case.name: case.basis for case in CASES}
+BODIES = {case.name for case in CASES if case.of_bodies}
+NAMES = (*METHODS, MATCHING)
 ORDER = {case.name: place for place, case in enumerate(CASES)}
 
 
@@ -50,9 +53,11 @@ class Told:
 
 @dataclass(frozen=True)
 class Shape:
-    """The end state, thinned for pictures: `position` [m], a list of rows of (x, y) or, in space, (x, y, z)."""
+    """The end state, thinned for pictures: `position` [m], a list of rows of (x, y) or, in space, (x, y, z); `of_bodies`: not
+    rows of a sheet but the particles of each body."""
 
     position: list[list[tuple[float, ...]]]
+    of_bodies: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,15 @@ class HardRow:
     @property
     def title(self) -> str:
         return TITLES.get(self.case, self.case)
+
+    @property
+    def basis(self) -> str:
+        """Where the telling check's bound comes from, in words; empty where the law alone says it."""
+        return BASES.get(self.case, "")
+
+    @property
+    def of_bodies(self) -> bool:
+        return self.case in BODIES
 
     def __str__(self) -> str:
         return f"{self.case}, {self.integrator}, {self.precision}, {self.backend}"
@@ -102,7 +116,7 @@ def rows_of(measures: Iterable[Measure]) -> list[HardRow]:
         if measure.description.get("hard") is not None and measure.name.startswith("hard_"):
             gathered.setdefault(measure.configuration, []).append(measure)
     rows = [_row(named) for named in gathered.values()]
-    names = list(METHODS)
+    names = list(NAMES)
     return sorted(
         (row for row in rows if row is not None),
         key=lambda r: (
@@ -123,6 +137,7 @@ def _row(found: list[Measure]) -> HardRow | None:
     told = [Told(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
             for m in sorted(named, key=lambda m: m.name) if m.name.startswith(CHECK)]  # fmt: skip
     shape = next((m.reason for m in named if m.name == SHAPE and m.reason), None)
+    bodies = kinds["method"].get("solver") == MATCHING
     return HardRow(
         case=description["hard"],
         integrator=name_of(kinds["method"]),
@@ -132,7 +147,7 @@ def _row(found: list[Measure]) -> HardRow | None:
         verdict=verdict,
         diagnosis=newest.reason or "",
         checks=tuple(told),
-        shape=Shape([[tuple(place) for place in line] for line in json.loads(shape)]) if shape else None,
+        shape=Shape([[tuple(place) for place in line] for line in json.loads(shape)], bodies) if shape else None,
     )
 
 
@@ -180,7 +195,7 @@ def cell(rows: Sequence[HardRow]) -> tuple[str, str]:
 
 def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, str, list[tuple[str, str]]]]]:
     """(integrators, lines) of the verdict table; a line: case, title, what is judged, and a `cell` per integrator."""
-    names = [name for name in METHODS if any(row.integrator == name for row in rows)]
+    names = [name for name in NAMES if any(row.integrator == name for row in rows)]
     lines = []
     for case in dict.fromkeys(row.case for row in rows):
         mine = [row for row in rows if row.case == case]
@@ -211,9 +226,7 @@ def _lead(rows: Sequence[HardRow]) -> str:
     return str(pick((r.checks[0] for r in judged), key=lambda check: check.value or 0.0))
 
 
-def print_hard(console: Console, summary: HardSummary) -> None:
-    """The verdict table, what failed and why, what differs between backends, and which rows wait for other solvers."""
-    rows = summary.rows
+def _print_table(console: Console, rows: Sequence[HardRow]) -> None:
     names, lines = table_of(rows)
     table = Table("case", "what", Column("measured, worst in float64 (bound)", max_width=44), *names, box=None)
     for case, title, lead, cells in lines:
@@ -221,6 +234,13 @@ def print_hard(console: Console, summary: HardSummary) -> None:
         table.add_row(case, title, escape(lead), *shown)
     if rows:
         console.print(table)
+
+
+def print_hard(console: Console, summary: HardSummary) -> None:
+    """The verdict table, what failed and why, what differs between backends, and which rows wait for other solvers."""
+    rows = summary.rows
+    for of_bodies in (False, True):
+        _print_table(console, [row for row in rows if row.of_bodies == of_bodies])
     for verdict, heading in (("known", "fails by its method"), ("refused", "refused")):
         told: dict[str, list[str]] = {}
         for row in rows:
@@ -251,6 +271,15 @@ def print_hard(console: Console, summary: HardSummary) -> None:
         console.print(f"no pictures: {summary.no_pictures}", markup=False, soft_wrap=True)
 
 
+def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
+    """Positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all, as `as_text` rounds."""
+    import numpy as np
+
+    stride = -(-len(position) // most)
+    near = _rounded(np.asarray(position, dtype=np.float64))
+    return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
+
+
 def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
     """Positions (particles, dimensions) as JSON, at most `most` rows and columns of them, to a thousandth of their extent."""
     import numpy as np
@@ -260,8 +289,14 @@ def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
     grid = flat.reshape(rows, columns, dimensions)
     kept = [np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) for count in (rows, columns)]
     grid = grid[np.ix_(*kept)]
-    extent = float(np.ptp(grid.reshape(-1, dimensions), axis=0).max())
+    return json.dumps(_rounded(grid).tolist(), separators=(",", ":"))
+
+
+def _rounded(position: Any) -> Any:
+    """Positions (..., dimensions) to a thousandth of their extent."""
+    import numpy as np
+
+    extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
     unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3
     digits = max(0, round(-float(np.log10(unit))))
-    near = np.round(grid, digits) if digits < 300 else grid
-    return json.dumps(near.tolist(), separators=(",", ":"))
+    return np.round(position, digits) if digits < 300 else position

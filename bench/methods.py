@@ -16,6 +16,7 @@ from model.scene import Scene
 XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
 WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges to that is not the scene's
 METHODS = (*INTEGRATORS, *XPBD)  # of every sheet
+MATCHING = "shape-matching"  # of bodies
 OF_CLOTHS = tuple(IMPLICIT)
 XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
 
@@ -59,15 +60,39 @@ def has_motion(scene: Scene) -> bool:
     return not (rigid or scene.attachments or scene.method.solver == "pbd" or scene.method.matches_shapes)
 
 
-def newton(scene: Scene) -> Scene:
-    """The same scene for the solver mass-spring: what references are made for. Raises SceneError (see `has_motion`), also
-    for loads, which that solver does not know."""
+def _why_unknown(scene: Scene) -> str | None:
+    """Why there is no converged reference of the scene's motion, and what to do; None where there is one."""
+    if scene.bodies:
+        return (
+            "no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
+            "that material against closed forms, softlab crowds times bodies, softlab run tells of this scene"
+        )
+    if scene.method.matches_shapes:
+        return (
+            "clusters have no converged reference: they are another material than springs; --set method.solver=mass-spring "
+            "asks about the springs, softlab bar tells how the two differ"
+        )
+    if scene.mesh:
+        return (
+            "a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; softlab "
+            "run tells of this scene, [cloth] is such a sheet"
+        )
+    if scene.self_collision:
+        return "a cloth that meets itself has no converged reference; leave out [self_collision], or see softlab run"
     if scene.loads or not has_motion(scene):
-        raise SceneError(
-            "method.solver", scene.method.solver, "has no converged reference where constraints do not give, masses differ "
-            "or are tethered, or the stiffness is pbd's or that of clusters; give springs a compliance and leave out loads "
-            "and attachments"
-        )  # fmt: skip
+        return (
+            "has no converged reference where constraints do not give, masses differ or are tethered, or the stiffness is "
+            "pbd's; give springs a compliance and leave out loads and attachments"
+        )
+    return None
+
+
+def newton(scene: Scene) -> Scene:
+    """The same scene for the solver mass-spring: what references are made for. Raises SceneError, with what to ask instead
+    (see `has_motion`): also for meshes, loads and cloths that meet themselves, which that solver does not know."""
+    why = _why_unknown(scene)
+    if why is not None:
+        raise SceneError("method.solver", scene.method.solver, why)
     return scene.replace({"method.solver": "mass-spring"}) if scene.method.position_based else scene
 
 

@@ -15,13 +15,16 @@ import numba
 import numpy as np
 from numba import prange
 
+from cpu_backend.bodies_bounce import make_bodies_bounce
 from cpu_backend.bodies_damping import at_damping, make_damping_stage
 from cpu_backend.bodies_kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.bodies_layout import layout_of
 from cpu_backend.bodies_links import make_link_stage
 from cpu_backend.bodies_loops import make_bodies_apart, make_bodies_stages, make_bodies_together, make_matching_stages
 from cpu_backend.bodies_material import ClusterArrays
+from cpu_backend.bodies_rebound import at_rebound, make_rebound_stages
 from cpu_backend.compile import Compiler
+from cpu_backend.lattice import Lattices, make_lattice_matching
 from cpu_backend.layout import aligned_zeros
 from cpu_backend.mass_spring import processor_name
 from cpu_backend.particle_contacts import ParticleContacts
@@ -30,6 +33,7 @@ from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import collider_numbers
 from model.cluster_tables import matching_factors, shaping
+from model.crowd import Crowd
 from model.errors import SceneError
 from model.plan import Executor
 from model.scene import Scene
@@ -69,6 +73,19 @@ def make_first_bad(real: Any) -> Any:
     return Compiler(f"bodies_{np.dtype(real).name}", "exact").kernel(first_bad)
 
 
+def _bounds(crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
+    """The first particle and the first loose cluster of each copy, and the ends of the last one."""
+    first_particle = np.array([*(copy.first_particle for copy in crowd.copies), crowd.particle_count])
+    firsts = np.array([*(copy.first_cluster for copy in crowd.copies), crowd.loose.count])
+    firsts = np.minimum(firsts, crowd.loose.count)  # those of lattices come last, ...
+    return first_particle, np.minimum.accumulate(firsts[::-1])[::-1]  # ... and none of theirs are loose
+
+
+def _quaternions(*planes: np.ndarray) -> np.ndarray:
+    """(clusters, 4) of flat arrays of four planes each."""
+    return np.ascontiguousarray(np.concatenate([one.reshape(QUATERNION, -1) for one in planes], axis=1).T)
+
+
 class Bodies(Simulation):
     """See model/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
@@ -79,13 +96,9 @@ class Bodies(Simulation):
         self.threads, self.device = thread_count(threads), processor_name()
         self.kernel, self.plan = choose_kernel(options.kernel), xpbd_plan(scene, options.live)
         self.record, real = self._record, self.real
-        self.clusters, crowd = scene.crowd.clusters, scene.crowd
-        copies = crowd.copies
-        bounds = (
-            np.array([*(copy.first_particle for copy in copies), crowd.particle_count]),
-            np.array([*(copy.first_cluster for copy in copies), self.clusters.count]),
-        )
-        self.layout = layout_of(self.clusters, bounds, real, self.threads)
+        crowd = scene.crowd
+        self.clusters = crowd.loose
+        self.layout = layout_of(self.clusters, _bounds(crowd), real, self.threads)
         count, clusters = self.layout.count, self.clusters.count
         self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
         self._weights = aligned_zeros(count, real)
@@ -104,6 +117,8 @@ class Bodies(Simulation):
         self._apart = not self.plan.parts & {"links", "contacts"} and self.layout.evenness(self._bands) <= UNEVEN
         links = crowd.links
         ends = self.layout.slots[links.ends].astype(np.int32)
+        self._lattices = Lattices(crowd, self.layout.slots, count, self._bands, real)
+        self._apart = self._apart and not crowd.lattices
         self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
         self._kept = [np.zeros_like(array) for array in self._state()]
         self._links = ends, np.zeros((links.count, 2), real), np.zeros(links.count, real), links.starts
@@ -119,6 +134,7 @@ class Bodies(Simulation):
     def _set_factors(self) -> None:
         method = self.scene.method
         self._material.change(method)
+        self._lattices.change(method)
         found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
         self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
         self._own_factors[:] = found[self.layout.of_own]
@@ -140,6 +156,7 @@ class Bodies(Simulation):
             make_bodies_together(*variant)(
                 self._bands, *times, self._even, self._odd, *middle, self._links, *own, *last,
                 self.contacts.arrays if self.contacts else (),
+                (self._lattices.arrays, self._lattices.frames) if self._lattices.copies else (),
             )  # fmt: skip
         if steps * method.substeps % 2:
             self._even, self._odd = self._odd, self._even
@@ -153,6 +170,8 @@ class Bodies(Simulation):
         ends, values, multipliers, starts = self._links
         contacts: Any = self.contacts
         settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
+        bounce_bodies = make_bodies_bounce(self.real, self.options.math, at_rebound(self.plan.parts))
+        whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
         project_links = make_link_stage(self.real, self.options.math)
         now = {
             "substep": -1,
@@ -167,21 +186,40 @@ class Bodies(Simulation):
 
         def move(step: int, offset: float) -> None:
             goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
+            if self._lattices.copies:
+                make_lattice_matching(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
 
         def collide(step: int, offset: float) -> None:
             number = step * substeps + now["substep"]
+            if "rigid-rebound" in self.plan.parts:
+                whole.note(bands, velocity, count, self._material.steps)
             stage.collide(
                 bands, number, before, position, velocity, self._weights, count, self.record, self.bodies, self.kinds
             )
 
+        def rebound(step: int, offset: float) -> None:
+            whole.rebound(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+
         def update(step: int, offset: float) -> None:
             if self.plan.parts & PACES:
                 settle(bands, count, before, position, contacts.record)
+            if "bouncing" in self.plan.parts:
+                contacts.old[:] = velocity
             stage.update(bands, before, position, velocity, self._weights, count, self.record)
 
         def damp(step: int, offset: float) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
             run(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+
+        def bounce(step: int, offset: float) -> None:
+            if "rigid-bounce" not in self.plan.parts:
+                contacts.bounce(position, velocity, self._weights)
+                return
+            record, _, _, _, searched, touching, old = contacts.arrays
+            bounce_bodies(
+                bands, position, old, velocity, self._weights, record, searched[3], touching, self._material.steps,
+                self._scratch, SCRATCH * LANES,
+            )  # fmt: skip
 
         def link(number: int) -> Callable[[int, float], None]:
             def run(step: int, offset: float) -> None:
@@ -195,13 +233,17 @@ class Bodies(Simulation):
             "gravity": lambda step, offset: stage.gravity(count, self.record, a),
             "poke": lambda step, offset: stage.poke(count, self._weights, self.record, self._poked, a),
             "predict": predict,
-            "match clusters": lambda step, offset: self._match(self._rotation, self._material.steps),
+            "match clusters": lambda step, offset: self._match(
+                self._rotation, self._lattices.rotation, self._material.steps
+            ),
             "move to goals": move,
             "update velocity": update,
             "damp clusters": damp,
             "collide": collide,
+            "rebound": rebound,
             "find neighbours": lambda step, offset: contacts.find(position, self._weights),
             "project contacts": lambda step, offset: contacts.project(before, position, self._weights),
+            "bounce": bounce,
         }
 
     @property
@@ -209,12 +251,23 @@ class Bodies(Simulation):
         """Neighbours of particles beyond the MOST_NEIGHBOURS of each, since the simulation was opened."""
         return self.contacts.lost if self.contacts else 0
 
-    def _match(self, turned: np.ndarray, arrays: tuple[Any, ...]) -> None:
-        """The clusters' rotations where particles are now, into `turned`, and with their centres into the frames."""
+    def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: tuple[Any, ...], look: bool = False) -> None:
+        """The clusters' rotations where particles are now, into `turned` and `of_lattices`, and with their centres into the
+        frames; those of lattices only in a `look`."""
         make_matching_stages(self.real, self.options.math, shaping(self.plan.parts)).match(
             self._bands, self._even, self.layout.count, arrays, self._rotation, turned, self._frames,
             self._scratch,
         )  # fmt: skip
+        if self._lattices.copies:
+            make_lattice_matching(self.real, self.options.math).match(
+                self._bands,
+                self._even,
+                self.layout.count,
+                self._lattices.arrays,
+                of_lattices,
+                self._lattices.frames,
+                look,
+            )
 
     # ------------------------------------------------------------------ the contract
 
@@ -223,7 +276,7 @@ class Bodies(Simulation):
         self._executor.run(self.step, steps)
 
     def _state(self) -> tuple[np.ndarray, ...]:
-        return self._even, self._velocity, self._rotation, self._material.plastic
+        return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic
 
     def _keep(self) -> None:
         for kept, array in zip(self._kept, self._state(), strict=True):
@@ -262,16 +315,16 @@ class Bodies(Simulation):
             array.reshape(AXES, -1)[:, self.layout.slots] = values.T
 
     def _download_rotation(self) -> np.ndarray:
-        return np.ascontiguousarray(self._rotation.reshape(QUATERNION, -1).T)
+        return _quaternions(self._rotation, self._lattices.rotation)
 
     def _upload_rotation(self, rotation: np.ndarray | None) -> None:
-        planes = self._rotation.reshape(QUATERNION, -1)
+        planes, others = (array.reshape(QUATERNION, -1) for array in (self._rotation, self._lattices.rotation))
         if rotation is not None:
-            planes[:] = rotation.T
+            planes[:], others[:] = rotation[: planes.shape[1]].T, rotation[planes.shape[1] :].T
             return
-        planes[:] = np.eye(QUATERNION, 1)
+        planes[:], others[:] = np.eye(QUATERNION, 1), np.eye(QUATERNION, 1)
         numba.set_num_threads(self.threads)
-        self._match(self._rotation, self._material.look)
+        self._match(self._rotation, self._lattices.rotation, self._material.look, True)
 
     def _download_plastic(self) -> np.ndarray | None:
         plastic = self._material.plastic
@@ -280,15 +333,18 @@ class Bodies(Simulation):
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
         self._material.plastic.reshape(-1, AXES, AXES)[:] = np.eye(AXES) if plastic is None else plastic
 
-    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+    def _look(self) -> np.ndarray:
+        """(clusters, 12): rotations, by rows, and centres of all clusters where particles are now."""
         numba.set_num_threads(self.threads)
-        self._match(self._turned, self._material.look)
-        turned = np.ascontiguousarray(self._turned.reshape(QUATERNION, -1).T)
-        return turned, np.ascontiguousarray(self._frames.reshape(-1, FRAME)[:, 9:])
+        self._match(self._turned, self._lattices.turned, self._material.look, True)
+        return np.concatenate([self._frames, self._lattices.frames]).reshape(-1, FRAME)
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        centre = self._look()[:, 9:].copy()
+        return _quaternions(self._turned, self._lattices.turned), centre
 
     def _read_deformation(self) -> np.ndarray:
-        self._read_clusters()
-        return self._frames.reshape(-1, FRAME)[:, :9].reshape(-1, AXES, AXES).copy()
+        return self._look()[:, :9].reshape(-1, AXES, AXES).copy()
 
     def synchronize(self) -> None:
         """Nothing to wait for: a call returns when its steps are done."""

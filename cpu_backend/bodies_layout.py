@@ -40,9 +40,8 @@ class Layout:
     def bands(self, threads: int) -> np.ndarray:
         """(threads + 1,): the first group of each thread, so that they have as much to do as groups allow."""
         ends = np.concatenate([[0], np.cumsum(self.work)])
-        return np.searchsorted(ends, ends[-1] * np.arange(threads + 1) / threads - 0.5 * self.work.mean()).astype(
-            np.int64
-        )
+        inner = np.searchsorted(ends, ends[-1] * np.arange(1, threads) / threads - 0.5 * self.work.mean())
+        return np.array([0, *inner, len(self.work)], np.int64)
 
     def evenness(self, threads: int) -> float:
         """What the busiest thread has to do, over its fair part."""

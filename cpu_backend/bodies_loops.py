@@ -12,12 +12,16 @@ from typing import Any
 import numpy as np
 from numba import prange
 
+from cpu_backend.bodies_bounce import make_bodies_bounce
 from cpu_backend.bodies_damping import at_damping, make_damping
 from cpu_backend.bodies_kernels import AXES, SCRATCH, make_matching, make_particles
 from cpu_backend.bodies_links import make_link_projection
+from cpu_backend.bodies_rebound import at_rebound, make_rebound
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.compile import Compiler
+from cpu_backend.lattice import make_lattice_matching
 from cpu_backend.layout import row_at
+from cpu_backend.particle_contacts_bounce import make_bounce
 from cpu_backend.particle_contacts_find import make_find
 from cpu_backend.particle_contacts_project import PACES, make_project, make_settle
 from model.cloth_parts import COLLIDER_KINDS
@@ -111,7 +115,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     sum_up, turn, move_lone = made.sum_up, made.turn, made.move_lone
-    has_bodies = bool(parts & set(COLLIDER_KINDS))
+    has_bodies, rebounds = bool(parts & set(COLLIDER_KINDS)), "rigid-rebound" in parts
+    whole = make_rebound(compiler, real, rebounds, at_rebound(parts))
+    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
 
     @compiler.compiled
     def pass_lone(
@@ -136,8 +142,14 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                     if has_damping:
                         gather(c, after, velocity, count, arrays, room)
                         slow(first, last, after, velocity, count, arrays)
+                    if rebounds:
+                        note(first, last, velocity, count, arrays)
                     if has_bodies:
                         collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+                    if rebounds:
+                        strike(first, last, velocity, count, arrays)
+                        answer(c, after, count, arrays, room)
+                        go(first, last, after, velocity, count, arrays)
 
     @compiler.compiled
     def pass_any(
@@ -155,8 +167,15 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
             for c in range(low, high):
                 gather(c, after, velocity, count, arrays, room)
             slow(first, last, after, velocity, count, arrays)
+        if rebounds:
+            note(first, last, velocity, count, arrays)
         if has_bodies:
             collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+        if rebounds:
+            strike(first, last, velocity, count, arrays)
+            for c in range(low, high):
+                answer(c, after, count, arrays, room)
+            go(first, last, after, velocity, count, arrays)
 
     def advance(
         bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
@@ -187,9 +206,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
-    rotation, frames, scratch, record, poked, bodies, kinds, contacts): as `make_bodies_apart`, for bodies too few or large to
+    rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices): as `make_bodies_apart`, for bodies too few or large to
     be shared out, or that meet: over clusters, then over particles, with the velocities of a substep and the predictions
-    of the next. `contacts`: ParticleContacts.arrays, or empty."""
+    of the next. `contacts`: ParticleContacts.arrays, or empty; `lattices`: (Lattices.arrays, frames), or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
     damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
@@ -200,11 +219,18 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_contacts, has_pace = "contacts" in parts, bool(parts & PACES)
     find, settle = make_find(real, math), make_settle(compiler, real, parts)
     take_out = make_project(real, math, "rubbing" in parts, "sticking" in parts)
-    at_once = not (has_contacts or has_damping)  # particles end with the last way to their goals
+    bounce, bounces = make_bounce(real, math), "bouncing" in parts
+    bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
+    rebounds = "rigid-rebound" in parts
+    whole = make_rebound(compiler, real, rebounds, at_rebound(parts))
+    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+    windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
+    match_windows, move_windows = windows.match, windows.move
+    at_once = not (has_contacts or has_damping or has_lattices)  # particles end with the last way to their goals
 
     def advance(
         bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors, rotation,
-        frames, scratch, record, poked, bodies, kinds, contacts,
+        frames, scratch, record, poked, bodies, kinds, contacts, lattices,
     ):  # fmt: skip
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
@@ -214,7 +240,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
             if has_contacts:
-                constants, reach, many, sweeps, searched, touching = contacts
+                constants, reach, many, sweeps, searched, touching, old = contacts
                 find(bands, after, weights, constants, reach, many, *searched)
             for iteration in range(iterations):
                 if has_links:
@@ -229,9 +255,12 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     stop = clusters * (band + 1) // bands
                     for c in range(clusters * band // bands, stop, LANES):
                         match(c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, room)
+                if has_lattices:
+                    match_windows(bands, after, count, lattices[0], lattices[0][6], lattices[1], False)
                 for band in prange(bands):
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                    move(first, last, after, count, own, own_factors, frames)
+                    if own_factors.size > 0:
+                        move(first, last, after, count, own, own_factors, frames)
                     if at_once and iteration == iterations - 1:
                         rate(first, last, count, before, after, velocity, weights, record)
                         if has_bodies:
@@ -239,6 +268,8 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                             collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
                         if n < passes - 1:
                             begin(first, last, count, after, before, velocity, weights, record, poked)
+                if has_lattices:
+                    move_windows(bands, after, count, lattices[0])
                 if has_contacts:
                     take_out(bands, sweeps, before, after, weights, constants, searched[3], touching)
             if not at_once:
@@ -246,7 +277,18 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     if has_pace:
                         settle(first, last, count, before, after, constants)
+                    if bounces:
+                        for axis in range(AXES):
+                            for k in range(axis * count + first, axis * count + last):
+                                old[k] = velocity[k]
                     rate(first, last, count, before, after, velocity, weights, record)
+                if has_rigid:
+                    bounce_bodies(
+                        bands, after, old, velocity, weights, constants, searched[3], touching, arrays, scratch,
+                        SCRATCH * LANES,
+                    )  # fmt: skip
+                elif bounces:
+                    bounce(bands, after, old, velocity, weights, constants, searched[3], touching)
                 if has_damping:
                     for band in prange(bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -256,10 +298,24 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     if has_damping:
                         slow(first, last, after, velocity, count, arrays)
+                    if rebounds:
+                        note(first, last, velocity, count, arrays)
                     if has_bodies:
                         number = step * substeps + n
                         collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
-                    if n < passes - 1:
+                    if rebounds:
+                        strike(first, last, velocity, count, arrays)
+                    if n < passes - 1 and not rebounds:
                         begin(first, last, count, after, before, velocity, weights, record, poked)
+                if rebounds:
+                    for band in prange(bands):
+                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                            answer(c, after, count, arrays, room)
+                    for band in prange(bands):
+                        first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                        go(first, last, after, velocity, count, arrays)
+                        if n < passes - 1:
+                            begin(first, last, count, after, before, velocity, weights, record, poked)
 
     return compiler.kernel(advance)

@@ -13,6 +13,7 @@ from model.clusters import Clusters
 from model.formulas.deformation import SHAPE
 from model.formulas.pace import MOTION
 from model.parts import Method
+from model.rigid_rebound import rebound_limits, whole_clusters
 
 
 class ClusterArrays:
@@ -32,6 +33,13 @@ class ClusterArrays:
         if "cluster_damping" in parts:
             damping = (*layout.own[:2], self._slowing, np.zeros(MOTION * clusters.count, real))
             steps, look = (*steps, *damping), (*look, *damping)
+        if parts & {"rigid-rebound", "rigid-bounce"}:
+            whole = whole_clusters(clusters)
+            factors = whole[clusters.owner][layout.of_own].astype(real)
+            limits, struck = rebound_limits(clusters).astype(real), np.zeros(3 * layout.count, real)
+            scales = np.ones(layout.count, real)
+            rebounds = (*layout.own[:2], factors, np.zeros(MOTION * clusters.count, real), limits, struck, scales)
+            steps, look = (*steps, *rebounds), (*look, *rebounds)
         self.steps, self.look = steps, look
 
     def change(self, method: Method) -> None:
@@ -40,4 +48,4 @@ class ClusterArrays:
         if len(self._shapes):
             self._shapes[:] = shape_table(self._clusters, h, method.iterations).reshape(-1)
         if len(self._slowing):
-            self._slowing[:] = damping_factors(self._clusters, h)[self._of_own]
+            self._slowing[:] = damping_factors(self._clusters, h, "rigid-rebound" in self._parts)[self._of_own]

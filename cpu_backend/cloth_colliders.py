@@ -32,9 +32,9 @@ from model.cloth_record import (
     C_GRAVITY,
     COLLIDER_FIELDS,
 )  # fmt: skip
-from model.formulas import cloth, colliders, triangle_tree
+from model.formulas import cloth, colliders, distance_field, triangle_tree
 
-PLANE, SPHERE, CAPSULE, BOX, MESH = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
+PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
 
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
@@ -49,7 +49,6 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
     moved, between, pushed = sums.moved, sums.between, sums.pushed
     has_friction, bounces = "friction" in parts, "restitution" in parts
-    meet_mesh = triangle_tree.make(real, compiled, bounces).touch
     zero, one = real(0), real(1)
 
     @compiled
@@ -115,23 +114,29 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
         return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
 
-    @compiled
-    def touch_mesh(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
-        """Swept, see model/formulas/triangle_tree.py."""
-        static, dynamic, restitution = zero, zero, zero
-        if has_friction:
-            static, dynamic = body[B_STATIC], body[B_DYNAMIC]
-        if bounces:
-            restitution = body[B_RESTITUTION]
-        return meet_mesh(
-            body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z], body[B_VX],
-            body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin, end, ax, ay, az,
-            px, py, pz, vx, vy, vz, restitution, slow,
-        )  # fmt: skip
+    def of_surface(topic: Any) -> Any:
+        """Swept, in the collider's own frame: see model/formulas/frame.py."""
+        meet = topic.make(real, compiled, bounces).touch
+
+        @compiled
+        def touch_surface(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+            static, dynamic, restitution = zero, zero, zero
+            if has_friction:
+                static, dynamic = body[B_STATIC], body[B_DYNAMIC]
+            if bounces:
+                restitution = body[B_RESTITUTION]
+            return meet(
+                body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z],
+                body[B_VX], body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin,
+                end, ax, ay, az, px, py, pz, vx, vy, vz, restitution, slow,
+            )  # fmt: skip
+
+        return touch_surface
 
     return SimpleNamespace(
-        plane=touch_plane, sphere=touch_sphere, capsule=touch_capsule, box=touch_box, mesh_collider=touch_mesh
-    )
+        plane=touch_plane, sphere=touch_sphere, capsule=touch_capsule, box=touch_box,
+        mesh_collider=of_surface(triangle_tree), distance_field=of_surface(distance_field),
+    )  # fmt: skip
 
 
 def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -154,8 +159,8 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
     all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
     touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
-    mesh = touches.mesh_collider
-    has_plane, has_sphere, has_capsule, has_box, has_mesh = (kind in parts for kind in COLLIDER_KINDS)
+    mesh, field = touches.mesh_collider, touches.distance_field
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
     def collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz):
@@ -172,6 +177,8 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
                 px, py, pz, vx, vy, vz = box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
             if has_mesh and kinds[b] == MESH:
                 px, py, pz, vx, vy, vz = mesh(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_field and kinds[b] == FIELD:
+                px, py, pz, vx, vy, vz = field(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
         return px, py, pz, vx, vy, vz
 
     return collide_mass
@@ -201,8 +208,8 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         touch_row.__name__ = f"{kind}_touch_row"
         return compiler.row(touch_row)
 
-    plane_row, sphere_row, capsule_row, box_row, mesh_row = (make_loop(kind) for kind in COLLIDER_KINDS)
-    has_plane, has_sphere, has_capsule, has_box, has_mesh = (kind in parts for kind in COLLIDER_KINDS)
+    plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = (make_loop(kind) for kind in COLLIDER_KINDS)
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
     def collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane):
@@ -223,5 +230,7 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
                 box_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
             if has_mesh and kinds[b] == MESH:
                 mesh_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_field and kinds[b] == FIELD:
+                field_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
 
     return collide_row

@@ -22,15 +22,11 @@ from cpu_backend.matching_rows import (
     GOALS,
     LINE,
     SUMS,
-    T_CENTRE,
-    T_COUNT,
-    T_INVERSE,
-    T_MASS,
-    T_SHARE,
     make_matching_rows,
 )
 from model.cloth_record import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
 from model.formulas import distance, random, shape_matching
+from model.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 from model.xpbd_record import X_INVERSE_SUBSTEP, X_KEEP, X_MATCHING, X_MATCHING_REST
 
 AXES = 2

@@ -14,13 +14,12 @@ from typing import Any
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
 from model.formulas import shape_matching
+from model.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 
 LINE = 4  # sums along a row of masses
 SUMS = 6  # of a window
 CLUSTER = 4  # centre (x, y), cosine, sine
 GOALS = 6  # sums along a row of clusters
-TABLES = 5  # rows of a table: model/matching.py's Axis
-T_SHARE, T_INVERSE, T_CENTRE, T_MASS, T_COUNT = range(TABLES)
 
 
 def make_matching_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:

@@ -1,5 +1,5 @@
-"""Contacts between particles of bodies on CPU threads: the stages "find neighbours" and "project contacts", and what they
-keep. See model/particle_contact.py; particles are in the places of cpu_backend/bodies_layout.py."""
+"""Contacts between particles of bodies on CPU threads: the stages "find neighbours", "project contacts" and "bounce", and
+what they keep. See model/particle_contact.py; particles are in the places of cpu_backend/bodies_layout.py."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.layout import aligned_zeros
+from cpu_backend.particle_contacts_bounce import make_bounce
 from cpu_backend.particle_contacts_find import AXES, BOX, PLACES, ROOM, make_find
 from cpu_backend.particle_contacts_project import make_project
 from model.formulas.cluster import LANES
@@ -27,7 +28,8 @@ class ParticleContacts:
     """The contacts of a substep. `slots` (particles,): where each particle lies in planes of `count`; `bands`: threads.
 
     `find` makes the lists of neighbours from predicted positions, `project` sweeps over contacts among them; both take
-    positions as three planes, flat, and `weights` (count,), inverse masses of any unit: what weighs 0 meets nobody.
+    positions as three planes, flat, and `weights` (count,), inverse masses of any unit: what weighs 0 meets nobody. `old`:
+    room for the velocities with which the substep began, where particles bounce; `bounce` takes those that it ended with.
     `arrays` is what kernels take; `lost`: neighbours beyond the MOST_NEIGHBOURS of a particle, since it was made.
     """
 
@@ -50,9 +52,11 @@ class ParticleContacts:
         many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
         self._found = who, many, entries, pairs, begins, active, self._lost
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
+        self.old = aligned_zeros(AXES * count if "bouncing" in parts else 0, real)
         self._search = (body, kind, rest), tables, in_order, self._found
         self._find = make_find(real, math)
         self._project = make_project(real, math, "rubbing" in parts, "sticking" in parts)
+        self._bounce = make_bounce(real, math)
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
@@ -66,8 +70,8 @@ class ParticleContacts:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """What a kernel takes: (record, reach, kinds, sweeps, what the search takes, what the projection does)."""
-        return self.record, self.reach, self.kinds, self.sweeps, self._search, self._contacts
+        """What a kernel takes: (record, reach, kinds, sweeps, what the search takes, what the projection does, old)."""
+        return self.record, self.reach, self.kinds, self.sweeps, self._search, self._contacts, self.old
 
     def find(self, position: np.ndarray, weights: np.ndarray) -> None:
         self._find(self.bands, position, weights, self.record, self.reach, self.kinds, *self._search)
@@ -76,6 +80,9 @@ class ParticleContacts:
         self._project(
             self.bands, self.sweeps, before, position, weights, self.record, self._found, self._contacts
         )  # fmt: skip
+
+    def bounce(self, position: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> None:
+        self._bounce(self.bands, position, self.old, velocity, weights, self.record, self._found, self._contacts)
 
     def neighbours(self) -> dict[int, list[int]]:
         """Of each particle's place that has any, the places of its neighbours in their order."""

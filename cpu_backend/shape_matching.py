@@ -15,12 +15,12 @@ from cpu_backend.compile import Compiler
 from cpu_backend.layout import Layout, aligned_zeros, block_of, plain
 from cpu_backend.mass_spring import processor_name
 from cpu_backend.matching import STATES, make_matching_advance, make_matching_stages, scratch_rows
-from cpu_backend.matching_rows import CLUSTER, TABLES
+from cpu_backend.matching_rows import CLUSTER
 from cpu_backend.simulation import CpuSimulation
 from cpu_backend.threads import thread_count
 from cpu_backend.xpbd import choose_kernel
 from cpu_backend.xpbd_stages import make_point_stages
-from model.matching import matching_axis
+from model.lattice import TABLE, matching_axis
 from model.plan import Executor
 from model.scene import Scene
 from model.simulation import Options
@@ -101,7 +101,7 @@ class ShapeMatching(CpuSimulation):
         self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
         self._room = scratch_rows(region) * layout.stride
         self._scratch = aligned_zeros(self._bands * self._room, self.real)
-        wide = np.zeros((TABLES, layout.stride), self.real)
+        wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]
         self._wide_table = wide.reshape(-1)
         weights = np.zeros((rows, layout.stride), self.real)

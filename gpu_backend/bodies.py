@@ -17,10 +17,12 @@ from numba import cuda
 from gpu_backend.bodies_kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.bodies_links import make_link_projection
 from gpu_backend.bodies_material import ClusterMaterial
+from gpu_backend.bodies_rebound import Rebounds
 from gpu_backend.bodies_stages import bind_bodies_stages
 from gpu_backend.cloth_kernels import make_cloth_tools
 from gpu_backend.cloth_point import COLLIDER_COUNTS, INTEGERS, knows_time
 from gpu_backend.device import memory_info, require_gpu, simulated
+from gpu_backend.lattice import Lattices, lattice_bytes
 from gpu_backend.launch import Graphs, can_capture, new_stream
 from gpu_backend.particle_contacts import ParticleContacts, particle_contact_bytes
 from gpu_backend.particle_contacts_project import make_contact_ends
@@ -53,7 +55,7 @@ class Bodies(QuadSimulation):
         self.device = require_gpu()
         super().__init__(scene, options)
         self.plan, self.kernel, self.threads = xpbd_plan(scene, options.live), choose_kernel(options.kernel), THREADS
-        self.clusters, self.particle_count = scene.crowd.clusters, len(self.body.position)
+        self.clusters, self.particle_count = scene.crowd.loose, len(self.body.position)
         self._require_space()
         self.stream = new_stream()
         self._flat = self._over(self.particle_count)
@@ -68,7 +70,7 @@ class Bodies(QuadSimulation):
     def _require_space(self) -> None:
         item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
         needed = item * (8 * SIZE * self.particle_count + 2 * SIZE * entries + (MOMENTS + 7 * SIZE) * clusters)
-        needed += 4 * (2 * entries + self.particle_count + 2 * clusters)
+        needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.crowd, item)
         if self.scene.contact:
             needed += particle_contact_bytes(self.scene, item)
         if not simulated():
@@ -78,7 +80,8 @@ class Bodies(QuadSimulation):
     # ------------------------------------------------------------------ arrays
 
     def _on_device(self, array: np.ndarray) -> Any:
-        return cuda.to_device(np.ascontiguousarray(array).reshape(-1), stream=self.stream)
+        flat = np.ascontiguousarray(array).reshape(-1)
+        return cuda.to_device(flat if flat.size else np.zeros(SIZE, array.dtype), stream=self.stream)
 
     def _zeros(self, count: int) -> Any:
         return self._on_device(np.zeros(count, self.real))
@@ -121,6 +124,11 @@ class Bodies(QuadSimulation):
         variant = real, self.options.math
         self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
         self._material.change(scene.method)
+        self._rebounds: Rebounds | None = None
+        if "rigid-rebound" in self.plan.parts:
+            self._rebounds = Rebounds(clusters, self.particle_count, self._kernel_parts(), *variant, self.stream)
+        self._lattices = Lattices(scene.crowd, *variant, self.stream)
+        self._lattices.change(scene.method)
         links = self.scene.crowd.links
         if links.count:
             self._link_ends, self._link_values = self._on_device(links.ends.T), self._on_device(self._of_links())
@@ -161,14 +169,18 @@ class Bodies(QuadSimulation):
             self._advance_steps(0, 1)
             if self.contacts:
                 self.contacts.forget()
-            self._cluster_kernels.move[self._flat](self.position[0], *self._gathered)
+            self._move(self.position[0])
             cuda.synchronize()
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     def _match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames. A `look` at
-        the state makes nothing creep."""
+        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames; of lattices
+        into the state's own, in a `look` into others. A `look` at the state makes nothing creep."""
+        if self._lattices.copies:
+            self._lattices.match(position, self._lattices.turned if look else self._lattices.rotation, look)
+        if not self.clusters.count:
+            return
         blocks = max(1, -(-self.clusters.count // TOGETHER))
         self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
         arrays = position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
@@ -176,6 +188,11 @@ class Bodies(QuadSimulation):
             self._material.turn(self._over(self.clusters.count), look, *arrays)
         else:
             self._cluster_kernels.turn[self._over(self.clusters.count)](*arrays)
+
+    def _move(self, position: Any) -> None:
+        """Particles towards the goals of their loose clusters."""
+        if self.clusters.count:
+            self._cluster_kernels.move[self._flat](position, *self._gathered)
 
     def _link(self, position: Any, number: int, fresh: bool) -> None:
         """The links of a colour; `fresh`: the first time in a substep."""
@@ -199,27 +216,47 @@ class Bodies(QuadSimulation):
             self.contacts.find(now)
         for iteration in range(self.scene.method.iterations):
             if iteration and not self.contacts:
-                self._cluster_kernels.move[self._flat](now, *self._gathered)
+                self._move(now)
             for number in range(self.scene.crowd.links.colours):
                 self._link(now, number, iteration == 0)
             self._match(now, self.rotation)
+            self._lattices.move(now)
             if self.contacts:
-                self._cluster_kernels.move[self._flat](now, *self._gathered)
+                self._move(now)
                 self.contacts.project(before, now)
         last = self.record, self.bodies, self.integers, *time
         if self._material.damped:
-            self._damp(before, now, new_velocity)
+            self._damp(before, now, velocity, new_velocity)
             slowing = self._material.slowing(self._gathered)
+            if self._rebounds:
+                self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *slowing, *last)
+                self._rebound(now, new_velocity)
+                return
             self._material.ends.finish[self._flat](before, now, new_velocity, *slowing, *last)
+        elif self.contacts and self.contacts.bounces:
+            self._part(before, now, velocity, new_velocity)
+            self._contact_ends.collide[self._flat](before, now, new_velocity, *last)
         elif self.contacts:
             self._contact_ends.finish[self._flat](before, now, new_velocity, self.contacts.record, *last)
         else:
             self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
 
-    def _damp(self, before: Any, now: Any, velocity: Any) -> None:
+    def _rebound(self, position: Any, velocity: Any) -> None:
+        """Rigid bodies as a whole, of what colliders gave to their particles."""
+        assert self._rebounds is not None
+        self._rebounds.run(position, velocity, self._entries, self._leans, self._gathered)
+
+    def _part(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+        """Velocities of a substep that began with `old` ones, and whose particles have left their contacts."""
+        assert self.contacts is not None
+        self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
+        if self.contacts.bounces:
+            self.contacts.bounce(now, old, velocity)
+
+    def _damp(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
         """Velocities of a substep whose last goals are known, and the clusters' rigid motions of them."""
         if self.contacts:
-            self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
+            self._part(before, now, old, velocity)
         else:
             self._material.ends.rate[self._flat](before, now, velocity, *self._gathered, self.record)
         self._material.gather(now, velocity, self._entries, self._leans)
@@ -235,7 +272,11 @@ class Bodies(QuadSimulation):
         """Of a step."""
         method, contacts = self.scene.method, self.contacts
         iteration = 3 + self.scene.crowd.links.colours + (contacts.projecting if contacts else 0)
+        iteration += self._lattices.launches
         ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
+        if contacts and contacts.bounces:
+            ends += contacts.bouncing + (not self._material.damped)
+        ends += self._rebounds.launches if self._rebounds else 0
         return method.substeps * (ends + iteration * method.iterations)
 
     # ------------------------------------------------------------------ the contract
@@ -248,11 +289,13 @@ class Bodies(QuadSimulation):
     def _keep(self) -> None:
         super()._keep()
         self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
+        self._lattices.keep()
         self._material.keep()
 
     def _restore(self) -> None:
         super()._restore()
         self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
+        self._lattices.restore()
         self._material.restore()
 
     def _parameters_changed(self) -> None:
@@ -260,6 +303,7 @@ class Bodies(QuadSimulation):
             self._link_values.copy_to_device(self._of_links().reshape(-1), stream=self.stream)
         self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
         self._material.change(self.scene.method)
+        self._lattices.change(self.scene.method)
         if self.contacts:
             self.contacts.change(self.scene)
         super()._parameters_changed()
@@ -267,15 +311,25 @@ class Bodies(QuadSimulation):
     def _weights_changed(self) -> None:
         self._weight = (self.body.inverse_mass * self.scene.crowd.mass).astype(self.real)
 
+    def _of_all(self, loose: Any, of_lattices: Any, rows: int = 1) -> np.ndarray:
+        """(clusters, rows * 4): arrays of quads, those of loose clusters first."""
+        arrays = [loose] * bool(self.clusters.count) + [of_lattices] * bool(self._lattices.copies)
+        return np.concatenate([self._quads(array).reshape(-1, rows * SIZE) for array in arrays])
+
     def _download_rotation(self) -> np.ndarray:
-        return self._quads(self.rotation)
+        return self._of_all(self.rotation, self._lattices.rotation)
 
     def _upload_rotation(self, rotation: np.ndarray | None) -> None:
-        start = np.zeros((self.clusters.count, SIZE), self.real)
+        count = self.clusters.count
+        start = np.zeros((count + self._lattices.clusters, SIZE), self.real)
         start[:, 0] = 1
-        self.rotation.copy_to_device((start if rotation is None else rotation).reshape(-1), stream=self.stream)
+        quads = start if rotation is None else rotation
+        for array, values in ((self.rotation, quads[:count]), (self._lattices.rotation, quads[count:])):
+            if len(values):
+                array.copy_to_device(np.ascontiguousarray(values).reshape(-1), stream=self.stream)
         if rotation is None:
             self._match(self.position[self._current], self.rotation, look=True)
+            self._lattices.settle()
         self.synchronize()
 
     def _download_plastic(self) -> np.ndarray | None:
@@ -285,10 +339,14 @@ class Bodies(QuadSimulation):
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
         self._material.upload(plastic)
 
-    def _read_deformation(self) -> np.ndarray:
+    def _look(self) -> np.ndarray:
+        """(clusters, 3, 4): the rows of rotations, and centres, where particles are now."""
         self._match(self.position[self._current], self.turned, look=True)
-        return np.ascontiguousarray(self._quads(self._frames).reshape(-1, ROWS, SIZE)[:, :, :AXES])
+        return self._of_all(self._frames, self._lattices.frames, ROWS).reshape(-1, ROWS, SIZE)
+
+    def _read_deformation(self) -> np.ndarray:
+        return np.ascontiguousarray(self._look()[:, :, :AXES])
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        self._match(self.position[self._current], self.turned, look=True)
-        return self._quads(self.turned), self._quads(self._frames).reshape(-1, ROWS, SIZE)[:, :, 3].copy()
+        centre = self._look()[:, :, AXES].copy()
+        return self._of_all(self.turned, self._lattices.turned), centre

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.cloth_point import BOXES, CAPSULES, COLLIDERS, MESHES, PLANES, SPHERES
+from gpu_backend.cloth_point import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
 from gpu_backend.formulas import device_formulas
 from gpu_backend.strips import inlined
 from model.cloth_record import (
@@ -32,7 +32,7 @@ from model.cloth_record import (
     C_GRAVITY,
     COLLIDER_FIELDS,
 )  # fmt: skip
-from model.formulas import cloth, colliders, triangle_tree
+from model.formulas import cloth, colliders, distance_field, triangle_tree
 
 
 @cache
@@ -40,17 +40,16 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
 
     `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
-    model/cloth_record.py one after the other, then trees; how many of each kind says `integers`.
+    model/cloth_record.py one after the other, then trees and fields; how many of each kind says `integers`.
     """
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
     settling_speed, bounces = formulas.settling_speed, "restitution" in parts
     instant, moved, between, pushed = sums.instant, sums.moved, sums.between, sums.pushed
-    meet_triangles = device_formulas(triangle_tree.make, real, math, bounces=bounces).touch
     inline = inlined(math)
     has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
-    has_boxes, has_meshes = "box" in parts, "mesh_collider" in parts
+    has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
     has_friction, has_colliders = "friction" in parts, bool(parts & COLLIDERS)
     zero, one, next_one = real(0), real(1), np.int64(1)
 
@@ -120,19 +119,27 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
         surface = box(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
         return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
-    @inline
-    def meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
-        static, dynamic, restitution = zero, zero, zero
-        if has_friction:
-            static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
-        if bounces:
-            restitution = bodies[at + B_RESTITUTION]
-        return meet_triangles(
-            bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
-            bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ],
-            bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], begin, end,
-            before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
-        )  # fmt: skip
+    def of_surface(topic: Any) -> Any:
+        """In the collider's own frame: see model/formulas/frame.py."""
+        meet = device_formulas(topic.make, real, math, bounces=bounces).touch
+
+        @inline
+        def meet_surface(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+            static, dynamic, restitution = zero, zero, zero
+            if has_friction:
+                static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
+            if bounces:
+                restitution = bodies[at + B_RESTITUTION]
+            return meet(
+                bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
+                bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY],
+                bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN],
+                bodies[at + B_TURNS], begin, end, before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
+            )  # fmt: skip
+
+        return meet_surface
+
+    meet_mesh, meet_field = of_surface(triangle_tree), of_surface(distance_field)
 
     @inline
     def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
@@ -160,6 +167,11 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                 begin = instant(step, record[C_DT])
                 for _ in range(np.int32(integers[MESHES])):
                     px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_fields:
+                begin = instant(step, record[C_DT])
+                for _ in range(np.int32(integers[FIELDS])):
+                    px, py, pz, vx, vy, vz = meet_field(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)
         return px, py, pz, vx, vy, vz
 

@@ -40,9 +40,11 @@ from model.cloth_record import (
 from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
 
 # Numbers of the integer record, all uint64:
-INTEGERS = 8
-EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES = range(INTEGERS)  # POKED: 1 + it, 0 for none
-COLLIDER_COUNTS = tuple(zip((PLANES, SPHERES, CAPSULES, BOXES, MESHES), COLLIDER_KINDS, strict=True))  # place, kind
+INTEGERS = 9
+# POKED: 1 + it, 0 for none
+EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(INTEGERS)
+COUNTS = (PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS)
+COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # place, kind
 COLLIDERS = frozenset(COLLIDER_KINDS)
 
 

@@ -19,7 +19,7 @@ from gpu_backend.quads import SIZE, load_quad, store_quad
 from gpu_backend.strips import inlined
 from gpu_backend.xpbd_kernels import make_place
 from model.formulas import shape_matching
-from model.matching import matching_axis
+from model.lattice import matching_axis
 from model.scene import Scene
 from model.xpbd_record import X_MATCHING, X_MATCHING_REST
 

@@ -1,4 +1,4 @@
-"""Contacts between particles of bodies on CUDA: two stages that the solver launches, and what they keep. Launches alone, so
+"""Contacts between particles of bodies on CUDA: three stages that the solver launches, and what they keep. Launches alone, so
 that they can be captured in a graph; in `exact` math to the bits of cpu_backend/particle_contacts.py."""
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.particle_contacts_bounce import make_bounce
 from gpu_backend.particle_contacts_find import LEAST_TABLE, make_find
 from gpu_backend.particle_contacts_project import make_project
 from gpu_backend.quads import SIZE
@@ -44,8 +45,8 @@ def particle_contact_bytes(scene: Scene, item: int) -> int:
 
 class ParticleContacts:
     """The neighbours of each particle: `found` (particles,) int32, how many; `neighbours` (MOST_NEIGHBOURS * particles,), the
-    s-th of particle i in place s * particles + i. `before`, `position`: quads of particles and their weights, on the
-    device."""
+    s-th of particle i in place s * particles + i; `bounces`: whether they do. `before`, `position`: quads of particles and
+    their weights, on the device."""
 
     def __init__(self, scene: Scene, real: Any, math: str, stream: Any):
         part, crowd = scene.contact, scene.crowd
@@ -70,6 +71,7 @@ class ParticleContacts:
         self._lost = self._new(np.zeros(1, np.int64))
         self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
         self._find = make_find(real, own, many)
+        self.bounces, self._bounce = "bouncing" in parts, make_bounce(real, math, own, many)
         self._project = make_project(real, math, "rubbing" in parts, "sticking" in parts, own, many)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -92,6 +94,11 @@ class ParticleContacts:
     def projecting(self) -> int:
         """Launches of `project`."""
         return 2 * self._sweeps
+
+    @property
+    def bouncing(self) -> int:
+        """Launches of `bounce`."""
+        return 2
 
     @property
     def lost(self) -> int:
@@ -126,3 +133,9 @@ class ParticleContacts:
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments)
+
+    def bounce(self, position: Any, old: Any, velocity: Any) -> None:
+        """Of those that touch at `position`: with `old` velocities the substep began, with `velocity` it ends."""
+        arguments = position, old, velocity, self.found, self.neighbours, self.record, *self._pairs, self._touching
+        self._bounce.count[self._flat](*arguments)
+        self._bounce.bounce[self._flat](*arguments)

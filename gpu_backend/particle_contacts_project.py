@@ -120,11 +120,12 @@ def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool,
 def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Of a substep whose particles have come to their places: `finish(before, position, velocity, contact_record, record,
     bodies, integers, counter, place, substeps, substep)`: velocities, colliders; `update_velocity(before, position, velocity,
-    contact_record, record)`: velocities alone. No particle goes farther than it may, or less than it must."""
+    contact_record, record)`: velocities alone; `collide(before, position, velocity, record, bodies, integers, counter, place,
+    substeps, substep)`: colliders alone. No particle goes farther than it may, or less than it must."""
     motion, clock = make_motion(real, math, parts, AXES), make_clock(math, parts)
     formulas = device_formulas(particle_contact.make, real, math)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
-    settle, rate_of, zero = motion.settle, motion.rate_of, real(0)
+    settle, rate_of, touch, zero = motion.settle, motion.rate_of, motion.collide, real(0)
     limited, sleeping = "speed-limit" in parts, "sleeping" in parts
 
     @inlined(math)
@@ -164,7 +165,15 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
             store_quad(position, k, p[0], p[1], p[2], b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
+    def collide(before, position, velocity, record, bodies, integers, counter, place, substeps, substep):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            _, number = clock(counter, place, substeps, substep)
+            b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+            px, py, pz, vx, vy, vz = touch(b, p, v[0], v[1], v[2], record, bodies, integers, number)
+            store_quad(position, k, px, py, pz, b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
     name, options = f"contact_ends_{variant_name(real, math, parts)}", kernel_options(math)
-    return SimpleNamespace(
-        finish=make_kernel(finish, name, **options), update_velocity=make_kernel(update_velocity, name, **options)
-    )
+    found = (finish, update_velocity, collide)
+    return SimpleNamespace(**{function.__name__: make_kernel(function, name, **options) for function in found})

@@ -29,6 +29,7 @@ from labbook import (
     costs_claims,
     crowd_claims,
     findings_claims,
+    hard_body_claims,
     hard_claims,
     kernel_claims,
     stability_claims,
@@ -63,7 +64,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
         stability_claims, hard_claims, ablation_claims, cloth_claims, crowd_claims,
-        body_claims,
+        body_claims, hard_body_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip
@@ -124,6 +125,7 @@ def book_data(results: Results) -> dict[str, Any]:
             "errors": error_tables(results),
             "edges": edge_tables(results),
             "hard": hard_claims.hard_tables(results),
+            "hard-bodies": hard_body_claims.body_tables(results),
             "hard-waiting": hard_claims.waiting_tables(results),
             "fastest": fastest_tables(results),
             "pareto": pareto_tables(results),

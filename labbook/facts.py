@@ -22,10 +22,10 @@ from bench.sweep import FULL, QUICK
 from bench.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
 from cpu_backend.threads import MULTIPLES
 from labbook.words import percent, seconds
+from model.divergence import DIVERGED_SIZE
 from model.integrators import INTEGRATORS, stability_limit
 from model.plan import mass_spring_plan
 from model.scene import load_scene
-from model.simulation import DIVERGED_SIZE
 
 ROOT = Path(__file__).resolve().parent.parent
 

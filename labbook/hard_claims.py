@@ -23,13 +23,17 @@ def found_rows(results: Results) -> list[HardRow]:
     return hard_rows(results)[0]
 
 
-def _told(row: HardRow, name: str) -> float | None:
+def told(row: HardRow, name: str) -> float | None:
     return next((check.value for check in row.checks if check.name == name), None)
 
 
 def verdicts(results: Results) -> Claim:
     """How many runs came to which verdict."""
-    rows = found_rows(results)
+    return count_verdicts(found_rows(results))
+
+
+def count_verdicts(rows: Sequence[HardRow]) -> Claim:
+    """How many of these runs came to which verdict."""
     if not rows:
         return Claim(NOT_RUN)
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
@@ -49,7 +53,11 @@ def verdicts(results: Results) -> Claim:
 
 def backends(results: Results) -> Claim:
     """Whether both backends come to the same verdicts."""
-    rows = found_rows(results)
+    return compare_backends(found_rows(results))
+
+
+def compare_backends(rows: Sequence[HardRow]) -> Claim:
+    """Whether both backends come to the same verdicts in these runs."""
     if not rows:
         return Claim("The verdicts of the two backends were not compared.")
     names = sorted({row.backend for row in rows})
@@ -75,14 +83,16 @@ def backends(results: Results) -> Claim:
 
 def known(results: Results) -> Claim:
     """What fails by the nature of its method, and why."""
-    told: dict[str, list[str]] = {}
+    reasons: dict[str, list[str]] = {}
     for row in found_rows(results):
         if row.verdict == "known":
-            told.setdefault(row.diagnosis, []).append(f"{row.integrator} in {row.case.split()[0]}")
-    if not told:
+            reasons.setdefault(row.diagnosis, []).append(f"{row.integrator} in {row.case.split()[0]}")
+    if not reasons:
         return Claim("No run failed by the nature of its method.")
-    parts = [f"{words.listed(list(dict.fromkeys(where)))}: {reason}" for reason, where in told.items()]
-    return Claim(f"Failures that the method itself implies: {'; '.join(parts)}.", {"reasons": float(len(told))}, True)
+    parts = [f"{words.listed(list(dict.fromkeys(where)))}: {reason}" for reason, where in reasons.items()]
+    return Claim(
+        f"Failures that the method itself implies: {'; '.join(parts)}.", {"reasons": float(len(reasons))}, True
+    )
 
 
 def far(results: Results) -> Claim:
@@ -91,7 +101,7 @@ def far(results: Results) -> Claim:
     name = "distance from the run at the origin"
     parts, numbers = [], {}
     for integrator in ("velocity-verlet", "lab"):
-        values = [v for r in rows if r.integrator == integrator and (v := _told(r, name)) is not None]
+        values = [v for r in rows if r.integrator == integrator and (v := told(r, name)) is not None]
         if values:
             numbers[integrator] = max(values)
             parts.append(f"{number(max(values), 2)} units in the last place with {integrator}")
@@ -108,7 +118,7 @@ def far(results: Results) -> Claim:
 def collapsed(results: Results) -> Claim:
     """B5: where a grid collapsed to a point ends."""
     rows = [r for r in found_rows(results) if r.case == "B5 point" and r.precision == "float64"]
-    away = [v for r in rows if (v := _told(r, "distance from the hanging grid")) is not None]
+    away = [v for r in rows if (v := told(r, "distance from the hanging grid")) is not None]
     if not away:
         return Claim("A grid collapsed to a point was not run.")
     home = sum(value < HOME for value in away)
@@ -124,7 +134,7 @@ def denormal(results: Results) -> Claim:
     rows = [r for r in found_rows(results) if r.case == "B15"]
     ratios: dict[str, float] = {}
     for row in rows:
-        value = _told(row, "time over that of ordinary numbers")
+        value = told(row, "time over that of ordinary numbers")
         if value is not None:
             ratios[row.backend] = max(value, ratios.get(row.backend, 0.0))
     if not ratios:
@@ -146,15 +156,16 @@ def hard_tables(results: Results) -> list[dict[str, Any]]:
     names, lines = table_of(found)
     rows = [[case, title, lead, in_words(names, cells)] for case, title, lead, cells in lines]
     head = ["Case", "What", "Measured, worst in float64 (bound)", "Verdict"]
-    return [_table(f"Hard cases. {provenance(sources)}", head, rows)]
+    return [table(f"Hard cases. {provenance(sources)}", head, rows)]
 
 
 def waiting_tables(_: Results) -> list[dict[str, Any]]:
     """The rows that no solver here can run yet."""
-    return [_table("Rows that wait for other solvers", ["Row", "Why"], [[*item] for item in NOT_YET.items()])]
+    return [table("Rows that wait for other solvers", ["Row", "Why"], [[*item] for item in NOT_YET.items()])]
 
 
-def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:
+def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """A table of words as the template prints it."""
     return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": len(head)}
 
 

@@ -18,16 +18,18 @@ from model.clusters import Clusters
 from model.digest import source_digest
 from model.errors import InputError, SoftlabError
 from model.kept import cache_folder, read_arrays, write_arrays
+from model.lattice import Lattice
 from model.shapes import Shape
 from model.skin import INFLUENCES, Skin
 from model.soft_body import MATERIAL, BakedBody, Meshes, Report, RigidBody
 
-VERSION = 1  # of the files: what is in them, and how
+VERSION = 2  # of the files: what is in them, and how
 SOURCES = (
     *(
         "baked",
         "clustering",
         "clusters",
+        "lattice",
         "material",
         "mesh",
         "mesh_edges",
@@ -37,7 +39,7 @@ SOURCES = (
         "sampling",
         "shapes",
     ),
-    *("skin", "soft_body", "soft_sheet", "solid", "strokes", "surface_nets", "voxels"),
+    *("skin", "soft_body", "soft_lattice", "soft_sheet", "solid", "strokes", "surface_nets", "voxels"),
 )
 
 Source = Shape | str | Path | Meshes
@@ -126,6 +128,7 @@ def _packed(body: BakedBody, key: str) -> dict[str, Any]:
         "rest_length": body.rest_length,
         "link_stiffness": np.float64(body.link_stiffness),
         "spacing": np.float64(body.spacing),
+        "lattice": np.array([*body.lattice.counts, body.lattice.region] if body.lattice else [], np.int64),
         **{f"skin_{field.name}": getattr(skin, field.name) for field in fields(Skin)},
     }
 
@@ -151,7 +154,11 @@ def _unpacked(held: dict[str, np.ndarray], key: str) -> BakedBody | None:
             and len(skin.rest_centre) == clusters.count
         )
         links, length = held["links"], held["rest_length"]
+        windows = [int(number) for number in held["lattice"]]
         stiffness, spacing = float(held["link_stiffness"]), float(held["spacing"])
-    except (KeyError, TypeError, ValueError, SoftlabError):
+        lattice = Lattice((windows[0], windows[1], windows[2]), windows[3], spacing) if windows else None
+        whole = whole and (lattice is None or lattice.size == report.particles)
+    except (KeyError, IndexError, TypeError, ValueError, SoftlabError):
         return None
-    return BakedBody(position, mass, clusters, links, length, stiffness, skin, spacing, report) if whole else None
+    body = BakedBody(position, mass, clusters, links, length, stiffness, skin, spacing, report, lattice)
+    return body if whole else None

@@ -13,6 +13,7 @@ from model.cloth_parts import ZERO, Number, Vector
 from model.parts import Count, NotNegative, Part, Positive
 from model.shapes import Shape
 from model.soft_body import MATERIAL, BakedBody, RigidBody, SoftBody
+from model.soft_lattice import NOT_OF_LATTICES, SoftLattice
 from model.soft_sheet import NOT_OF_SHEETS, SoftSheet
 from model.topology import mesh_path
 
@@ -84,7 +85,7 @@ class Placed(Part):
         """The body, from the user's cache where it was made before. Raises SceneError, InputError."""
         if not isinstance(self, RigidBody):
             raise TypeError("a placed body is a soft or a rigid one")
-        made_of = next(kind for kind in (SoftSheet, SoftBody, RigidBody) if isinstance(self, kind))
+        made_of = next(kind for kind in (SoftSheet, SoftLattice, SoftBody, RigidBody) if isinstance(self, kind))
         given = {name: getattr(self, name) for name in made_of.model_fields if name in self.model_fields_set}
         parameters = made_of(**given)
         source = self.shape if self.shape is not None else mesh_path(self.file or "")
@@ -114,6 +115,8 @@ class Placed(Part):
         idle.add("density" if fields.get("mass") is not None else "mass")
         if isinstance(self, SoftSheet):
             idle |= set(NOT_OF_SHEETS)
+        if isinstance(self, SoftLattice):
+            idle |= set(NOT_OF_LATTICES)
         idle |= {name for name in MATERIAL if not fields.get(name)}  # as scenes were written before there was any
         return {name: value for name, value in fields.items() if name not in idle and value is not None}
 
@@ -124,6 +127,10 @@ class SoftBodyPart(Placed, SoftBody):
 
 class SoftSheetPart(Placed, SoftSheet):
     """A sheet of cloth, see model/soft_sheet.py, and its copies."""
+
+
+class SoftLatticePart(Placed, SoftLattice):
+    """A box filled with a regular lattice, see model/soft_lattice.py, and its copies."""
 
 
 class RigidBodyPart(Placed, RigidBody):
@@ -143,5 +150,6 @@ BODY_CONTRADICTIONS = {
 BODY_KINDS: dict[str, type[Part]] = {
     "soft_body": SoftBodyPart,
     "soft_sheet": SoftSheetPart,
+    "soft_lattice": SoftLatticePart,
     "rigid_body": RigidBodyPart,
 }

@@ -161,5 +161,6 @@ CLOTH_KINDS: dict[str, type[Part]] = {
     "motion": Motion,
     "fold": Fold,
 }
-COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", "mesh_collider")
+SURFACE_KINDS = ("mesh_collider", "distance_field")  # colliders made from a mesh
+COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", *SURFACE_KINDS)
 SPRING_KINDS = ("structural", "shear", "bending")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from model.build import Body
+from model.cloth_parts import SURFACE_KINDS
 from model.errors import SceneError
 from model.formulas import motion
 from model.integrators import damping_rate
@@ -18,6 +19,7 @@ from model.motion import motions_of_pins
 from model.record import PARAMETERS as GRID_PARAMETERS
 from model.record import rounded_record
 from model.scene import Scene
+from model.surface_collider import naming
 
 CLOTH_PARAMETERS = (
     *GRID_PARAMETERS[:5],  # dt [s] and what follows from it
@@ -110,7 +112,7 @@ COLLIDER_FIELDS = 17
     B_DYNAMIC,
     B_SPIN,  # of a mesh, rad/s
     B_TURNS,  # 1/s
-    B_TREE,  # where its tree begins, counted from its row
+    B_TREE,  # where its tree or its field begins, counted from its row
     B_RESTITUTION,
 ) = range(COLLIDER_FIELDS)
 
@@ -193,7 +195,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
             row[B_U : B_W + 1] = np.subtract(part["end"], part["start"])
         elif kind == "box":
             row[B_U : B_W + 1] = part["half_size"]
-        elif kind == "mesh_collider":
+        elif kind in SURFACE_KINDS:
             speed = hypot(*part["spin"])
             row[B_U : B_W + 1] = np.array(part["spin"]) / (speed or 1.0)
             row[B_SPIN], row[B_TURNS] = speed, speed / (2 * pi)
@@ -206,19 +208,22 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
 
 
 def collider_numbers(scene: Scene, real: type) -> np.ndarray:
-    """`collider_rows` and after them the trees of meshes, flat. Raises SceneError (a tree that the arithmetic cannot number),
-    InputError (a file that is no mesh)."""
+    """`collider_rows` and after them the numbers of those made from meshes, flat. Raises SceneError (more than the arithmetic
+    can count, or a field that cannot be sampled), InputError (a file that is no mesh)."""
     rows = collider_rows(scene, real)
     end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # whole numbers up to there
     parts: Any = scene.parts
-    meshes = {name: parts[name] for name, kind in scene.kinds.items() if kind == "mesh_collider"}
-    for number, (name, mesh) in enumerate(meshes.items(), len(rows) - len(meshes)):
-        rows[number, B_TREE] = end - number * COLLIDER_FIELDS
-        end += mesh.tree_size
-        if end + MOTION_FIELDS * len(scene.motions) > most:
-            allowed = f"{np.dtype(real).name} counts to {most}, and a triangle takes 25 numbers: decimate it"
-            raise SceneError(f"{name}.{'file' if mesh.file else 'shape'}", f"{len(mesh.triangles)} triangles", allowed)
-    return np.concatenate([rows.reshape(-1), *(mesh.tree(real) for mesh in meshes.values())])
+    names = [name for own in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == own]
+    found = []
+    for row, name in enumerate(names, len(rows) - len(names)):
+        rows[row, B_TREE] = end - row * COLLIDER_FIELDS
+        with naming(name):
+            end += parts[name].number_count
+            if end + MOTION_FIELDS * len(scene.motions) > most:
+                field, value, remedy = parts[name].too_many()
+                raise SceneError(field, value, f"{np.dtype(real).name} counts to {most}, and {remedy}")
+            found.append(parts[name].numbers(real))
+    return np.concatenate([rows.reshape(-1), *found])
 
 
 def motion_rows(scene: Scene, real: type) -> np.ndarray:

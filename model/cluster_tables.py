@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.clusters import Clusters, matching_share
+from model.clusters import Clusters, binned, matching_share
 from model.errors import InputError
 from model.formulas.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+from model.rigid_rebound import whole_clusters
 
 UNIT = 1e-3  # a quaternion's length may be off by: what float32 leaves, and what a text file with three digits does
 
@@ -43,10 +44,12 @@ def shape_table(clusters: Clusters, substep: float, iterations: int) -> np.ndarr
     return table
 
 
-def damping_factors(clusters: Clusters, substep: float) -> np.ndarray:
+def damping_factors(clusters: Clusters, substep: float, rebounds: bool = False) -> np.ndarray:
     """(entries,) float64: how far an entry moves its particle's velocity towards its cluster's rigid motion in a substep
-    [s]: its share of the particle times 1 - exp(-d h)."""
+    [s]: its share of the particle times 1 - exp(-d h); where a scene `rebounds`, all of it of clusters that do as a whole."""
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
+    if rebounds:
+        rate = np.where(whole_clusters(clusters), np.inf, rate)
     factors: np.ndarray = clusters.shares * -np.expm1(-rate * substep)[clusters.owner]
     return factors
 
@@ -63,8 +66,8 @@ def leans(clusters: Clusters, real: type) -> np.ndarray:
     """(clusters, 4) in the arithmetic `real`: the centre [m] of the rest offsets, and one over the mass [1/kg], both of the
     masses and offsets that are rounded to it; 0 of a cluster without mass."""
     m, rest, owner, count = clusters.masses.astype(real).astype(float), clusters.rest, clusters.owner, clusters.count
-    sums = [np.bincount(owner, m * axis.astype(real), count) for axis in rest.T]
-    mass = np.bincount(owner, m, count)
+    sums = [binned(owner, m * axis.astype(real), count) for axis in rest.T]
+    mass = binned(owner, m, count)
     inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)
     return np.stack([*(one * inverse for one in sums), inverse], axis=1).astype(real)
 

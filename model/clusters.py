@@ -61,7 +61,7 @@ class Clusters:
     @cached_property
     def shares(self) -> np.ndarray:
         """(entries,) float64: the part of its particle that each entry has; of a particle with clusters they add up to 1."""
-        total = np.bincount(self.indices, self.coefficients, len(self.mass))[self.indices]
+        total = binned(self.indices, self.coefficients, len(self.mass))[self.indices]
         return np.divide(self.coefficients, total, out=np.zeros_like(total), where=total > 0)
 
     @cached_property
@@ -72,12 +72,12 @@ class Clusters:
     @cached_property
     def cluster_mass(self) -> np.ndarray:
         """(clusters,) float64 [kg]."""
-        return np.bincount(self.owner, self.masses, self.count)
+        return binned(self.owner, self.masses, self.count)
 
     @cached_property
     def rest_centre(self) -> np.ndarray:
         """(clusters, dimensions) float64 [m]: weighted by mass; 0 where a cluster has none."""
-        sums = [np.bincount(self.owner, self.masses * axis[self.indices], self.count) for axis in self.position.T]
+        sums = [binned(self.owner, self.masses * axis[self.indices], self.count) for axis in self.position.T]
         heavy = self.cluster_mass > 0
         return np.stack(
             [np.divide(one, self.cluster_mass, out=np.zeros(self.count), where=heavy) for one in sums], axis=1
@@ -180,6 +180,11 @@ class Clusters:
     def orphans(self) -> np.ndarray:
         """Particles that no cluster holds: (n,) int64."""
         return np.flatnonzero(np.bincount(self.indices, self.coefficients, len(self.mass)) == 0)
+
+
+def binned(places: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
+    """(count,) float64: the sums of weights by place, also where there are none."""
+    return np.bincount(places, weights, count).astype(np.float64)
 
 
 def stiffness_of_coefficient(coefficient: float, step: float) -> float:

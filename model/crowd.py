@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from model.body_parts import Placed
 from model.clusters import Clusters
 from model.errors import InputError, SceneError
+from model.lattice import LatticeCopies
 from model.links import LinkedCopies, Links, make_links
 from model.material import joined
 from model.soft_body import BakedBody
@@ -40,8 +42,8 @@ class Crowd:
     """The particles of all copies, one after the other, in the order of the file.
 
     `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
-    is of; `clusters`, whose rest positions are those at the start; `links`; `copies`. To the rest of the lab it is a row of
-    masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
+    is of; `clusters`, whose rest positions are those at the start, with those of `lattices` last; `links`; `copies`. To the
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
     """
 
     position: np.ndarray
@@ -52,6 +54,7 @@ class Crowd:
     copies: tuple[Copy, ...]
     spacing: float
     mass: float
+    lattices: tuple[LatticeCopies, ...] = ()
     rows: int = 1
     pinned: str = "none"
     spring_count: int = 0
@@ -63,6 +66,18 @@ class Crowd:
     @property
     def particle_count(self) -> int:
         return len(self.position)
+
+    @cached_property
+    def loose(self) -> Clusters:
+        """The clusters that are no windows of a lattice, the first ones of all."""
+        if not self.lattices:
+            return self.clusters
+        whole, count = self.clusters, min(lattice.first_cluster for lattice in self.lattices)
+        last = whole.offsets[count]
+        return replace(
+            whole, offsets=whole.offsets[: count + 1], indices=whole.indices[:last], coefficients=whole.coefficients[:last],
+            stiffness=whole.stiffness[:count], material=whole.material and whole.material.first(count),
+        )  # fmt: skip
 
     @property
     def waiting(self) -> np.ndarray:
@@ -89,14 +104,18 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         raise SceneError("copies", total, f"at most {MOST_PARTICLES} particles (32-bit indices)")
     copies: list[Copy] = []
     positions, velocities, bodies, masses = _lists(4)
-    stiffness, coefficients, indices, sizes = _lists(4)
-    particle = cluster = 0
+    lattices = []
+    particle = 0
+    first_clusters = _first_clusters(parts)
     for name, part in parts.items():
-        made, turn = part.baked, part.turn()
+        made, turn, cluster = part.baked, part.turn(), first_clusters[name]
         here = made.position @ turn.T
         centre = (made.mass[:, None] * here).sum(axis=0) / made.mass.sum()
         moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
         places = part.places()
+        if made.lattice and is_summed(made):
+            stiffness = float(made.clusters.stiffness[0])
+            lattices.append(LatticeCopies(made.lattice, particle, cluster, part.count + part.spare, stiffness, turn))
         for number, place in enumerate([*places, *places[:1].repeat(part.spare, axis=0)]):
             waits = number >= part.count
             copies.append(Copy(name, made, len(copies), particle, cluster, waits))
@@ -104,20 +123,18 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
             velocities.append(0 * moving if waits else moving)
             bodies.append(np.full(len(here), len(bodies), np.int32))
             masses.append(made.mass)
-            indices.append(made.clusters.indices + particle)
-            stiffness.append(made.clusters.stiffness)
-            coefficients.append(made.clusters.coefficients)
-            sizes.append(np.diff(made.clusters.offsets))
             particle, cluster = particle + len(here), cluster + made.clusters.count
     position, mass = np.concatenate(positions), np.concatenate(masses)
+    in_order = sorted(copies, key=lambda copy: copy.first_cluster)
+    made_of = [copy.baked.clusters for copy in in_order]
     clusters = Clusters(
-        np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int32),
-        np.concatenate(indices).astype(np.int32),
-        np.concatenate(coefficients),
-        np.concatenate(stiffness),
+        np.concatenate([[0], np.cumsum(np.concatenate([np.diff(one.offsets) for one in made_of]))]).astype(np.int32),
+        np.concatenate([copy.baked.clusters.indices + copy.first_particle for copy in in_order]).astype(np.int32),
+        np.concatenate([one.coefficients for one in made_of]),
+        np.concatenate([one.stiffness for one in made_of]),
         mass,
         position,
-        joined([copy.baked.clusters.material for copy in copies], [copy.baked.clusters.count for copy in copies]),
+        joined([one.material for one in made_of], [one.count for one in made_of]),
     )
     spacing = float(np.mean([copy.baked.spacing for copy in copies]))
     return Crowd(
@@ -129,7 +146,24 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         tuple(copies),
         spacing,
         float(mass.mean()),
+        tuple(lattices),
     )
+
+
+def is_summed(body: BakedBody) -> bool:
+    """Whether a body's clusters are windows that do nothing beside turning, which passes along the axes sum up."""
+    return body.lattice is not None and not body.clusters.parts
+
+
+def _first_clusters(parts: Mapping[str, Placed]) -> dict[str, int]:
+    """The first cluster of each part: those of lattices come last."""
+    found, cluster = {}, 0
+    for summed in (False, True):
+        for name, part in parts.items():
+            if is_summed(part.baked) == summed:
+                found[name] = cluster
+                cluster += (part.count + part.spare) * part.baked.clusters.count
+    return found
 
 
 def _linked(copies: list[Copy]) -> list[LinkedCopies]:

@@ -69,7 +69,8 @@ def spring_strain(
 def lattice_energy(scene: Scene, position: np.ndarray) -> float:
     """[J]: of the clusters of a grid that is solved by shape matching, the `Clusters.energy` of model/matching.py's
     `lattice_clusters`, window by window and without their indices, which are many."""
-    from model.matching import matching_axis, matching_stiffness  # which asks here for masses
+    from model.lattice import matching_axis
+    from model.matching import matching_stiffness  # which asks here for masses
 
     grid, n = scene.grid, scene.method.region
     down, across = matching_axis(grid.rows, n), matching_axis(grid.columns, n)

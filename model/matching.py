@@ -1,50 +1,13 @@
-"""Shape matching of a lattice: a cluster around every mass, and the tables that are the same along rows and columns.
-
-The window of a mass holds those at most `region` rows and columns away that exist. All coefficients are 1, so that a mass has
-an equal share in each of the windows it is in: 1 over their number, which is the size of its own.
-"""
+"""Shape matching of a grid: a cluster around every mass, of those at most `region` rows and columns away that exist; see
+model/lattice.py for the tables of its rows and columns."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from model.clusters import Clusters
 from model.energy import masses
 from model.scene import Scene
-
-
-@dataclass(frozen=True)
-class Axis:
-    """Of the rows (or columns) of a lattice, float64: `share` of a mass in each of its windows, 1 over their number along
-    this axis; `inverse_mass` 1 over the `mass`, the sum of shares in the window; `centre` [spacings]: where the window's
-    centre of mass lies, from its middle; `count` of the window's members."""
-
-    share: np.ndarray
-    inverse_mass: np.ndarray
-    centre: np.ndarray
-    mass: np.ndarray
-    count: np.ndarray
-
-    def table(self, real: type) -> np.ndarray:
-        """(5, n) in the arithmetic `real`, in this order: what kernels get."""
-        return np.stack([self.share, self.inverse_mass, self.centre, self.mass, self.count]).astype(real)
-
-
-def matching_axis(count: int, region: int) -> Axis:
-    """The tables of an axis of `count` masses.
-
-    >>> matching_axis(3, 1).centre.round(3).tolist()
-    [0.4, 0.0, -0.4]
-    """
-    place = np.arange(count)
-    first, last = np.maximum(place - region, 0), np.minimum(place + region, count - 1)
-    share = 1 / (last - first + 1)
-    sums = np.concatenate([[0.0], np.cumsum(share)])
-    turns = np.concatenate([[0.0], np.cumsum(share * place)])
-    mass = sums[last + 1] - sums[first]
-    return Axis(share, 1 / mass, (turns[last + 1] - turns[first]) / mass - place, mass, last - first + 1.0)
 
 
 def matching_stiffness(scene: Scene) -> float:

@@ -45,6 +45,11 @@ class Material:
         found = {"linear": self.linear, "plastic": self.creep, "cluster_damping": self.damping}
         return frozenset(name for name, values in found.items() if (values > 0).any())
 
+    def first(self, count: int) -> Material | None:
+        """Of the first `count` clusters; None where they only turn."""
+        found = Material(**{field.name: getattr(self, field.name)[:count] for field in fields(Material)})
+        return found if found.parts else None
+
 
 def even(count: int, **values: float) -> Material:
     """Of `count` clusters that are all alike; 0 what is not given."""

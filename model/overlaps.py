@@ -9,15 +9,17 @@ import numpy as np
 
 from model.build import build
 from model.cloth_record import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
-from model.formulas import colliders, triangle_tree
-from model.mesh_collider import MeshCollider
+from model.formulas import colliders, distance_field, triangle_tree
 from model.scene import Scene
+from model.surface_collider import SurfaceCollider
 
 
-def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, tree: np.ndarray | None) -> float:
-    """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]. `tree`: of a mesh."""
-    if tree is not None:
-        return sqrt(triangle_tree.make(float).nearest(tree, 0, *d.tolist(), inf)[0])
+def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, numbers: np.ndarray | None) -> float:
+    """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]. `numbers`: of a tree or a field."""
+    if kind == "mesh_collider":
+        return sqrt(triangle_tree.make(float).nearest(numbers, 0, *d.tolist(), inf)[0])
+    if kind == "distance_field":
+        return float(distance_field.make(float).sample(numbers, 0, *d.tolist())[0])
     own: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
     if kind in ("sphere", "capsule"):
         own.append(float(row[B_RADIUS]))
@@ -34,8 +36,8 @@ def overlap_lines(scene: Scene) -> list[str]:
         return []
     formulas, lines = colliders.make(float), []
     for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
-        tree = collider.tree(float) if isinstance(collider, MeshCollider) else None
-        away = (_distance(formulas, kind, p - row[B_X : B_Z + 1], row, tree) for p in pinned)
+        numbers = collider.numbers(float) if isinstance(collider, SurfaceCollider) else None
+        away = (_distance(formulas, kind, p - row[B_X : B_Z + 1], row, numbers) for p in pinned)
         inside = sum(distance < row[B_THICKNESS] for distance in away)
         if inside:
             lines.append(

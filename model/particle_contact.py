@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from model.errors import SceneError
 from model.parts import Count, NotNegative, Part, Positive
@@ -24,12 +24,14 @@ class Contact(Part):
     What begins a substep nearer is moved apart at `separation_speed` at most: particles are, bodies follow as on a spring and
     part at up to twice that. What is left of an impact's overlap is taken for one that was there: below the speed of impacts,
     bodies get caught in each other. A particle never moves faster than `maximum_speed`, if given: what comes by more than an
-    eighth of the distance in a substep may pass.
+    eighth of the distance in a substep may pass. Who comes faster than gravity adds in two substeps parts with `restitution`
+    of that.
     """
 
     static_friction: NotNegative = 0.4
     dynamic_friction: NotNegative = 0.3
     separation_speed: Positive = 3.0  # m/s
+    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
     adhesion_reach: NotNegative = 0.25  # of the distance, beyond it: how far adhesion pulls
     sweeps: Count = 1
     maximum_speed: Positive | None = None  # m/s
@@ -40,6 +42,11 @@ class Contact(Part):
         if self.dynamic_friction > self.static_friction:
             raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """As scenes were written before there was restitution: what is measured of them is kept under that."""
+        return {name: value for name, value in serialize(self).items() if name != "restitution" or value}
 
 
 def check_contact(scene: Scene) -> None:

@@ -19,8 +19,12 @@ CONTACT_PARAMETERS = (
     "dynamic_friction",
     "fastest",  # m: what a particle may go in a substep
     "asleep",  # m: what goes less in a substep stays
+    "restitution",
+    "settling",  # m/s: who comes no faster does not bounce
 )
-H_INVERSE_CELL, H_PUSH, H_STATIC, H_DYNAMIC, H_FASTEST, H_ASLEEP = range(len(CONTACT_PARAMETERS))
+(
+    H_INVERSE_CELL, H_PUSH, H_STATIC, H_DYNAMIC, H_FASTEST, H_ASLEEP, H_RESTITUTION, H_SETTLING,
+) = range(len(CONTACT_PARAMETERS))  # fmt: skip
 # After them a row for each pair of kinds of bodies, kind i's with kind j in place i * kinds + j:
 PAIRS = len(CONTACT_PARAMETERS)  # where the first one begins
 PAIR_FIELDS = 6
@@ -65,12 +69,16 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
         "dynamic_friction": part.dynamic_friction,
         "fastest": (part.maximum_speed or 0.0) * h,
         "asleep": part.sleeping_speed * h,
+        "restitution": part.restitution,
+        "settling": 2 * scene.gravity.acceleration * h if scene.gravity and scene.gravity.enabled else 0.0,
     }
     assert tuple(values) == CONTACT_PARAMETERS
     fields = {
         "push": "contact.separation_speed",
         "fastest": "contact.maximum_speed",
         "asleep": "contact.sleeping_speed",
+        "restitution": "contact.restitution",
+        "settling": "gravity.acceleration",
     }
     return np.concatenate([rounded_record(scene, values, fields, real), rows.reshape(-1).astype(real)])
 
@@ -83,7 +91,8 @@ def kinds_of_particles(scene: Scene) -> np.ndarray:
 
 
 def contact_parts(scene: Scene) -> frozenset[str]:
-    """What of contacts needs code: `contacts`; `rubbing`, friction; `sticking`, adhesion; `speed-limit`; `sleeping`."""
+    """What of contacts needs code: `contacts`; `rubbing`, friction; `sticking`, adhesion; `speed-limit`; `sleeping`;
+    `bouncing`, restitution."""
     part = scene.contact
     if part is None:
         return frozenset()
@@ -96,4 +105,6 @@ def contact_parts(scene: Scene) -> frozenset[str]:
         found.add("speed-limit")
     if part.sleeping_speed > 0:
         found.add("sleeping")
+    if part.restitution > 0:
+        found.add("bouncing")
     return frozenset(found)

@@ -6,22 +6,30 @@ A part that is not there is not simulated: it has no stage, no array and no bran
 
 from __future__ import annotations
 
-import difflib
 import json
-import tomllib
 from collections.abc import Mapping
 from functools import cached_property
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from model.body_parts import BODY_CONTRADICTIONS, BODY_KINDS, Placed
-from model.cloth_parts import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS, Cloth, ClothSprings, Collider, Fold, Wind
+from model.cloth_parts import (
+    CLOTH_KINDS,
+    COLLIDER_KINDS,
+    SPRING_KINDS,
+    SURFACE_KINDS,
+    Cloth,
+    ClothSprings,
+    Collider,
+    Fold,
+    Wind,
+)
 from model.crowd import Crowd, make_crowd
-from model.errors import InputError, SceneError
-from model.mesh_collider import FILE_CONTRADICTIONS, MeshCollider
+from model.distance_field import DistanceField
+from model.errors import SceneError
+from model.mesh_collider import MeshCollider
 from model.mesh_parts import CONTRADICTIONS, MESH_KINDS, Mesh
 from model.motion import Motion
 from model.particle_contact import Contact
@@ -39,12 +47,21 @@ from model.parts import (
     Springs,
 )
 from model.scene_checks import check_fit, check_solver
+from model.scene_reader import scene_tables
+from model.scene_words import scene_error, suggestion
 from model.self_collision import SelfCollision
+from model.surface_collider import FILE_CONTRADICTIONS
 from model.xpbd_parts import XPBD_KINDS, Attachments, Load
 
 KINDS: dict[str, type[Part]] = (
-    GRID_KINDS | CLOTH_KINDS | {"mesh_collider": MeshCollider} | MESH_KINDS | XPBD_KINDS | BODY_KINDS
-) | {"contact": Contact}
+    GRID_KINDS
+    | CLOTH_KINDS
+    | {"mesh_collider": MeshCollider, "distance_field": DistanceField}
+    | MESH_KINDS
+    | XPBD_KINDS
+    | BODY_KINDS
+    | {"contact": Contact}
+)
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 ELASTIC_KINDS = ("springs", *SPRING_KINDS)
 SEVERAL = (
@@ -81,7 +98,7 @@ class Scene:
                 raise SceneError(
                     part_name if kind == part_name else f"{part_name}.kind",
                     kind,
-                    f"unknown part{_suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
+                    f"unknown part{suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
                     + ('; or give the table a kind, such as kind = "soft_body"' if kind == part_name else ""),
                 )
             try:
@@ -151,7 +168,7 @@ class Scene:
 
     @property
     def colliders(self) -> list[tuple[str, Collider]]:
-        """(kind, collider), planes first, then spheres, capsules, boxes and meshes, each in the order of the file."""
+        """(kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of the file."""
         found: list[tuple[str, Any]] = []
         for kind in COLLIDER_KINDS:
             found += [(kind, self.parts[name]) for name, k in self.kinds.items() if k == kind]
@@ -238,10 +255,10 @@ class Scene:
             kind = self.kinds.get(part_name, part_name)
             if kind not in KINDS:
                 names = [*self.kinds, *(name for name in KINDS if name not in self.kinds)]
-                raise SceneError(path, value, f"unknown part{_suggestion(part_name, names)}; known: {', '.join(names)}")
+                raise SceneError(path, value, f"unknown part{suggestion(part_name, names)}; known: {', '.join(names)}")
             known = KINDS[kind].model_fields
             if field not in known:
-                raise SceneError(path, value, f"unknown key{_suggestion(field, known)}; known: {', '.join(known)}")
+                raise SceneError(path, value, f"unknown key{suggestion(field, known)}; known: {', '.join(known)}")
             table = tables.setdefault(part_name, {})
             for other in _contradicted(kind, field, value, table):
                 if f"{part_name}.{other}" not in changes:
@@ -259,116 +276,17 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
         return list(CONTRADICTIONS.get(field, ()))
     if kind in BODY_KINDS:
         return list(BODY_CONTRADICTIONS.get(field, ()))
-    if kind == "mesh_collider":
+    if kind in SURFACE_KINDS:
         return list(FILE_CONTRADICTIONS.get(field, ()))
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
     return []
 
 
-def _suggestion(word: str, known: Any) -> str:
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f" (did you mean {close[0]}?)" if close else ""
-
-
-def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
-    """The first complaint of pydantic, in the words of a scene."""
-    complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
-    first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
-    location = [str(step) for step in first["loc"]]
-    if first["type"] == "missing":
-        return SceneError(f"{part}.{location[0]}", None, "must be given")
-    if first["type"] == "extra_forbidden":
-        known = kind.model_fields
-        return SceneError(
-            f"{part}.{location[0]}",
-            first["input"],
-            f"unknown key{_suggestion(location[0], known)}; known: {', '.join(known)}",
-        )
-    message = first["msg"].removeprefix("Value error, ")
-    if not location and ": " in message:  # a check across fields names its field itself
-        field, _, allowed = message.partition(": ")
-        return SceneError(
-            f"{part}.{field}", first["input"].get(field) if isinstance(first["input"], dict) else None, allowed
-        )
-    words = {
-        "int_type": "must be a whole number",
-        "tuple_type": "must be a list of numbers, such as [0.0, 1.0, 0.0]",
-        "missing_tuple": "must have three numbers",
-        "too_long": "must have three numbers",
-        "int_from_float": "must be a whole number",
-        "float_type": "must be a number",
-        "finite_number": "must be a finite number",
-        "bool_type": "must be true or false",
-    }
-    allowed = words.get(first["type"], message)
-    if first["type"] == "greater_than":
-        allowed = f"must be greater than {first['ctx']['gt']:g}"
-    elif first["type"] == "greater_than_equal":
-        allowed = f"must be at least {first['ctx']['ge']:g}"
-    elif first["type"] == "less_than_equal":
-        allowed = f"must be at most {first['ctx']['le']:g}"
-    elif first["type"] == "literal_error":
-        allowed = f"must be one of {first['ctx']['expected'].replace(chr(39), '')}"
-    return SceneError(".".join([part, *location[:1]]), first["input"], allowed)
-
-
-def catalogue() -> dict[str, Path]:
-    """The named scenes that come with the lab: name -> TOML file."""
-    root = Path(str(resources.files("model"))) / "catalogue"
-    return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
-
-
 def load_scene(name_or_path: str | Path) -> Scene:
     """The scene of a catalogue name (`lab-grid`) or of a TOML file.
 
-    Raises InputError (no such name, unreadable, not TOML) or SceneError (a field that cannot be).
+    Raises InputError (no such name, unreadable, not TOML, no mesh where a file is named) or SceneError (a field that cannot
+    be).
     """
-    text = str(name_or_path)
-    known = catalogue()
-    if text in ("", "."):
-        raise InputError(f"{text!r} is a directory or nothing; a scene is one of {', '.join(known)}, or a .toml file")
-    path = known.get(text)
-    if path is None:
-        path = Path(text)
-        folders = {name.split("/")[0] for name in known if "/" in name}
-        inside = len(path.parts) <= 1 or path.parts[0] in folders
-        looks_like_a_name = path.suffix == "" and inside and not path.exists()
-        if looks_like_a_name:
-            raise InputError(
-                f"unknown scene {text!r}{_suggestion(text, known)}; known: {', '.join(known)}, or a .toml file"
-            )
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except IsADirectoryError:
-        raise InputError(f"{text} is a directory; a scene is a .toml file") from None
-    except FileNotFoundError:
-        raise InputError(f"{text}: no such file; `softlab scenes` lists the scenes that come with the lab") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, tomllib.TOMLDecodeError):
-            raise InputError(f"{text} is not TOML: {error}") from None
-        if isinstance(error, UnicodeDecodeError):
-            raise InputError(f"{text} is not a text file in UTF-8; a scene is a .toml file") from None
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{text} cannot be read: {reason}") from None
-    return Scene(data, name=text if text in known else path.stem)
-
-
-def parse_value(text: str) -> Any:
-    """The value of `--set key=value`: read as TOML (numbers, true, lists), else taken as a plain word."""
-    try:
-        parsed = tomllib.loads(f"value = {text}")
-        return parsed["value"] if set(parsed) == {"value"} else text
-    except tomllib.TOMLDecodeError:
-        return text
-
-
-def parse_settings(settings: list[str] | None) -> dict[str, Any]:
-    """`["grid.rows=64", ...]` as {path: value}. Raises SceneError where the equals sign is missing."""
-    changes: dict[str, Any] = {}
-    for setting in settings or []:
-        path, equals, text = setting.partition("=")
-        if not equals or not path.strip():
-            raise SceneError("--set", setting, "must be key=value, such as grid.rows=64")
-        changes[path.strip()] = parse_value(text.strip())
-    return changes
+    return Scene(*scene_tables(name_or_path))

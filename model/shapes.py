@@ -15,7 +15,7 @@ from model.parts import Count, Part, Positive
 from model.strokes import blended, extruded, letters, outline, polygon, tube, union
 from model.surface_nets import Field, surface
 
-ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain"]
+ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box"]
 
 FINEST, FINEST_TERRAIN = 200, 40
 COARSEST = {
@@ -27,8 +27,9 @@ COARSEST = {
     "letters": 16,
     "sheet": 1,
     "terrain": 2,
+    "box": 1,
 }  # what their thinnest parts ask for
-BEAM = (1.0, 0.25, 0.25)  # m
+BEAM, BOX = (1.0, 0.25, 0.25), (1.0, 1.0, 1.0)  # m
 TORUS = (0.35, 0.15)  # m: of the ring, of its tube
 STAR_DEPTH, STAR_TIP, STAR_NOTCH = 0.24, 0.52, 0.25  # m: from front to back; from the middle
 LETTER_DEPTH, LETTER_WIDTH = 0.22, 0.22  # m: from front to back; of a stroke
@@ -39,15 +40,17 @@ GAP = 0.25  # m: between letters: clusters of up to that radius do not reach acr
 
 class Shape(Part):
     """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus,
-    letters a metre tall, a sheet of a square metre, or a terrain of gentle hills, 8 m x 8 m, with a raised rim.
+    letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, or a box.
 
-    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS.
+    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS; `sides`
+    of a box [m]: a cube of a metre unless given.
     """
 
     name: ShapeName
     resolution: Count = 40
     scale: Positive = 1.0
     text: str | None = None
+    sides: tuple[Positive, Positive, Positive] | None = None  # m
 
     @model_validator(mode="after")
     def _can_be_made(self) -> Shape:
@@ -56,6 +59,8 @@ class Shape(Part):
             raise ValueError(f"resolution: a {self.name} takes {least} to {most} edges to a metre")
         if (self.text is not None) != (self.name == "letters"):
             raise ValueError('text: belongs to name = "letters", and to no other')
+        if self.sides is not None and self.name != "box":
+            raise ValueError('sides: belong to name = "box"; other shapes have a scale')
         if self.text is not None and not (0 < len(self.text) <= 16 and set(self.text) <= set(letters())):
             raise ValueError(f"text: 1 to 16 of the letters {' '.join(letters())}")
         return self
@@ -97,8 +102,16 @@ def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _beam(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    return _cuboid(BEAM, shape.resolution)
+
+
+def _box(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    return _cuboid(shape.sides or BOX, shape.resolution)
+
+
+def _cuboid(sides: tuple[float, float, float], resolution: int) -> tuple[np.ndarray, np.ndarray]:
     """Six sides of square cells that share their corners."""
-    counts = np.array([max(1, round(length * shape.resolution)) for length in BEAM])
+    counts = np.array([max(1, round(length * resolution)) for length in sides])
     found, triangles, used = [], [], 0
     for axis in range(3):
         one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -113,7 +126,7 @@ def _beam(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
             triangles.append(used + (cells if end else cells[:, ::-1]))
             used += i.size
     corners, number = np.unique(np.concatenate(found), axis=0, return_inverse=True)
-    return (corners / counts - 0.5) * BEAM, number.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
+    return (corners / counts - 0.5) * sides, number.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
 
 
 def _blob(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
@@ -195,4 +208,5 @@ MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
     "letters": _letters,
     "terrain": _terrain,
     "sheet": _sheet,
+    "box": _box,
 }

@@ -1,95 +1,38 @@
 """The contract a backend fulfils: one class per backend and solver, opened by app/driver.py.
 
 `Simulation` holds what is the same for every backend: the step counter, live parameters, and the hunt for the first bad
-step. A backend adds the five methods under "what a backend writes". The state stays on the backend's device; nothing
-is allocated in `advance`.
+step. A backend adds the methods of model/backend.py. The state stays on the backend's device; nothing is allocated in
+`advance`.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import isqrt
 from typing import Any
 
 import numpy as np
 
 from model import spare
+from model.backend import Backend
 from model.build import Body, build
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import cloth_record
 from model.cluster_tables import checked_plastic, checked_rotation
 from model.diagnosis import diagnose
+from model.divergence import DIVERGED_SIZE, check_interval
 from model.errors import Diverged, InputError, SceneError
 from model.integrators import stability_limit
+from model.options import LIVE_PATHS, PRECISIONS, Options
 from model.plan import Executor, Plan
 from model.record import parameter_record
 from model.scene import Scene
+from model.state import State, checked_arrays
 from model.xpbd_record import xpbd_record
 
-PRECISIONS = {"float32": np.float32, "float64": np.float64}
-MATHS = ("fast", "exact")
-# Steps between two looks for a diverged state. A look takes 0.01 ms of a small grid on a CPU, 0.4 ms (its launches and
-# copies) on a GPU; it is to cost under 1 % (measured by bench/findings_costs.py). So the interval is a number of
-# mass-steps, which a GPU does in a small part of a CPU's time; small grids, whose steps take less than a microsecond,
-# have a largest one.
-LEAST_INTERVAL = 1024
-MOST_INTERVAL = {"cpu": 2**15, "gpu": 2**19}
-INTERVAL_WORK = {"cpu": 2**28, "gpu": 2**35}  # mass-steps
-DIVERGED_SIZE = 1e6  # times the scene's size: a coordinate beyond it counts as diverged
 
-LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
-    "gravity": ("gravity.enabled", "gravity.acceleration"),
-    "poke": (),
-    "dt": ("method.dt",),
-    "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in SPRING_KINDS)),
-    "damping": ("damping.coefficient",),
-    "wind": ("wind.velocity", "wind.density", "wind.drag", "wind.lift"),
-}
-
-
-def check_interval(particle_count: int, backend: str) -> int:
-    """Steps between two looks for a diverged state: so many that looking costs under 1 %, whatever the size."""
-    return max(LEAST_INTERVAL, min(MOST_INTERVAL[backend], INTERVAL_WORK[backend] // max(1, particle_count)))
-
-
-@dataclass(frozen=True)
-class State:
-    """Every array the next step reads. `position`, `velocity` (particles, dimensions), C-contiguous, in builder order, in
-    the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`; of bodies
-    `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
-    are none, or they are to be found anew; of plastic bodies `plastic` (clusters, 3, 3), of volume 1: what their rest offsets
-    have been bent by, None: nothing."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    inverse_mass: np.ndarray
-    time: float
-    step: int
-    rotation: np.ndarray | None = None
-    plastic: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a scene is run, apart from what it is. `kernel` None: the backend's own choice."""
-
-    precision: str = "float32"
-    math: str = "fast"
-    kernel: str | None = None
-    live: frozenset[str] = field(default_factory=frozenset)
-
-    def __post_init__(self) -> None:
-        for name, value, known in (("--precision", self.precision, tuple(PRECISIONS)), ("--math", self.math, MATHS)):
-            if value not in known:
-                raise SceneError(name, value, f"must be one of {', '.join(known)}")
-        for name in self.live:
-            if name not in LIVE_PATHS:
-                raise SceneError("live", name, f"must be of {', '.join(LIVE_PATHS)}")
-
-
-class Simulation(ABC):
+class Simulation(Backend):
     """One world under one solver on one backend, a context manager.
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
@@ -122,85 +65,6 @@ class Simulation(ABC):
         self._record = self._make_record(scene, self._poke_force)
         self._kept_step, self._kept_time = 0, 0.0
         self.kept = 0
-
-    # ------------------------------------------------------------------ what a backend writes
-
-    @abstractmethod
-    def _run(self, steps: int) -> None:
-        """Advance the state by `steps` (>= 1) steps from `self.step`, using the current parameter record."""
-
-    @abstractmethod
-    def _keep(self) -> None:
-        """Copy the state aside, on the device."""
-
-    @abstractmethod
-    def _restore(self) -> None:
-        """Take the state put aside by `_keep` back."""
-
-    @abstractmethod
-    def _first_bad(self) -> int:
-        """The lowest index of a particle with a non-finite value or a coordinate beyond `self._bound`, or -1."""
-
-    @abstractmethod
-    def _parameters_changed(self) -> None:
-        """Send `self._record` and the poke to the device."""
-
-    @abstractmethod
-    def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        """(position, velocity) as new host arrays (particles, dimensions) in the simulation's precision."""
-
-    @abstractmethod
-    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Take (particles, dimensions) arrays in the simulation's precision as the state."""
-
-    def _read_position(self, into: Any) -> Any:
-        """Position into `into` (None: a new host array). A backend with a device overrides this for device targets."""
-        position, _ = self._download()
-        if into is None:
-            return position
-        into[...] = position
-        return into
-
-    def _read_normal(self, into: Any) -> Any:
-        """A cloth's normals into `into` (None: a new host array, in the simulation's precision). Computed on the host in
-        float64; a backend overrides this to compute them where the state is."""
-        from model.normals import scene_normals
-
-        normal = scene_normals(self.scene, self._read_position(None))
-        if into is None:
-            return normal.astype(self.real)
-        into[...] = normal
-        return into
-
-    def _download_rotation(self) -> np.ndarray | None:
-        """The clusters' rotations of the state, see State; None where a scene has no bodies."""
-        return None
-
-    def _upload_rotation(self, rotation: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
-        """Take rotations, or find those of the state that was uploaded, from no rotation."""
-
-    def _download_plastic(self) -> np.ndarray | None:
-        """What clusters have been bent by, see State; None where a scene has no plastic bodies."""
-        return None
-
-    def _upload_plastic(self, plastic: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
-        """Take it; None: no cluster is bent. Comes before `_upload_rotation`."""
-
-    def _read_deformation(self) -> np.ndarray:
-        """(clusters, 3, 3): what takes rest offsets to goals, with particles where they are now, as a new host array."""
-        raise NotImplementedError
-
-    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        """(rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies with particles where they are now, as new
-        host arrays; the state stays as it is."""
-        raise NotImplementedError
-
-    @abstractmethod
-    def synchronize(self) -> None:
-        """Return when every step asked for has been done."""
-
-    def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
-        """Free what the simulation holds; nothing else may be called after it."""
 
     @property
     def stages(self) -> Mapping[str, Callable[[int, float], None]]:
@@ -302,21 +166,7 @@ class Simulation(ABC):
         Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, rotations that are
         no unit quaternions, or plastic strains that are not of volume 1 or of a scene without.
         """
-        count = len(self.body.position)
-        arrays = {}
-        for name in ("position", "velocity"):
-            array = np.asarray(getattr(state, name))
-            if array.shape != self.body.position.shape:
-                raise InputError(f"{name} has shape {array.shape}, this scene needs {self.body.position.shape}")
-            if not np.issubdtype(array.dtype, np.number) or np.issubdtype(array.dtype, np.complexfloating):
-                raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
-            with np.errstate(over="ignore"):
-                arrays[name] = np.ascontiguousarray(array, dtype=self.real)
-            if not np.isfinite(arrays[name]).all():
-                raise InputError(f"{name} holds values that are not finite numbers in {self.options.precision}")
-        inverse_mass = np.asarray(state.inverse_mass)
-        if inverse_mass.shape != (count,):
-            raise InputError(f"inverse_mass has shape {inverse_mass.shape}, this scene needs ({count},)")
+        arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
@@ -346,16 +196,8 @@ class Simulation(ABC):
         self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(waits))
         self._weights_changed()
 
-    def _weights_changed(self) -> None:
-        """Send `self.body.inverse_mass` to where the state is; the state itself is uploaded right after it."""
-        raise NotImplementedError
-
     def _cluster_count(self) -> int:
         return self.scene.crowd.clusters.count if self.scene.bodies else 0
-
-    def _pin_velocity(self, step: int) -> Any:
-        """Of the pinned masses [m/s] when step `step` begins: 0, or what their motions say."""
-        return 0
 
     def reset(self) -> None:
         """Back to the scene's start."""
@@ -398,7 +240,7 @@ class Simulation(ABC):
         if name == "velocity":
             result = self._download()[1]
         elif self.scene.bodies and name in ("rotation", "centre"):
-            result = self._read_clusters()[name == "centre"]
+            result = self.read_clusters()[name == "centre"]
         elif self.scene.bodies and name == "deformation":
             result = self._read_deformation()
         elif name == "plastic" and "plastic" in self.plan.parts:
@@ -417,6 +259,12 @@ class Simulation(ABC):
             return result
         into[...] = result
         return into
+
+    def read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        """`rotation` and `centre` of bodies at one look, as `read` tells each of them. Raises SceneError: no bodies."""
+        if not self.scene.bodies:
+            raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
+        return self._read_clusters()
 
     def set(self, path: str, value: Any) -> None:
         """Change a live field (`gravity.enabled`, `method.dt`, ...) from the next step on.

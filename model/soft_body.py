@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 from model.clustering import check, gather, one_cluster, parts, undetermined
 from model.clusters import Clusters
 from model.errors import SceneError
+from model.lattice import Lattice
 from model.material import Material, even
 from model.mesh import TriangleMesh
 from model.nearby import close_pairs
@@ -90,7 +91,8 @@ class BakedBody:
     """A body in its mesh's frame, to be put into a world any number of times.
 
     `position` (particles, 3) float64 [m], `mass` (particles,) float64 [kg], `clusters`, `links` (n, 2) int32 with
-    `rest_length` (n,) float64 [m] and one `link_stiffness` [N/m], `skin`, particle `spacing` [m], `report`.
+    `rest_length` (n,) float64 [m] and one `link_stiffness` [N/m], `skin`, particle `spacing` [m], `report`; `lattice`: whose
+    windows the clusters are, None of other bodies.
     """
 
     position: np.ndarray
@@ -102,6 +104,7 @@ class BakedBody:
     skin: Skin
     spacing: float
     report: Report
+    lattice: Lattice | None = None
 
 
 class RigidBody(Part):
@@ -197,8 +200,8 @@ class SoftBody(RigidBody):
     def furnish(self, body: BakedBody) -> BakedBody:
         """The body with its clusters' material, and a word on those that it does not change."""
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
-        told, flat = body.report.told, int(clusters.flat.sum())
-        if clusters.parts & {"linear", "plastic"} and flat:
+        told = body.report.told
+        if clusters.parts & {"linear", "plastic"} and (flat := int(clusters.flat.sum())):
             told = (*told, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
         return replace(body, clusters=clusters, report=replace(body.report, told=told))
 

@@ -33,15 +33,19 @@ class Solid:
     told: tuple[str, ...]
 
 
-def solid(mesh: TriangleMesh, widest: float) -> Solid:
-    """The body of a mesh. Holes across which `widest` [m] reaches are filled: no particle lies nearer to another.
+CLOTH = 'a cloth: kind = "soft_sheet"'  # what a mesh without an inside can be instead
+
+
+def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> Solid:
+    """The body of a mesh. Holes across which `widest` [m] reaches are filled: no particle lies nearer to another. `instead`:
+    what to make of a mesh that is none.
 
     Raises InputError: wider holes, nothing inside.
     """
     told = list(mesh.repairs)
     triangles, edges = mesh.triangles, mesh.edges
     if mesh.edges.boundary.any():
-        triangles = _filled(mesh, widest, told)
+        triangles = _filled(mesh, widest, instead, told)
         edges = mesh_edges(len(mesh.position), triangles)
     triangles, pieces = _outwards(mesh.position, triangles, edges, told)
     volume = float(_volumes(mesh.position, triangles).sum())
@@ -49,7 +53,7 @@ def solid(mesh: TriangleMesh, widest: float) -> Solid:
     if volume <= EMPTY * box:
         raise InputError(
             f"the mesh holds no volume ({volume:.3g} m^3): a flat sheet, or folded flat; give it a "
-            "thickness, or make it a cloth"
+            f"thickness, or make it {instead}"
         )
     a, b, c = (mesh.position[corner] for corner in triangles.T)
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
@@ -67,7 +71,7 @@ def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
 
 
-def _filled(mesh: TriangleMesh, widest: float, told: list[str]) -> np.ndarray:
+def _filled(mesh: TriangleMesh, widest: float, instead: str, told: list[str]) -> np.ndarray:
     """(triangles, 3): with a fan from the first vertex of every rim, which may be no wider than `widest` [m]."""
     edges = mesh.edges
     # sides of triangles that have nothing beside them, the other way round: so a fan's triangles pass them
@@ -86,7 +90,7 @@ def _filled(mesh: TriangleMesh, widest: float, told: list[str]) -> np.ndarray:
         where = ", ".join(f"{x:.4g}" for x in (low[worst] + high[worst]) / 2)
         raise InputError(
             f"the mesh is not closed ({others} {across[worst]:.3g} m across, with {count[worst]} edges, at ({where})), so it "
-            f"has no inside; close it (holes up to the particle spacing, {widest:.3g} m, are filled), or make it a cloth"
+            f"has no inside; close it (holes up to the spacing, {widest:.3g} m, are filled), or make it {instead}"
         )
     fan = np.stack([rims[np.searchsorted(rims, label)], start, end], axis=1)  # a rim's label is its lowest vertex
     fan = fan[(fan[:, 0] != fan[:, 1]) & (fan[:, 0] != fan[:, 2])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +47,31 @@ def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.nda
     waits = absent(scene, inverse_mass)
     copies = scene.crowd.copies
     return np.array([waits is None or not waits[copy.first_particle] for copy in copies])
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many particles, clusters and bodies are there; how many bodies wait, of how many particles. Of a sheet all masses
+    are there, and no bodies."""
+
+    particles: int
+    clusters: int = 0
+    bodies: int = 0
+    waiting: int = 0
+    waiting_particles: int = 0
+
+
+def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
+    """What is there and what waits, by `absent`."""
+    if not scene.bodies:
+        return Counts(scene.grid.particle_count)
+    is_there = copies_there(scene, inverse_mass)
+    there = [copy.baked for copy in scene.crowd.copies if is_there[copy.number]]
+    waiting = [copy.baked for copy in scene.crowd.copies if not is_there[copy.number]]
+    return Counts(
+        sum(len(body.position) for body in there), sum(body.clusters.count for body in there), len(there), len(waiting),
+        sum(len(body.position) for body in waiting),
+    )  # fmt: skip
 
 
 def added(

@@ -25,11 +25,25 @@ def mesh_folder() -> Path:
     return Path(str(resources.files("model"))) / "catalogue" / "meshes"
 
 
+def own_meshes() -> dict[str, Path]:
+    """The lab's own meshes, by the name that a scene gives them."""
+    return {path.name: path for path in sorted(mesh_folder().iterdir())}
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; no name is too odd to ask for."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def mesh_path(file: str) -> Path:
-    """The file that a scene names: one of the lab's own meshes, or else a path from the current folder. Raises InputError."""
-    own = {path.name: path for path in sorted(mesh_folder().iterdir())}
+    """The file that a part names: one of the lab's own meshes, or else a path from the current folder. What a scene file
+    names was looked for beside it before, see model/scene_reader.py. Raises InputError."""
+    own = own_meshes()
     path = own.get(file) or Path(file)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(
             f"file = {file}: no such file ({path.absolute()}); a path from the current folder, or one of the lab's own: "
             f"{', '.join(own)}"
@@ -153,4 +167,4 @@ def mesh_lines(scene: Scene) -> list[str]:
     """What to tell of a mesh from a file: sizes, and everything that was mended."""
     if scene.mesh is None or scene.mesh.file is None:
         return []
-    return [f"{scene.mesh.file}: {line}" for line in mesh_of(scene.mesh).lines()]
+    return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]

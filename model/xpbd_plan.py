@@ -14,12 +14,14 @@ from model.formulas import (
     distance,
     pace,
     particle_contact,
+    rebound,
     shape_matching,
     wind,
 )  # fmt: skip
 from model.formulas import random as random_formulas
 from model.particle_contact_record import contact_parts
 from model.plan import Node, Plan, Stage
+from model.rigid_rebound import rebound_parts
 from model.scene import Scene
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
@@ -97,7 +99,8 @@ def body_parts(scene: Scene) -> frozenset[str]:
         return frozenset()
     links = {"links"} if scene.crowd.links.count else set()
     spare = {"spare"} if any(copy.waits for copy in scene.crowd.copies) else set()
-    return scene.crowd.clusters.parts | contact_parts(scene) | links | spare
+    lattices = {"lattices"} if scene.crowd.lattices else set()
+    return scene.crowd.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
@@ -168,6 +171,16 @@ def damping_stage(scene: Scene) -> Stage:
     return Stage("damp clusters", round(reads / 3), 1 + round(each * 3), round(operations))
 
 
+def rebound_stage(scene: Scene) -> Stage:
+    """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
+    clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    reads = overlap * (2 * 7 + 9 + 2) + 9  # twice a place, a velocity and a mass; a motion, a factor and an index
+    member = pace.OPERATIONS_MEMBER + rebound.OPERATIONS_MEMBER + rebound.OPERATIONS_REBOUND
+    operations = overlap * member + each * pace.OPERATIONS_MOTION
+    return Stage("rebound", round(reads / 3), 2 + round(each * 3), round(operations))
+
+
 def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of a position-based solver. Numbers are per particle and axis, as in model/plan.py.
 
@@ -213,11 +226,15 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
         colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
+    bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
+    bounce = (bounces,) if "bouncing" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
+    turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
     iteration = Node("iteration", colours, method.iterations)
-    substep = Node("substep", (*outside, predict, *search, iteration, update, *slow, *touch), method.substeps)
+    stages = (*outside, predict, *search, iteration, update, *bounce, *slow, *touch, *turned_round)
+    substep = Node("substep", stages, method.substeps)
     root = Node("step", (substep,))
     if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers
         passes = sum(stage.reads + stage.writes for stage in root.stages() if stage.name != "collide")

@@ -25,6 +25,7 @@ from plots import (
     findings_looks,
     graphics,
     hard,
+    hard_bodies,
     joules,
     kernels,
     lab_step,
@@ -71,6 +72,8 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "crowds": crowds.draw,
     "hard-states": hard.draw_states,
     "hard-verdicts": hard.draw_verdicts,
+    "hard-bodies": hard_bodies.draw,
+    "hard-body-states": hard_bodies.draw_states,
     "bar-solvers": bar.draw,
     "bar-clusters": bar.draw_clusters,
 }
@@ -103,6 +106,8 @@ TITLES = {
     "crowds": crowds.TITLE,
     "hard-states": hard.STATES_TITLE,
     "hard-verdicts": hard.VERDICTS_TITLE,
+    "hard-bodies": hard_bodies.TITLE,
+    "hard-body-states": hard_bodies.STATES_TITLE,
     "bar-solvers": bar.TITLE,
     "bar-clusters": bar.CLUSTERS_TITLE,
 }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from app.camera3d import Camera3D
-from bench.hard_results import HardRow, rows_of, table_of
+from bench.hard_results import BODIES, HardRow, rows_of, table_of
 from plots.data import Results, Source, judgements
 from plots.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, WIDTH, Drawing
 
@@ -19,12 +19,14 @@ PANEL = 1.2  # inch, high
 LINE = 0.19  # inch: a line of the verdict table
 POINT = 1e-12  # m: a shape that is smaller is drawn as a point
 PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
+NOT_HARD = ""
+NOT_OF_SHEETS = {NOT_HARD, *BODIES}  # those of bodies: plots/hard_bodies.py
 COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 
 def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
-    """The verdicts that are told of, and their sources: featured ones first, of each backend one machine's."""
-    found, sources = judgements(results, lambda measure: measure.description.get("hard") is not None)
+    """The verdicts of sheets that are told of, and their sources: featured ones first, of each backend one machine's."""
+    found, sources = judgements(results, lambda measure: measure.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS)
     return rows_of(found), sources
 
 
@@ -35,7 +37,7 @@ def draw_states(results: Results) -> Drawing | str:
     if not shown:
         return "the hard cases were not run"
     lines = -(-len(shown) // ACROSS)
-    figure = _figure(PANEL * lines)
+    figure = new_sheet(PANEL * lines)
     axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
     for ax in axes:
         ax.set_axis_off()
@@ -56,7 +58,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
     if not rows:
         return "the hard cases were not run"
     names, lines = table_of(rows)
-    figure = _figure(LINE * (len(lines) + 3))
+    figure = new_sheet(LINE * (len(lines) + 3))
     ax = figure.subplots()
     ax.set_axis_off()
     ax.set_xlim(-0.02, len(names))
@@ -79,7 +81,8 @@ def draw_verdicts(results: Results) -> Drawing | str:
     return Drawing(figure, VERDICTS_TITLE, caption, sources)
 
 
-def _figure(height: float) -> Any:
+def new_sheet(height: float) -> Any:
+    """An empty figure of so many inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -110,17 +113,27 @@ def as_seen(position: np.ndarray) -> np.ndarray:
 def _draw_shape(ax: Any, row: HardRow) -> None:
     assert row.shape is not None
     grid = as_seen(np.array(row.shape.position, dtype=float))
-    flat = grid.reshape(-1, 2)
-    centre, extent = (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
+    centre, extent = framed(grid.reshape(-1, 2))
     grid = (grid - centre) / extent if extent > POINT else np.zeros_like(grid)
     colour = VERMILLION if row.verdict in ("fail", "known") else BLUE
     for line in (*grid, *np.moveaxis(grid, 1, 0)):
         ax.plot(line[:, 0], line[:, 1], color=colour, linewidth=0.5, marker=".", markersize=1.2)
     ax.plot(grid[0, :, 0], grid[0, :, 1], linestyle="", marker=".", color=ORANGE, markersize=2.5)
+    finish_panel(ax, row, extent)
+
+
+def framed(flat: np.ndarray) -> tuple[np.ndarray, float]:
+    """(centre, longest side) [m] of what (n, 2) holds."""
+    return (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
+
+
+def finish_panel(ax: Any, row: HardRow, extent: float) -> None:
+    """A panel of side 1 about the origin, with its name, scale, and what failed."""
     ax.set_xlim(-0.6, 0.6)
     ax.set_ylim(-0.6, 0.6)
     ax.set_aspect("equal")
     scale = f"{extent:.3g} m" if extent > POINT else "a point"
-    words = "" if row.verdict in ("pass", "refused") else f"{row.integrator}, {row.precision}: fails\n"
-    ax.set_title(f"{row.case}\n{words}", fontsize=6.5, pad=1, color="black" if not words else colour)
+    fails = row.verdict in ("fail", "known")
+    words = f"{row.integrator}, {row.precision}: fails\n" if fails else ""
+    ax.set_title(f"{row.case}\n{words}", fontsize=6.5, pad=1, color=VERMILLION if fails else "black")
     ax.text(0.5, -0.02, scale, transform=ax.transAxes, fontsize=6, color=GREY, ha="center", va="top")

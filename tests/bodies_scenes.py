@@ -1,4 +1,4 @@
-"""Small scenes of soft and rigid bodies, and of clusters made by hand, for the tests of their solvers.
+"""Small scenes of soft and rigid bodies for the tests of their solvers, beside those of bench/body_scenes.py.
 
 All have the same parts, most of them switched off or far away, so that a test compiles nothing that another one did not.
 """
@@ -7,36 +7,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from app.driver import open_simulation
-from model.clusters import Clusters
-from model.crowd import Copy, Crowd
-from model.links import LinkedCopies, make_links
+from bench.body_scenes import AWAY, SAMPLED, bodies_scene, method, start
+from bench.clusters_by_hand import by_hand, clusters_of, degenerate
+from bench.hard_laws import Law
+from bench.hard_trial import Check, Trial
+from model.crowd import Copy
 from model.scene import Scene
 from model.simulation import State
+
+__all__ = [
+    "AWAY",
+    "SAMPLED",
+    "bodies_scene",
+    "by_hand",
+    "clusters_of",
+    "degenerate",
+    "method",
+    "start",
+]  # for the tests
 
 LIVE = ("gravity", "poke", "dt", "damping")
 POKE = (3, (0.5, 1.0, 0.2))  # particle, N
 STEPS = 5
-AWAY = {"point": [0.0, -1e5, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction": 0.5, "dynamic_friction": 0.4}
-SAMPLED = {"shape": {"name": "beam"}, "surface_sampling": 0.0, "volume_sampling": 1.0}
 BAR = {"kind": "soft_body", "particle_spacing": 0.16, "spin": [1.0, 2.0, 0.5], **SAMPLED}  # 24 particles, 3 clusters
 BRICK = {"kind": "rigid_body", "particle_spacing": 0.14, "spin": [1.0, 2.0, 0.5], **SAMPLED}  # 28 particles
-
-
-def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> dict[str, Any]:
-    return {"solver": "shape-matching", "dt": dt, "substeps": substeps, "iterations": iterations}
-
-
-def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Any = AWAY, **tables: Any) -> Scene:
-    """`tables`: bodies and the method."""
-    world = {"gravity": {"acceleration": gravity}, "damping": {"coefficient": damping}, "plane": plane}
-    return Scene(world | {"method": method()} | tables, "bodies")
 
 
 def hung(substeps: int = 2, iterations: int = 2) -> Scene:
@@ -80,17 +80,22 @@ def of_all_materials(leave_out: Sequence[str] = (), substeps: int = 2, iteration
     )  # fmt: skip
 
 
-def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
-    """A scene whose crowd is these clusters and links, as one body."""
-    scene = bodies_scene(**({"body": BRICK, "gravity": 0.0} | tables))
-    copies = (Copy("body", SimpleNamespace(), 0, 0, 0),)  # type: ignore[arg-type]
-    at, count = clusters.position, len(clusters.mass)
-    zero, body = np.zeros_like(at), np.zeros(count, np.int32)
-    scene.__dict__["crowd"] = Crowd(
-        at, zero, body, clusters, make_links(links), copies, 0.1, float(clusters.mass.mean())
-    )
-    scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # what its arrays are kept under
-    return scene
+def block(counts: Sequence[int] = (5, 4, 3), region: int = 2, **given: Any) -> dict[str, Any]:
+    """The part of a lattice of so many particles, 0.1 m apart."""
+    box = {"name": "box", "resolution": 4, "sides": [0.1 * count for count in counts]}
+    return {"kind": "soft_lattice", "shape": box, "particle_spacing": 0.1, "region": region} | given
+
+
+def blocks(substeps: int = 2, iterations: int = 2, counts: Sequence[int] = (5, 4, 3), region: int = 2) -> Scene:
+    """Two lattices that fall through the plane within STEPS steps, of windows cut off everywhere, a bar and a flat lattice;
+    lattices first, so that clusters have another order than particles."""
+    placed = {"angle": 40.0, "axis": [1.0, 0.4, 0.2], "spin": [1.0, 2.0, 0.5], "cluster_stiffness": 4000.0}
+    fallen = placed | {"origin": [0.0, 0.1, 0.0], "copies": [2, 1, 1], "apart": [2.0, 0.0, 0.0]}
+    return bodies_scene(
+        block=block(counts, region, **fallen), bar=BAR | {"origin": [0.0, 3.0, 0.0]},
+        plate=block((4, 1, 7), 1, origin=[0.0, 2.0, 0.0], **placed), damping=0.3, plane=AWAY | {"point": [0.0, 0.0, 0.0]},
+        method=method(substeps, iterations),
+    )  # fmt: skip
 
 
 def lone_points(
@@ -101,31 +106,11 @@ def lone_points(
     body = BRICK | {"copies": [count, 1, 1], "adhesion": adhesion, "radius": radius}
     scene = by_hand(clusters_of(points, *([n] for n in range(count))), body=body, contact=contact)
     crowd, zero = scene.crowd, np.zeros((count, 3))
-    copies = tuple(replace(crowd.copies[0], number=n, first_particle=n, first_cluster=n) for n in range(count))
+    one: Any = SimpleNamespace(clusters=SimpleNamespace(count=1), lattice=None)
+    copies = tuple(Copy("body", one, n, first_particle=n, first_cluster=n) for n in range(count))
     moving = zero if velocity is None else np.asarray(velocity, dtype=np.float64)
     scene.__dict__["crowd"] = replace(crowd, body=np.arange(count, dtype=np.int32), copies=copies, velocity=moving)
     return scene
-
-
-def clusters_of(position: Any, *members: Any, stiffness: Any = np.inf, mass: Any = None) -> Clusters:
-    """Each of `members`: the particles of a cluster."""
-    position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
-    return Clusters(
-        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), np.concatenate(members).astype(np.int32),
-        np.ones(sum(sizes)), np.full(len(members), stiffness, float) if np.isscalar(stiffness) else np.asarray(stiffness),
-        np.ones(len(position)) if mass is None else np.asarray(mass, dtype=np.float64), position,
-    )  # fmt: skip
-
-
-def degenerate() -> Clusters:
-    """Flat, collinear, of one particle, of two, of none, and of all in one place; and a particle in none."""
-    flat = [[x, y, 0.0] for x in range(3) for y in range(3)]
-    line, one, two = [[3.0 + n, n, n] for n in range(4)], [[9.0, 0.0, 0.0]], [[11.0, 0.0, 0.0], [11.0, 1.0, 1.0]]
-    place, orphan = [[14.0, 0.0, 0.0]] * 3, [[16.0, 0.0, 0.0]]
-    groups = [flat, line, one, two, [], place]
-    ends = np.cumsum([0, *(len(group) for group in groups)])
-    members = [np.arange(a, b) for a, b in pairwise(ends)]
-    return clusters_of(np.array([*flat, *line, *one, *two, *place, *orphan]) * 0.1, *members)
 
 
 def opened(scene: Scene, backend: str = "cpu", **options: Any) -> Any:
@@ -144,27 +129,21 @@ def end_state(scene: Scene, backend: str = "cpu", steps: int = STEPS, poked: boo
         return simulation.state()
 
 
-def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: Any = None) -> State:
-    """A state at time 0: the scene's, but for what is given."""
-    crowd = scene.crowd
-    position = crowd.position if position is None else np.asarray(position, dtype=np.float64)
-    velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64)
-    return State(position, velocity, 1 / crowd.clusters.mass, 0.0, 0, rotation)
+def checks_of(law: Law, scene: Scene, precision: str = "float64", **how: Any) -> list[Check]:
+    """What a hard case's law measures of a scene, in exact math with the tests' kernels."""
+    return law(Trial(scene, "cpu", precision, **({"math": "exact", "threads": 1, "live": LIVE} | how)))
+
+
+def holds(law: Law, scene: Scene, precision: str = "float64", **how: Any) -> None:
+    """A hard case's law, in every number that it judges."""
+    bad = [str(check) for check in checks_of(law, scene, precision, **how) if not check.good]
+    assert not bad, "; ".join(bad)
 
 
 def same(one: State, other: State) -> bool:
     return all(
         np.array_equal(getattr(one, name), getattr(other, name)) for name in ("position", "velocity", "rotation")
     )
-
-
-def matrices(rotation: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) of unit quaternions (w, x, y, z)."""
-    w, u = rotation[:, :1, None].astype(float), rotation[:, 1:].astype(float)
-    cross = np.zeros((len(rotation), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        cross[:, i, j], cross[:, j, i] = -u[:, k], u[:, k]
-    return np.eye(3) + 2 * (w * cross + cross @ cross)
 
 
 # what the tests of runs and pictures show

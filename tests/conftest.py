@@ -114,11 +114,15 @@ THINNED = {
     "test_xpbd_mesh_cpu.py": 4, "test_xpbd_assembly.py": 2, "test_cloth_reference.py": 3, "test_cloth_cpu.py": 3,
     "test_cloth_orders.py": 3, "test_cloth_colliders.py": 2, "test_cloth_assembly.py": 2, "test_cpu_bits.py": 2,
     "test_cpu_reference.py": 2, "test_b1.py": 2, "test_contacts.py": 3, "test_contacts_scenes.py": 2, "test_hard_cloth.py": 2,
-    "test_hard_xpbd.py": 2, "test_accuracy_xpbd.py": 2, "test_accuracy_s6.py": 2, "test_matching.py": 3,
+    "test_hard_xpbd.py": 2, "test_hard_bodies.py": 2, "test_accuracy_xpbd.py": 2, "test_accuracy_s6.py": 2,
+    "test_matching.py": 3,
     "test_bodies_solver.py": 2, "test_simulated_particle_contacts.py": 4, "test_links.py": 2, "test_spare.py": 6,
+    "test_contact_restitution.py": 2, "test_rebound.py": 2, "test_simulated_contact_restitution.py": 3,
+    "test_simulated_rebound.py": 2, "test_rebound_ptx.py": 2,
     "test_particle_contacts.py": 2, "test_particle_contacts_ptx.py": 4,
     "test_simulated_bodies_material.py": 6, "test_bodies_material_ptx.py": 2,
     "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 3, "test_xpbd_mesh_ptx.py": 3,
+    "test_distance_field_cloths.py": 5, "test_simulated_distance_field.py": 7,
     "test_simulated_mesh_collider.py": 2, "test_contacts_ptx.py": 3, "test_cloth_ptx.py": 2, "test_bodies_ptx.py": 2,
 }  # fmt: skip
 

@@ -9,12 +9,12 @@ import numpy as np
 
 def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
     """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
-    64-bit and U of unsigned ones, i and l numbers of 32 and 64 bits."""
+    64-bit and U of unsigned ones, i and l numbers of 32 and 64 bits, b a yes or no."""
     from numba import cuda, types
 
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
-    known |= {"i": types.int32, "l": types.int64}
+    known |= {"i": types.int32, "l": types.int64, "b": types.boolean}
     arguments = tuple(known[letter] for letter in letters)
     text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
     found: str = text[text.index(".entry") :]

@@ -7,10 +7,16 @@ that the lab book may make can be made to hold, to fail, or to be drowned in spr
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+import numpy as np
+
 from bench import findings
 from bench.accuracy import COST, ERROR, HALF, STAGE
 from bench.accuracy_points import COPY, GROWTH
 from bench.findings_timing import STAGE as FINDINGS_STAGE
+from bench.hard_bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
+from bench.hard_body_cases import BODY_CASES
+from bench.hard_piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
+from bench.hard_results import CHECK, CODES, SHAPE, VERDICT, bodies_as_text
 from bench.peers.registry import OURS, PEERS
 from bench.results import configuration
 from bench.stability import analytic, chain
@@ -220,6 +226,26 @@ class Maker:
                         self.store.add_sample(
                             self.run, description, "sources", 1000 * factor * seconds, 1000, stage=FINDINGS_STAGE
                         )
+
+    def hard_bodies(self, failing: str = "") -> None:
+        """Every hard case of bodies passes, at a tenth of its bound, but `failing`; a fifth of the spin is lost."""
+        names = {
+            "S7": (OFF_LAW, SPIN_KEPT, OFF_NEWTON), "A10": (OUT_OF_SHAPE,), "B17": (PARTING,),
+            "B18": (SINKING, LOWERED, BORNE, DEPTH, RATIO),
+        }  # fmt: skip
+        position = np.random.default_rng(1).uniform(-1, 1, (10, 3))
+        for backend in ["cpu", *(["gpu"] if self.record["gpu"] else [])]:
+            for case, precision in ((case, p) for case in BODY_CASES for p in ("float64", "float32")):
+                told = configuration(case.base(), backend=backend, precision=precision) | {"hard": case.name}
+                entries = []
+                for place, name in enumerate(names.get(case.row, ("made up",))):
+                    value = {SPIN_KEPT: 0.8, OFF_LAW: 0.1 if precision == "float32" else 1e-9}.get(name, 0.01)
+                    entries.append((f"{CHECK}{place:02d} {name}", value, "< 0.1" if place == 0 else ""))
+                if case.row != "B20":
+                    entries.append((SHAPE, None, bodies_as_text(position, np.repeat([0, 1], 5))))
+                verdict = "fail" if case.name == failing else "pass"
+                for name, value, reason in [*entries, (VERDICT, CODES[verdict], "")]:
+                    self.store.add_measure(self.run, told, "sources", name, value, "", reason)
 
     def finding(self, scene, name, dt, measure, value, integrator="velocity-verlet", **how) -> None:
         """One measure of a finding."""

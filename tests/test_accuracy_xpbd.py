@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from bench import accuracy, accuracy_cases, methods
+from bench.ablate import ablate
 from bench.accuracy import run_accuracy
 from bench.accuracy_cases import cases, make_case
-from bench.accuracy_points import SCENES, AccuracyPoint, method_words, point
+from bench.accuracy_points import SCENES, AccuracyPoint, labels_of, method_words, point
+from bench.advise import advise
 from bench.judge import distance
 from bench.judgement import BALANCE, CONSTRAINT, SOLVER
 from bench.reference import cache
@@ -99,6 +101,31 @@ def test_what_newton_tells_the_motion_of():
             methods.newton(scene.replace(changes))
     with pytest.raises(SceneError, match="no converged reference"):
         methods.newton(load_scene("hard/b2"))
+
+
+@pytest.mark.parametrize(
+    "name,instead",
+    [
+        ("rigid-stack", "softlab bar .* softlab crowds .* softlab run"),
+        ("jelly-grid", "method.solver=mass-spring"),
+        ("cloth-mesh", "softlab run"),
+        ("cloth-self", "softlab run"),
+    ],
+)
+def test_who_asks_for_an_error_that_nobody_knows_is_told_what_to_ask_instead(tmp_path, name, instead):
+    """By `advise` and `ablate` before anything is measured, bodies before what else may be wrong with them."""
+    words = f"no converged reference.*{instead}"
+    with Store(tmp_path / "results.sqlite") as store:
+        for asked in (lambda: advise(store, load_scene(name), 1e-2), lambda: ablate(store, load_scene(name))):
+            with pytest.raises(SceneError, match=words):
+                asked()
+
+
+def test_scenes_of_accuracy_have_two_names():
+    assert labels_of(["s6-still", "lab-curtain", "S1"]) == ["S6-still", "S1"] and labels_of([]) == []
+    for name in ("jelly-drop", "S3", ""):
+        with pytest.raises(SceneError, match=r"S1 \(lab-curtain\).* softlab advise .* softlab bar .* softlab crowds"):
+            labels_of([name])
 
 
 def test_the_grid_of_cases():

@@ -21,7 +21,8 @@ from bench.store import Store
 from bench.timing import Sample
 from model.errors import InputError, SceneError
 from model.integrators import INTEGRATORS
-from model.scene import Scene, catalogue, load_scene
+from model.scene import Scene, load_scene
+from model.scene_reader import catalogue
 
 END = 0.3  # s
 METHODS = ("lab", "rk4", "taylor")  # the variants that tests/test_accuracy.py compiles, too

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from app.driver import open_simulation
 from model.build import build
 from model.errors import InputError, SceneError, SoftlabError
-from model.scene import KINDS, Scene, load_scene, parse_settings
+from model.scene import KINDS, Scene, load_scene
+from model.scene_reader import parse_settings
 
 NAN, INF = float("nan"), float("inf")
 

@@ -125,7 +125,7 @@ def test_the_sources_are_those_that_bake():
     import ast
 
     folder = Path(model.baked.__file__).parent
-    found, waiting = set(), ["baked", "soft_sheet"]  # whose class comes with the parameters
+    found, waiting = set(), ["baked", "soft_lattice", "soft_sheet"]  # whose class comes with the parameters
     while waiting:
         name = waiting.pop()
         if name in found:

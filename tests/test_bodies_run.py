@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import json
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from bodies_scenes import BEAM, METHOD, TORUS, beams_and_torus
 from fake_cloth import FakeCloth
+from rich.console import Console
 from test_cli import KEYS, command  # noqa: F401  # a fixture
 
 from app.plan_report import plan_report
 from app.plan_table import print_plan
 from app.run_parts import body_lines
 from app.scene_file import scene_toml
+from app.tables import number, print_scenes
 from model.energy import energies, lattice_energy, masses, spring_strain
 from model.errors import SoftlabError
 from model.formulas import cluster
 from model.matching import lattice_clusters
 from model.scene import Scene, load_scene
+from model.scene_reader import catalogue
 
 SCENE = beams_and_torus()
 CROWD = SCENE.crowd
@@ -109,8 +113,24 @@ def test_a_run_has_every_field_and_says_why_there_is_no_error(command: Any, bodi
     assert report["dimensions"] == 3 and report["max_strain"] < 1e-5  # all fall alike
     for line in body_lines(SCENE):
         assert line in done.err
+    assert report["waiting"] == report["waiting_particles"] == 0 and "waiting" not in command(f"run {bodies_file}").out
     table = command(f"run {bodies_file} --steps 3").out
     assert "of the spacing, from its goal" in table and "another material" in table
+
+
+@pytest.mark.usefixtures("falling")
+def test_what_waits_is_counted_apart(command: Any, tmp_path: Path) -> None:  # noqa: F811
+    spare = beams_and_torus(torus=TORUS | {"spare": 2})
+    file, ring = tmp_path / "spare.toml", len(spare.bodies["torus"].baked.position)
+    file.write_text(scene_toml(spare), encoding="utf-8")
+    report = json.loads(command(f"run {file} --steps 300 --json").out)
+    assert (report["particles"], report["bodies"]) == (CROWD.particle_count, 3)
+    assert (report["waiting_particles"], report["waiting"]) == (2 * ring, 2)
+    assert report["clusters"] == CROWD.clusters.count
+    rate = CROWD.particle_count * report["steps"] / report["seconds"]
+    assert report["particle_steps_per_second"] == pytest.approx(rate, rel=1e-12)
+    table = command(f"run {file} --steps 3").out
+    assert f"{number(CROWD.particle_count)} + {number(2 * ring)} waiting" in table and "3 + 2 waiting" in table
 
 
 def test_each_body_is_told_of_once_for_all_its_copies() -> None:
@@ -125,6 +145,20 @@ def test_the_catalogue_lists_bodies_by_their_particles(command: Any, monkeypatch
     monkeypatch.setattr("app.tables.load_scene", lambda name: SCENE)
     out = command("scenes").out
     assert str(CROWD.particle_count) in out and "shape-matching" in out and "1 x" not in out
+    spare = beams_and_torus(torus=TORUS | {"spare": 2})
+    monkeypatch.setattr("app.tables.load_scene", lambda name: spare)
+    assert command("scenes").out == out  # what waits is not counted
+
+
+def test_the_catalogue_is_readable_at_80_columns(capsys: pytest.CaptureFixture[str]) -> None:
+    """A line a scene, nothing cut; in a narrower place lines are broken, and still nothing is cut."""
+    for width in (80, 50):
+        print_scenes(Console(width=width, highlight=False))
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(len, lines)) <= width and not any("…" in line for line in lines)
+        if width == 80:
+            assert [line.split()[0] for line in lines] == ["scene", *catalogue()]
+            assert all(load_scene(line.split()[0]).method.name in line for line in lines[1:] if "jelly" in line)
 
 
 # ---------------------------------------------------------------------- plans
@@ -152,8 +186,6 @@ def test_the_plan_counts_the_real_overlap_of_clusters() -> None:
 
 def test_the_plan_names_kernels_and_stages_of_both_backends() -> None:
     from io import StringIO
-
-    from rich.console import Console
 
     report = plan_report(SCENE)
     kernels = {one.name: one.kernel for one in report.backends}

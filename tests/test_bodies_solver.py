@@ -19,7 +19,6 @@ from bodies_scenes import (
     degenerate,
     end_state,
     everything,
-    matrices,
     method,
     opened,
     same,
@@ -29,6 +28,7 @@ from closed_meshes import rotation as rotation_by
 
 from app.files import read_state, write_state
 from bench.reference import shape_matching as reference
+from bench.rotations import matrices_of
 from model.cluster_tables import matching_factors
 from model.clusters import matching_share
 from model.errors import Diverged, InputError, SceneError
@@ -55,6 +55,18 @@ def test_against_the_reference_and_the_same_bits_everywhere(precision: str, expo
 def test_fast_math_is_near_exact() -> None:
     fast, exact = (end_state(everything(), precision="float32", math=math, threads=2) for math in ("fast", "exact"))
     assert np.abs(fast.position - exact.position).max() < 1e-12 * 2.0**29  # as above
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_the_last_small_bodies_after_large_ones_have_a_thread(threads: int) -> None:
+    """Whatever the sizes: each group belongs to one thread."""
+    small, far = BAR | {"particle_spacing": 0.25}, {"apart": [2.0, 0.0, 0.0], "copies": [4, 1, 1]}
+    scene = bodies_scene(large=BAR | {"particle_spacing": 0.07} | far, small=small | {"origin": [0.0, 3.0, 0.0]})
+    with opened(scene, threads=threads) as simulation:
+        bounds = simulation.layout.bands(threads)
+        assert bounds[0] == 0 and bounds[-1] == len(simulation.layout.groups) and (np.diff(bounds) >= 0).all()
+    position, _ = reference.simulate(scene, 2)
+    assert np.abs(end_state(scene, steps=2, threads=threads).position - position).max() < 1e-12
 
 
 def test_threads_share_what_can_be_shared() -> None:
@@ -114,7 +126,7 @@ def test_a_rigid_body_loses_spin_by_its_law() -> None:
     assert total > 2 * np.pi  # more than a whole turn
     # the rotation kept is that of the last prediction, ahead of the particles: `read` tells of where they are
     with opened(scene, initial=state) as simulation:
-        assert matrices(simulation.read("rotation"))[0] == pytest.approx(rotation_by([0, 0, turn]), abs=1e-10)
+        assert matrices_of(simulation.read("rotation"))[0] == pytest.approx(rotation_by([0, 0, turn]), abs=1e-10)
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 5])
@@ -161,7 +173,7 @@ def test_clusters_without_a_volume(kernel: str, precision: str, exponent: int) -
     )
     assert np.isfinite(state.position).all() and state.rotation is not None
     assert np.abs(np.linalg.norm(state.rotation.astype(float), axis=1) - 1).max() < 4 * 2.0 ** (exponent - 53)
-    assert np.linalg.det(matrices(state.rotation)) == pytest.approx(1, abs=1e-6)
+    assert np.linalg.det(matrices_of(state.rotation)) == pytest.approx(1, abs=1e-6)
 
 
 def test_far_from_the_origin_float32_keeps_its_digits() -> None:
@@ -170,7 +182,7 @@ def test_far_from_the_origin_float32_keeps_its_digits() -> None:
     scene = by_hand(clusters_of(CORNERS, np.arange(8)))
     there = (CORNERS @ rotation_by([0.3, -0.2, 0.5]).T + 4096).astype(np.float32)
     with opened(scene, initial=start(scene, there), precision="float32") as simulation:
-        found, centre = matrices(simulation.read("rotation"))[0], simulation.read("centre")
+        found, centre = matrices_of(simulation.read("rotation"))[0], simulation.read("centre")
     assert found == pytest.approx(scene.crowd.clusters.rotations(there.astype(float))[0], abs=16 * 2.0**-24)
     assert centre[0] == pytest.approx(there.mean(axis=0, dtype=float), abs=2.0**-12)
 
@@ -193,7 +205,7 @@ def test_a_state_goes_on_bit_for_bit(tmp_path: Path) -> None:
         assert same(simulation.state(), before)  # reading changes nothing
     assert rotation.shape == (5, 4) and rotation.dtype == np.float32
     assert centre == pytest.approx(scene.crowd.clusters.centres(half.position), abs=4 * 2.0**-24)
-    assert matrices(rotation) == pytest.approx(scene.crowd.clusters.rotations(half.position), abs=64 * 2.0**-24)
+    assert matrices_of(rotation) == pytest.approx(scene.crowd.clusters.rotations(half.position), abs=64 * 2.0**-24)
 
 
 @pytest.mark.parametrize("angle", [0.5, 2.0, np.pi])
@@ -202,7 +214,9 @@ def test_a_state_without_rotations_starts_cold(angle: float) -> None:
     turn = rotation_by(angle * np.array([2.0, -1.0, 2.0]) / 3)
     with opened(scene, initial=start(scene, scene.crowd.position @ turn.T)) as simulation:
         rotation = simulation.state().rotation
-        assert rotation is not None and matrices(rotation) == pytest.approx(np.broadcast_to(turn, (3, 3, 3)), abs=1e-13)
+        assert rotation is not None and matrices_of(rotation) == pytest.approx(
+            np.broadcast_to(turn, (3, 3, 3)), abs=1e-13
+        )
 
 
 @pytest.mark.parametrize(

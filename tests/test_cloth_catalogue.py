@@ -9,7 +9,8 @@ import pytest
 from labbook.findings_claims import CLOTH
 from model.build import pinned_indices
 from model.integrators import stability_limit
-from model.scene import Scene, catalogue, load_scene, parse_settings
+from model.scene import Scene, load_scene
+from model.scene_reader import catalogue, parse_settings
 
 CLOTHS = [name for name in catalogue() if "/" not in name and load_scene(name).cloth]
 

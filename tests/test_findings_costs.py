@@ -29,10 +29,11 @@ from bench.results import measures
 from bench.store import Store
 from bench.timing import Sample, Subject
 from labbook.costs_claims import CLAIMS
-from model import simulation as contract
+from model import divergence
+from model.divergence import check_interval
 from model.errors import SceneError, SoftlabError
 from model.scene import load_scene
-from model.simulation import State, check_interval
+from model.simulation import State
 from plots import findings_determinism as determinism_figure
 from plots import findings_looks as looks_figure
 from plots.costs_points import costs, look_costs
@@ -47,8 +48,8 @@ TINY = Effort(2, 1e-4, 1e-3)
 def short_intervals():
     """256 steps between two looks at a small grid: a sample with looks is at least so long."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(contract, "LEAST_INTERVAL", 64)
-    patch.setattr(contract, "MOST_INTERVAL", {"cpu": 256, "gpu": 256})
+    patch.setattr(divergence, "LEAST_INTERVAL", 64)
+    patch.setattr(divergence, "MOST_INTERVAL", {"cpu": 256, "gpu": 256})
     yield
     patch.undo()
 

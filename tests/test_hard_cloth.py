@@ -20,7 +20,7 @@ from plots.hard import as_seen, draw_states
 from plots.style import settings
 
 LAWS = {"hard/b16": fast_ball, "hard/b17": ball_inside}
-CLOTHS = [case for case in CASES if case.row in ("B16", "B17")]
+CLOTHS = [case for case in CASES if case.name in ("B16", "B17")]
 HOST: dict[str, Any] = {"threads": 1, "math": "exact", "timed": False}
 
 

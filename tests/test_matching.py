@@ -11,7 +11,8 @@ from app.driver import open_simulation
 from bench.reference import shape_matching as reference
 from model.clusters import Clusters, matching_share, stiffness_of_coefficient
 from model.errors import InputError, SceneError
-from model.matching import lattice_clusters, matching_axis, matching_stiffness
+from model.lattice import matching_axis
+from model.matching import lattice_clusters, matching_stiffness
 from model.scene import Scene, load_scene
 from model.simulation import State
 

@@ -144,7 +144,7 @@ def test_no_mass_passes_at_100_metres_a_second(real: Any) -> None:
     """A way of 1.67 m through a terrain, a third of the ways through corners and edges of its triangles, from above and from
     below: a mass ends on its side, at the thickness, and so it does after three steps more with what is left of its speed."""
     mesh = MeshCollider(shape=TERRAIN, thickness=0.02)
-    meet, random, made, tree = touch(mesh, real), np.random.default_rng(4), formulas.make(real), mesh.tree(real)
+    meet, random, made, tree = touch(mesh, real), np.random.default_rng(4), formulas.make(real), mesh.numbers(real)
     corners = mesh.corners.astype(real).astype(float)
     inner = corners[(np.abs(corners[..., [0, 2]]) < 3.5).all(axis=(1, 2))]
     for k, triangle in enumerate(inner[random.permutation(len(inner))[:90]]):
@@ -360,7 +360,7 @@ def test_a_scene_of_it_is_written_and_read() -> None:
     scene = load_scene("soft-on-mesh")
     assert Scene(scene.as_dict(), "soft-on-mesh").canonical() == scene.canonical()
     numbers = collider_numbers(scene, np.float32)
-    assert np.array_equal(numbers[COLLIDER_FIELDS:], scene.parts["hills"].tree(np.float32))  # type: ignore[attr-defined]
+    assert np.array_equal(numbers[COLLIDER_FIELDS:], scene.parts["hills"].numbers(np.float32))  # type: ignore[attr-defined]
     assert collider_rows(scene, np.float32)[0, B_TREE] == 0 and numbers[B_TREE] == COLLIDER_FIELDS
 
 
@@ -373,7 +373,7 @@ def test_jelly_stays_above_the_mesh() -> None:
     with open_simulation(scene, "cpu", threads=1) as simulation:
         simulation.advance(100)
         position = simulation.read("position").astype(float)
-    made, tree = formulas.make(np.float64), hills.tree(np.float64)
+    made, tree = formulas.make(np.float64), hills.numbers(np.float64)
     found = [made.nearest(tree, 0, *place, 100.0) for place in position[::3]]
     away = np.sqrt([squared for squared, *_ in found])
     assert away.min() > hills.thickness * SETTLED - 16 * np.finfo(np.float32).eps
@@ -432,7 +432,7 @@ def test_what_cannot_be_a_collider_is_told_apart(tmp_path: Path) -> None:
 def test_triangles_without_an_area_are_left_out_and_told(tmp_path: Path) -> None:
     points, faces = FLOOR
     mesh = MeshCollider(file=written(tmp_path / "f.obj", [*points, [2, 0, 2]], [*faces, [0, 2, 4], [1, 1, 2]]))
-    assert len(mesh.triangles) == 2 and mesh.tree_size == mesh.tree(np.float32).size
+    assert len(mesh.triangles) == 2 and mesh.number_count == mesh.numbers(np.float32).size
     assert mesh.lines() == ["2 triangles, 4 x 0 x 4 m", "2 triangles without area were left out"]
 
 

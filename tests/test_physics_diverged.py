@@ -5,9 +5,9 @@ import pytest
 
 from bench.reference import mass_spring as reference
 from model.build import build
+from model.divergence import DIVERGED_SIZE, LEAST_INTERVAL, MOST_INTERVAL, check_interval
 from model.errors import Diverged
 from model.scene import Scene, load_scene
-from model.simulation import DIVERGED_SIZE, LEAST_INTERVAL, MOST_INTERVAL, check_interval
 
 CHECK_INTERVAL = 256  # steps, set by hand where a test needs several looks in a short run
 

@@ -15,13 +15,14 @@ from model.scene import Scene, load_scene
 # Gauss-Seidel is judged in the same order: which edges and hinges a mesh has, at which lengths, and their greedy colours have
 # tests of their own (test_mesh_edges.py, test_colouring.py, test_bending.py). So have the clusters of shape matching: which
 # masses, in which shares (test_matching.py, test_soft_body.py); their goals here are by singular values, as no kernel's are.
-# Of a mesh collider the triangles are shared, not their tree.
+# Of a mesh collider the triangles are shared, not their tree; of a distance field the samples, not what lies between them.
 SHARED = {
     "xpbd_mesh.py": {"model.mesh_constraints", "model.topology", "model.build"},
     "shape_matching.py": {"model.clusters", "model.matching"},
     "cluster_material.py": {"model.clusters"},
-    "cloth.py": {"model.mesh_collider"},
+    "cloth.py": {"model.mesh_collider", "model.distance_field"},
     "mesh_collider.py": {"model.mesh_collider"},
+    "distance_field.py": {"model.distance_field"},
 }
 
 

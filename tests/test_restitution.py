@@ -104,12 +104,12 @@ def test_it_comes_to_rest(solver: str, integrator: str) -> None:
     assert heights.tolist() == [[0.0]] * 50
 
 
-def test_a_rigid_body_shares_what_its_touching_masses_get() -> None:
+def test_a_soft_body_shares_what_its_touching_masses_get() -> None:
     """Of a cube the lower half touches: of its velocity v the impulse leaves (1 - (1 + e) / 2) v. Eight particles that sum to
-    within 8 roundings of 4 m/s."""
+    within 8 roundings of 4 m/s. (Rigid ones: test_rebound.py.)"""
     e, corners = 0.5, np.array([[x, y, z] for x in (0.0, 0.2) for y in (0.0, 0.2) for z in (0.0, 0.2)])
     scene = by_hand(
-        clusters_of(corners, np.arange(8)), body=BRICK, gravity=0.0, plane=AWAY | FLOOR | {"restitution": e},
+        clusters_of(corners, np.arange(8), stiffness=1e4), body=BRICK, gravity=0.0, plane=AWAY | FLOOR | {"restitution": e},
         method=method(dt=0.001),
     )  # fmt: skip
     down = np.tile([0.0, -4.0, 0.0], (8, 1))
@@ -155,6 +155,8 @@ def test_a_cloth_bounces_off_all_kinds(solver: str) -> None:
         capsule=common | {"start": (0.1, 0.4, -0.3), "end": (0.4, 0.42, -0.2), "radius": 0.05},
         box=common | {"center": (0.4, 0.35, 0.2), "half_size": (0.1, 0.1, 0.1)},
         mesh_collider=common | {"shape": {"name": "terrain", "resolution": 2}, "origin": (0.0, 0.4, 0.0)},
+        distance_field=common
+        | {"shape": {"name": "torus", "resolution": 8, "scale": 0.4}, "spacing": 0.02, "origin": (0.05, 0.45, 0.1)},
         method={"integrator": "semi-implicit-euler", "dt": 0.01},
     )  # fmt: skip
     found, expected = solve(solver, scene, 20), solve("reference", scene, 20)

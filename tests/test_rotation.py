@@ -4,7 +4,6 @@ clusters come to, what it returns where there are many, and its bits."""
 from __future__ import annotations
 
 from functools import cache
-from itertools import product
 from typing import Any
 
 import numba
@@ -13,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bench.rotations import best_trace, matrices_of, of_singular_values, off_rotation, quaternions, sets_of_matrices
 from cpu_backend.compile import Compiler
 from model.formulas import rotation
 
@@ -56,20 +56,6 @@ def solver(real: Any, math: str = "exact") -> Any:
     return solve
 
 
-def quaternions(random: np.random.Generator, count: int) -> np.ndarray:
-    q = random.normal(size=(count, 4))
-    return q / np.linalg.norm(q, axis=1, keepdims=True)
-
-
-def matrices_of(q: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) of unit quaternions, in float64: v + 2w (u x v) + 2u x (u x v) of each axis."""
-    w, u = q[:, :1, None].astype(float), q[:, 1:].astype(float)
-    cross = np.zeros((len(q), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        cross[:, i, j], cross[:, j, i] = -u[:, k], u[:, k]
-    return np.eye(3) + 2 * (w * cross + cross @ cross)
-
-
 def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """W. Hamilton's product, row by row."""
     pw, pu, qw, qu = p[:, :1], p[:, 1:], q[:, :1], q[:, 1:]
@@ -83,40 +69,7 @@ def turned(q: np.ndarray, degrees: float) -> np.ndarray:
     return multiplied(q, np.concatenate([np.full((len(q), 1), np.cos(half)), axis], axis=1))
 
 
-def of_singular_values(random: np.random.Generator, values: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) of those, the last one negative for a reflection, turned anyhow on both sides."""
-    left, right = (matrices_of(quaternions(random, len(values))) for _ in range(2))
-    return left @ (values[:, :, None] * right)
-
-
-def sets_of_matrices() -> dict[str, np.ndarray]:
-    """NUMERICS' A10 and B20, and wherever two eigenvalues of K come together."""
-    random = np.random.default_rng(3)
-    one, zero, few = np.ones((COUNT, 1)), np.zeros((COUNT, 1)), np.ones((COUNT // 10, 3))
-    small, sign = 10.0 ** random.uniform(-9, -1, (COUNT, 3)), random.choice([-1.0, 1.0], (COUNT, 3))
-    named = [np.diag(d) for d in product((-3.0, -1.0, 0.0, 1.0, 3.0), repeat=3)]
-    named += [np.diag([-3.0, -2.0, -1.0]), np.ones((3, 3)), np.eye(3)[[1, 2, 0]], np.eye(3)[[1, 0, 2]]]
-    values = {
-        "rigid": few,
-        "mirrored": few * [1, 1, -1],
-        "nearly mirrored": np.array([1, 1, -1]) + sign * small,
-        "flat": np.concatenate([random.uniform(0.1, 1, (COUNT, 2)), zero], axis=1),
-        "on a line": few * [1, 0, 0],
-        "nearly on a line": np.concatenate([one, (sign * small)[:, 1:]], axis=1),
-        "two eigenvalues nearly one": np.concatenate([one, 0.5 * one, small[:, :1] - 0.5], axis=1),
-        "of any singular values": 10.0 ** random.uniform(-9, 0, (COUNT, 3)) * sign,
-    }
-    sets = {name: of_singular_values(random, each) for name, each in values.items()}
-    return {"random, half of them mirrored": random.normal(size=(COUNT, 3, 3)), "by name": np.stack(named)} | sets
-
-
-SETS = sets_of_matrices()
-
-
-def best_trace(A: np.ndarray) -> np.ndarray:
-    """s1 + s2 + sign(det A) s3."""
-    left, s, right = np.linalg.svd(A)
-    return s[:, 0] + s[:, 1] + np.linalg.det(left) * np.linalg.det(right) * s[:, 2]
+SETS = sets_of_matrices(COUNT)
 
 
 def unscaled(A: np.ndarray, real: Any) -> np.ndarray:
@@ -130,8 +83,8 @@ def assert_nearest(A: np.ndarray, q: np.ndarray, real: Any) -> None:
     A, R = unscaled(A.astype(real), real), formula_matrices(q, real)
     length = np.linalg.norm(q.astype(float), axis=1)
     assert np.abs(length - 1).max(initial=0) <= 1.25 * np.finfo(real).eps + 4 * np.finfo(float).eps
-    assert np.abs(R.swapaxes(1, 2) @ R - np.eye(3)).max(initial=0) < ORTHOGONAL[real]
-    assert np.abs(np.linalg.det(R) - 1).max(initial=0) < 3 * ORTHOGONAL[real]
+    apart, determinant = off_rotation(R)
+    assert apart < ORTHOGONAL[real] and determinant < 3 * ORTHOGONAL[real]
     missing = best_trace(A) - (matrices_of(q) * A).sum((1, 2))
     assert np.abs(missing).max(initial=0) <= TRACE * np.finfo(real).eps
 

@@ -9,7 +9,8 @@ from bench.reference import mass_spring as reference
 from model.build import build, pinned_indices
 from model.errors import SceneError
 from model.plan import present_parts
-from model.scene import Scene, catalogue, load_scene, parse_settings, parse_value
+from model.scene import Scene, load_scene
+from model.scene_reader import catalogue, parse_settings, parse_value
 
 MINIMAL = {"grid": {"rows": 3, "columns": 4}}
 SETTABLE = [

@@ -19,6 +19,7 @@ from app.collider_shapes import (
     sphere_mesh,
     with_colliders,
 )
+from app.framing import seen_points
 from app.scenery import KEY
 from app.surface import drawn_kinds, drawn_strain
 from model.build import rest_positions
@@ -117,6 +118,55 @@ def test_framing_holds_every_corner_and_wastes_nothing(size: tuple[int, int], tu
     slack = np.concatenate([low - (left, bottom), np.array(size) - (right, top) - high])
     assert (slack > -1e-6).all()
     assert (slack[[0, 2]] < 1e-6).all() or (slack[[1, 3]] < 1e-6).all()
+
+
+def test_balls_are_held_within_the_margins_and_nothing_is_wasted() -> None:
+    """Points on the balls (Fibonacci spirals) lie within the margins, the outermost of them at two opposite ones, to what
+    spirals of 2000 miss of a ball; the few outermost points stand for all."""
+    size, margins, radius = (800, 600), (20.0, 60.0, 35.0, 40.0), 0.3
+    random = np.random.default_rng(3)
+    points = random.normal((7.0, -2.0, 1.0), (1.0, 0.2, 2.0), (50, 3))
+    camera = Camera3D(*size, yaw=0.9, pitch=0.5).holding(points, margins, radius)
+    k = np.arange(2000) + 0.5
+    z, turn = 1 - k / 1000, np.pi * (1 + 5**0.5) * k
+    ball = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
+    place, depth = camera.project((points[:, None] + radius * ball).reshape(-1, 3))
+    left, bottom, right, top = margins
+    slack = np.concatenate([place.min(axis=0) - (left, bottom), np.array(size) - (right, top) - place.max(axis=0)])
+    apart = np.sqrt(4 * np.pi / 2000)  # rad: of neighbours on a spiral, and the cap between them is lower by that
+    missed = radius * (1 - np.cos(apart)) * camera.focal / depth.min()  # pixels
+    assert (slack > -1e-6).all() and ((slack[[0, 2]] < missed).all() or (slack[[1, 3]] < missed).all())
+    few = camera.outermost(points, margins, radius)
+    again = Camera3D(*size, yaw=0.9, pitch=0.5).holding(few, margins, radius)
+    assert len(few) == 10
+    np.testing.assert_allclose([*again.target, again.distance], [*camera.target, camera.distance], rtol=1e-9)
+    assert abs(slack[0] - slack[2]) < 1 and abs(slack[1] - slack[3]) < 1  # left over evenly, to a pixel: balls count as
+    assert slack.max() > 10  # large as they are seen at the margin
+
+
+def test_a_picture_of_bodies_holds_where_they_will_land() -> None:
+    """Above a plane the points below them on it, also on a slope, but none farther down than half the crowd's extent; of a
+    wall nothing, and of bodies that are nowhere nothing."""
+    fallen = {"shape": {"name": "beam"}, "kind": "rigid_body", "particle_spacing": 0.2, "origin": [0.0, 0.4, 0.0]}
+    method = {"solver": "shape-matching"}
+
+    def landed(**plane: Any) -> np.ndarray:
+        scene = Scene({"beam": fallen, "plane": plane, "method": method})
+        position = scene.crowd.position
+        found = seen_points(scene, position, 0.0)
+        np.testing.assert_array_equal(found[: len(position)], position)
+        return found[len(position) :]
+
+    position = Scene({"beam": fallen, "method": method}).crowd.position
+    level = landed()
+    np.testing.assert_allclose(level, position * (1, 0, 1), atol=1e-15)
+    slope = landed(normal=[1.0, 10.0, 0.0])
+    np.testing.assert_allclose(slope[:, 0] + 10 * slope[:, 1], 0, atol=1e-14)
+    np.testing.assert_array_equal(slope[:, [0, 2]], position[:, [0, 2]])
+    assert len(landed(normal=[1.0, 0.0, 0.0])) == 0
+    far = Scene({"beam": fallen, "method": method})
+    np.testing.assert_allclose(landed(point=[0.0, -1e3, 0.0])[:, 1], position[:, 1].min() - far.grid.extent / 2)
+    assert len(seen_points(far, np.full_like(position, np.nan), 0.0)) == 0
 
 
 def test_a_single_mass_does_not_fill_the_window() -> None:

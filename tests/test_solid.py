@@ -46,7 +46,7 @@ def test_a_hole_of_many_edges(size):
 
 
 def test_sheets_strips_and_flat_bodies_have_no_inside():
-    with pytest.raises(InputError, match=r"not closed .*make it a cloth"):
+    with pytest.raises(InputError, match=r"not closed .*kind = \"soft_sheet\""):
         soft(sheet(4, 4))
     with pytest.raises(InputError, match=r"not closed \(2 holes, the widest"):
         soft(strip(12, 0))

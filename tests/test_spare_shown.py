@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,8 +28,8 @@ from app.pieces import pieces_of
 from app.run_parts import bodies_report
 from app.skinning import ClusterFrames
 from model.energy import energies
-from model.scene import Scene
-from model.spare import absent, present
+from model.scene import Scene, load_scene
+from model.spare import Counts, absent, counts, present
 
 SPARE = beams_and_torus(torus=TORUS | {"spare": 2})
 ALONE = beams_and_torus()
@@ -58,10 +59,14 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     height = (CROWD.clusters.mass[torus] @ simulation.state().position[torus, 1]) / CROWD.clusters.mass[torus].sum()
     assert raised == pytest.approx(9.81 * CROWD.clusters.mass[torus].sum() * height) and one.spare == 2
     weights = simulation.body.inverse_mass
-    assert masses_text(SPARE).endswith("of 3 bodies, 2 waiting") and masses_text(ALONE).endswith("of 3 bodies")
-    assert masses_text(SPARE, weights).endswith("of 4 bodies, 1 waiting")
+    assert masses_text(SPARE) == f"{masses_text(ALONE)} + 2 waiting" and masses_text(ALONE).endswith("of 3 bodies")
+    ring = ALONE.bodies["torus"].baked
+    more = f"{COUNT + len(ring.position)} particles in {ALONE.crowd.clusters.count + ring.clusters.count} clusters"
+    assert masses_text(SPARE, weights) == f"{more} of 4 bodies + 1 waiting"
     report = bodies_report(simulation, state)
-    assert (report["bodies"], report["waiting"]) == (4, 1)
+    assert (report["bodies"], report["waiting"], report["waiting_particles"]) == (4, 1, len(ring.position))
+    assert counts(SPARE) == replace(counts(ALONE), waiting=2, waiting_particles=2 * len(ring.position))
+    assert counts(ALONE) == Counts(COUNT, ALONE.crowd.clusters.count, 3) and counts(load_scene("lab-grid")).waiting == 0
     assert absent(ALONE) is None and absent(ALONE, np.zeros(COUNT)) is not None
     assert len(present(SPARE, state.position)) == COUNT
     assert present(ALONE, alone.position, np.zeros(COUNT)) is alone.position  # none would be left

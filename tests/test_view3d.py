@@ -187,10 +187,13 @@ def test_there_is_a_ground_with_lines_and_a_shadow_on_it() -> None:
 def test_pictures_have_eight_bits_a_colour_and_smooth_edges() -> None:
     with OffscreenRenderer(SCENE, 320, 240, legend=False) as renderer:
         renderer.camera.pitch = 0.0
+        edge = REST[[0, 6 * 9]].mean(axis=0)  # the left one: upright, and moved into the middle of a pixel
+        left, _ = renderer.camera.to_window(edge)
+        renderer.camera.pan(np.floor(left) + 0.5 - left, 0.0)
         renderer.draw(REST)
         image = renderer.image()
         assert np.unique(image[:, :, :3].reshape(-1, 3), axis=0).shape[0] > 150
-        x, y = renderer.camera.to_window(REST[[0, 6 * 9]].mean(axis=0))  # the left edge, slanted by the perspective
+        x, y = renderer.camera.to_window(edge)
         row = image[239 - round(y), round(x) - 4 : round(x) + 5, 0].astype(int)
         between = (row > row.min() + 12) & (row < row.max() - 12)
         assert renderer._view._target.samples < 2 or between.any()

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import mesh_collider
+from bench.reference import distance_field, mesh_collider
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke, masses, named_mask, pinned_mask
+from model.distance_field import DistanceField
 from model.errors import SceneError
 from model.mesh_collider import MeshCollider
 from model.scene import Scene
@@ -262,11 +263,13 @@ def collide(
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
     slow = 2 * gravity * dt
     for kind, collider in scene.colliders:
-        if isinstance(collider, MeshCollider):
+        if isinstance(collider, MeshCollider | DistanceField):
             old, new, speed = (array.reshape(-1, 3) for array in (before, position, velocity))
-            settled, answered = mesh_collider.collide(
-                collider, old, new, speed, step * dt, (step + 1) * dt, partial(_touched, collider, slow)
-            )  # fmt: skip
+            times = step * dt, (step + 1) * dt, partial(_touched, collider, slow)
+            if isinstance(collider, MeshCollider):
+                settled, answered = mesh_collider.collide(collider, old, new, speed, *times)
+            else:
+                settled, answered = distance_field.collide(collider, old, new, speed, *times)
             position = np.where(free, settled.reshape(position.shape), position)
             velocity = np.where(free, answered.reshape(position.shape), velocity)
             continue

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from bench.reference.particle_contacts import Contacts
 from model.clusters import Clusters
 
 
@@ -35,19 +36,63 @@ def crept(
     return found
 
 
-def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float) -> np.ndarray:
-    """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping."""
-    if clusters.material is None:
-        return velocity
+def rigid_motion(clusters: Clusters, c: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """(entries of cluster c, 3) [m/s]: the velocities of the rigid motion that has its momenta."""
+    own = slice(clusters.offsets[c], clusters.offsets[c + 1])
+    k, m = clusters.indices[own], clusters.masses[own, None]
+    centre, mean = (m * position[k]).sum(axis=0) / m.sum(), (m * velocity[k]).sum(axis=0) / m.sum()
+    r = position[k] - centre
+    spin = np.cross(r, m * velocity[k]).sum(axis=0)
+    inertia = sum(m[n, 0] * (r[n] @ r[n] * np.eye(3) - np.outer(r[n], r[n])) for n in range(len(k)))
+    return np.asarray(mean + np.cross(np.linalg.pinv(inertia, rcond=1e-12) @ spin, r))
+
+
+def damped(
+    clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float, whole: np.ndarray | None = None
+) -> np.ndarray:
+    """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping; `whole` (clusters,): those whose
+    velocities become a rigid motion at once."""
+    rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping.copy()
+    rate[[] if whole is None else whole] = np.inf
     found = velocity.copy()
-    for c in np.flatnonzero(clusters.material.damping > 0):
+    for c in map(int, np.flatnonzero(rate > 0)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, m = clusters.indices[own], clusters.masses[own, None]
-        centre, mean = (m * position[k]).sum(axis=0) / m.sum(), (m * velocity[k]).sum(axis=0) / m.sum()
-        r = position[k] - centre
-        spin = np.cross(r, m * velocity[k]).sum(axis=0)
-        inertia = sum(m[n, 0] * (r[n] @ r[n] * np.eye(3) - np.outer(r[n], r[n])) for n in range(len(k)))
-        rigid = mean + np.cross(np.linalg.pinv(inertia, rcond=1e-12) @ spin, r)
-        share = clusters.shares[own, None] * (1 - np.exp(-clusters.material.damping[c] * h))
-        np.add.at(found, k, share * (rigid - velocity[k]))
+        k, share = clusters.indices[own], clusters.shares[own, None] * (1 - np.exp(-rate[c] * h))
+        np.add.at(found, k, share * (rigid_motion(clusters, c, position, velocity) - velocity[k]))
     return found
+
+
+def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) -> tuple[float, np.ndarray]:
+    """(what the rigid motion is multiplied by, its velocities (entries, 3)) of what the particles of cluster c got, `struck`;
+    see model/rigid_rebound.py."""
+    own = slice(clusters.offsets[c], clusters.offsets[c + 1])
+    k, m = clusters.indices[own], clusters.masses[own]
+    rigid = rigid_motion(clusters, c, position, struck)
+    asked, given = (m * (struck[k] ** 2).sum(axis=1)).sum(), (m * (rigid**2).sum(axis=1)).sum()
+    return (min(float(asked / given), float(m.sum() / m.min())) if given > 0 else 0.0), rigid
+
+
+def rebounded(
+    clusters: Clusters, whole: np.ndarray, position: np.ndarray, old: np.ndarray, velocity: np.ndarray
+) -> np.ndarray:
+    """(particles, 3) [m/s]: from the velocities before and after colliders those of the `whole` clusters as rigid bodies;
+    see model/rigid_rebound.py."""
+    found = velocity.copy()
+    for c in map(int, np.flatnonzero(whole)):
+        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, (scale, rigid) = clusters.indices[own], worth(clusters, c, position, velocity - old)
+        found[k] = old[k] + scale * rigid
+    return found
+
+
+def bounced(
+    clusters: Clusters, contacts: Contacts, whole: np.ndarray, position: np.ndarray, old: np.ndarray, velocity: np.ndarray
+) -> np.ndarray:
+    """(particles, 3) [m/s]: velocities after particles bounced off each other, those of `whole` clusters as rigid bodies."""
+    scale = np.ones(len(position))
+    velocity = damped(clusters, position, velocity, contacts.h, whole)
+    got = contacts.given(position, old, velocity, scale)
+    for c in map(int, np.flatnonzero(whole)):
+        scale[clusters.indices[clusters.offsets[c] : clusters.offsets[c + 1]]] = worth(clusters, c, position, got)[0]
+    got = contacts.given(position, old, velocity, scale)
+    return damped(clusters, position, velocity + got, contacts.h, whole)

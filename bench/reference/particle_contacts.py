@@ -10,6 +10,7 @@ import numpy as np
 from model.scene import Scene
 
 MARGIN = 0.2  # of the distance: how much farther neighbours are looked for
+BESIDE = 1.001  # distances: nearer than that at the substep's end they touch
 REST = 1.25  # distances: particles of a body nearer than that at rest do not meet
 
 
@@ -33,6 +34,7 @@ class Contacts:
         np.fill_diagonal(self.meets, False)
         self.pull = np.where(mine, 0.0, np.maximum(sticky[:, None], sticky)) * self.h**2
         self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
+        self.gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self.pairs = np.zeros((0, 2), np.int64)
 
     def find(self, predicted: np.ndarray) -> None:
@@ -70,6 +72,24 @@ class Contacts:
         np.add.at(moved, i, self.weight[i][:, None] * way)
         np.add.at(moved, j, -self.weight[j][:, None] * way)
         return moved
+
+    def given(self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """What particles get [m/s] so that those that touch at `now` part with the restitution of the speed at which they came
+        near, all at once. `old`: with which the substep began; `scale` (particles,): a pair gets the lesser one of it."""
+        i, j = self.pairs.T
+        d = now[i] - now[j]
+        length = np.linalg.norm(d, axis=1)
+        normal = d / length[:, None]
+        came = -((old[i] - old[j]) * normal).sum(axis=1)
+        lack = self.part.restitution * came - ((velocity[i] - velocity[j]) * normal).sum(axis=1)
+        acting = (length < BESIDE * self.distance[i, j]) & (came > 2 * self.gravity * self.h) & (lack > 0)
+        i, j, normal, lack = i[acting], j[acting], normal[acting], lack[acting]
+        number = np.bincount(np.concatenate([i, j]), minlength=len(now))
+        share = np.minimum(scale[i], scale[j]) * lack / (self.weight[i] * number[i] + self.weight[j] * number[j])
+        found = np.zeros_like(velocity)
+        np.add.at(found, i, (self.weight[i] * share)[:, None] * normal)
+        np.add.at(found, j, -(self.weight[j] * share)[:, None] * normal)
+        return found
 
     def ended(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
         """The positions [m] at the substep's end: nobody went faster than allowed, and what hardly moved stays."""

@@ -70,6 +70,9 @@ def simulate(
     h = method.dt / method.substeps
     fine = scene.replace({"method.dt": h})
     contacts = Contacts(scene) if scene.contact else None
+    bounces = bool(scene.bodies) and any(collider.restitution > 0 for _, collider in scene.colliders)
+    rigid = np.isinf(clusters.stiffness) & (np.diff(clusters.offsets) > 1)
+    whole = rigid if bounces else None
     plastic = np.tile(np.eye(3), (clusters.count, 1, 1)) if "plastic" in clusters.parts else None
     for step in range(first_step, first_step + steps):
         for substep in range(method.substeps):
@@ -90,9 +93,13 @@ def simulate(
                     p = contacts.sweep(before, p)
             if contacts:
                 p = contacts.ended(before, p)
-            v = np.where(free, (p - before) / h, 0.0)
-            v = cluster_material.damped(clusters, p, v, h)
+            old, v = v, np.where(free, (p - before) / h, 0.0)
+            if contacts and contacts.part.restitution:
+                v = cluster_material.bounced(clusters, contacts, rigid, p, old, v)
+            v = cluster_material.damped(clusters, p, v, h, whole)
             if scene.colliders:
-                rows = before[None], p[None], v[None]
+                rows, old = (before[None], p[None], v[None]), v
                 p, v = (array[0] for array in cloth.collide(fine, *rows, step * method.substeps + substep))
+                if whole is not None:
+                    v = cluster_material.rebounded(clusters, whole, p, old, v)
     return p, v

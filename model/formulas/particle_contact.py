@@ -8,6 +8,9 @@ particle i, and the mean of its parts moves by the sum over j of w_i C n / (w_i 
 the same, the other way. Normal pushes keep angular momentum, too; friction acts at the particles' middles, not where they
 touch, and changes it by the distance times its impulse. Adhesion pulls together what is just apart, at a bounded
 acceleration.
+
+Restitution acts on velocities, once they follow from positions: M. Mueller et al., "Detailed Rigid Body Simulation with
+Extended Position Based Dynamics", SCA 2020, section 3.6 (eq. 34), for the same split masses.
 """
 
 from __future__ import annotations
@@ -21,11 +24,13 @@ from model.formulas.lengths import make as make_lengths
 OPERATIONS_SEARCH = 9  # a particle that is looked at: the distance's square and its comparison
 OPERATIONS_COUNT = 9  # a neighbour
 OPERATIONS_PROJECT = 60  # a contact: two lengths, the normal, friction, three sums
+OPERATIONS_BOUNCE = 2 * 36  # a neighbour: counted and answered, the normal, two speeds along it
 
 
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`. Vectors are three numbers, from the other particle to the asking one."""
     zero, one, nowhere = real(0), real(1), real(1e-6)
+    beside = real(1.001)  # of the distance: what was moved apart to it is a rounding nearer or farther
     squared_length_3d = make_lengths(real, compiled).squared_length_3d
 
     @compiled
@@ -101,6 +106,20 @@ def make(real, compiled=plain):
         return position + weight * total
 
     @compiled
+    def touching(squared_distance, distance):
+        """Whether two touch at the substep's end."""
+        reach = beside * distance
+        return squared_distance < reach * reach
+
+    @compiled
+    def lacking(ax, ay, az, bx, by, bz, nx, ny, nz, restitution, settling):
+        """How much faster [m/s] two that touch must part: than they do (b), for the part `restitution` of the speed at which
+        they came when the substep began (a). 0 where that is not over `settling`, and where they part fast enough."""
+        came = -((ax * nx + ay * ny) + az * nz)
+        lack = restitution * came - ((bx * nx + by * ny) + bz * nz)
+        return max(lack, zero) if came > settling else zero
+
+    @compiled
     def far(dx, dy, dz):
         """How far a particle went in a substep [m]."""
         return sqrt(squared_length_3d(dx, dy, dz))
@@ -117,6 +136,6 @@ def make(real, compiled=plain):
 
     return SimpleNamespace(
         squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
-        grip=grip, added=added, added_rubbing=added_rubbing, moved=moved, far=far,
+        grip=grip, added=added, added_rubbing=added_rubbing, moved=moved, touching=touching, lacking=lacking, far=far,
         shortened=shortened, rested=rested,
     )  # fmt: skip

@@ -1,9 +1,8 @@
 """Masses against a mesh of triangles: its tree of boxes, the first triangle on a mass's way, the nearest point, the answer.
 
-Everything happens in the mesh's own frame: the mass's way leads from where it was, seen from the mesh as it was, to where it
-is, seen from the mesh as it is, so that a mesh that moves or turns sweeps masses along. Triangles have two sides and no
-inside. A triangle faces a point by the sign of n.(p - a), of one formula and 0 counted as its front: whoever ends a step on a
-side begins the next one there. Of a way that leads across an edge, both triangles ask for the same product of the edge with
+Everything happens in the mesh's own frame (model/formulas/frame.py). Triangles have two sides and no inside. A triangle
+faces a point by the sign of n.(p - a), of one formula and 0 counted as its front: whoever ends a step on a side begins the
+next one there. Of a way that leads across an edge, both triangles ask for the same product of the edge with
 opposite signs (R. Segura and F. Feito, "Algorithms to test ray-triangle intersection", WSCG 2001), so that in `exact` math no
 way slips between two triangles; where products are fused, ways that miss by that rounding count as crossing, too.
 
@@ -22,7 +21,7 @@ import numpy as np
 from model.formulas import plain
 from model.formulas.cloth import make as make_cloth
 from model.formulas.colliders import make as make_colliders
-from model.formulas.motion import make as make_motion
+from model.formulas.frame import make as make_frame
 
 NODE, CORNERS = 8, 9  # numbers of a node, of a triangle
 ROUNDS = (
@@ -40,10 +39,9 @@ def make(real, compiled=plain, bounces=False):
     mesh's frame; `touch`, of a mass. In the arithmetic `real`. `bounces`: whether there is code for restitution."""
     zero, one, two = real(0), real(1), real(2)
     slack, settled, near = real(SLACK * float(np.finfo(real).eps)), real(SETTLED), real(NEAR)
-    sums = make_cloth(real, compiled)
-    moved, between, pushed, cross = sums.moved, sums.between, sums.pushed, sums.cross
-    answers, sine_cosine = make_colliders(real, compiled), make_motion(real, compiled).sine_cosine
-    respond, rebound = answers.respond, answers.rebound
+    sums, answers = make_cloth(real, compiled), make_colliders(real, compiled)
+    between, pushed, cross = sums.between, sums.pushed, sums.cross
+    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
 
     @compiled
     def dot(ax, ay, az, bx, by, bz):
@@ -240,47 +238,7 @@ def make(real, compiled=plain, bounces=False):
             met, reach = True, settled * thickness
         return met, x, y, z, vx, vy, vz
 
-    @compiled
-    def turned(x, y, z, ux, uy, uz, sine, cosine):
-        """(x, y, z) turned about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
-        tx, ty, tz = cross(ux, uy, uz, x, y, z)
-        nx, ny, nz = cross(ux, uy, uz, tx, ty, tz)
-        lifted = one - cosine
-        return x + (sine * tx + lifted * nx), y + (sine * ty + lifted * ny), z + (sine * tz + lifted * nz)
-
-    @compiled
-    def touch(
-        numbers, tree, thickness, static, dynamic, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, begin, end,
-        ax, ay, az, px, py, pz, vx, vy, vz, restitution, settling,
-    ):  # fmt: skip
-        """(px, py, pz, vx, vy, vz) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at `end`.
-
-        `o`: the mesh's origin at time 0; `q`: its velocity; `e`: the unit axis about which it turns, at `spin` [rad/s] or
-        `turns` [1/s]. A mesh that does not turn is met without a rounding of directions; who does not meet it, unchanged.
-        """
-        ax, ay, az = ax - moved(ox, qx, begin), ay - moved(oy, qy, begin), az - moved(oz, qz, begin)
-        ox, oy, oz = moved(ox, qx, end), moved(oy, qy, end), moved(oz, qz, end)
-        x, y, z = px - ox, py - oy, pz - oz
-        wx, wy, wz = vx, vy, vz
-        sine, cosine = zero, one
-        if spin != zero:
-            sine, cosine = sine_cosine(turns * begin)
-            ax, ay, az = turned(ax, ay, az, ex, ey, ez, -sine, cosine)
-            sine, cosine = sine_cosine(turns * end)
-            x, y, z = turned(x, y, z, ex, ey, ez, -sine, cosine)
-            wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, -sine, cosine)
-            qx, qy, qz = turned(qx, qy, qz, ex, ey, ez, -sine, cosine)
-        met, x, y, z, wx, wy, wz = settle(
-            numbers, tree, thickness, static, dynamic, spin * ex, spin * ey, spin * ez, qx, qy, qz, ax, ay, az, x, y, z,
-            wx, wy, wz, restitution, settling,
-        )  # fmt: skip
-        if not met:
-            return px, py, pz, vx, vy, vz
-        if spin != zero:
-            x, y, z = turned(x, y, z, ex, ey, ez, sine, cosine)
-            wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, sine, cosine)
-        return ox + x, oy + y, oz + z, wx, wy, wz
-
     return SimpleNamespace(
-        crossing=crossing, way_from=way_from, first_crossing=first_crossing, nearest=nearest, settle=settle, touch=touch
-    )
+        crossing=crossing, way_from=way_from, first_crossing=first_crossing, nearest=nearest, settle=settle,
+        touch=touching(settle),
+    )  # fmt: skip

@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bench.hard import judge_case
+from bench.hard_bodies import is_stopped_by_a_box, is_whole_at_once
 from bench.hard_cases import CASES
+from bench.hard_rotations import finds_rotations, goals_are_exact
+from bench.methods import MATCHING
 
 TINY = [case for case in CASES if case.row in ("B4", "B24")]
+BODIES = {case.name: case for case in CASES if case.of_bodies}
+OF_BODIES = {  # name -> law: of a few substeps
+    "A10 rigid": is_whole_at_once,
+    "B16 box": is_stopped_by_a_box,
+    "B20": finds_rotations(1, ("mirrored", "on a line")),
+    "B20 flat": goals_are_exact(1),
+}
 
 
 @pytest.mark.parametrize("case", TINY, ids=[case.name for case in TINY])
 def test_same_verdict_as_on_the_cpu(case) -> None:
     cpu, gpu = (judge_case(case, "lab", backend, "float64", math="exact") for backend in ("cpu", "gpu"))
     assert gpu.verdict == cpu.verdict == case.expect, gpu.diagnosis
+    assert gpu.checks == cpu.checks
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("name", OF_BODIES)
+def test_bodies_have_the_same_numbers_as_on_the_cpu(name: str, precision: str) -> None:
+    case = replace(BODIES[name], law=OF_BODIES[name])
+    cpu, gpu = (judge_case(case, MATCHING, backend, precision, math="exact") for backend in ("cpu", "gpu"))
+    assert gpu.verdict == cpu.verdict == "pass", gpu.diagnosis
     assert gpu.checks == cpu.checks

@@ -1,0 +1,146 @@
+"""Masses against a sampled signed-distance field: its value and gradient at a point, where a way enters it, the answer.
+
+The distance to a closed surface, negative inside, is known at the points of a regular grid of the spacing h, and interpolated
+trilinearly between them; the normal is the gradient of the interpolant. Where the distance is smooth in a cell, its value is
+wrong by at most h^2/8 (|d_xx| + |d_yy| + |d_zz|), of second order (on a ball of radius R: h^2 / (4 R)), and the normal's
+direction is of first order. Where it is not (beside edges and corners, and inside at places that are as far from two sides),
+a distance, which changes by no more than one goes, is wrong by at most sqrt(3)/2 h, and the normal leads in between.
+
+Everything happens in the collider's own frame (model/formulas/frame.py). Outside the sampled box nothing is met: it is
+larger than the body by more than the thickness. The inside is solid: who is in it is led out, however deep. A way through the
+body is cut off where it enters, by steps as long as the distance to it (J. C. Hart, "Sphere tracing", The Visual Computer 12,
+1996).
+
+A field is an array of numbers: HEADER of them (cells along x, y and z; the grid's least x, y, z; cells to a metre; how far
+the body lies inside the box, at least), then the samples, z fastest.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+from model.formulas.cloth import make as make_cloth
+from model.formulas.colliders import make as make_colliders
+from model.formulas.frame import make as make_frame
+
+HEADER = 8
+ROUNDS = 4  # how often a mass is moved, at most: two folds, each looked at twice
+SETTLED = 1 - 2.0**-6  # of the thickness: who was moved and is not nearer than that, stays
+STEPS = 64  # along a way, of half a cell at least: none is cut off that goes farther along a surface, and nearer to it
+NULL = 2.0**-10  # of a distance's slope, which is 1: what is less steep leads nowhere
+
+
+def make(real, compiled=plain, bounces=False):
+    """`sample`, of a field at a point; `entry`, of a way; `settle`, of a mass in the collider's frame; `touch`, of a mass. In
+    the arithmetic `real`. `bounces`: whether there is code for restitution."""
+    zero, half, one = real(0), real(0.5), real(1)
+    settled, null = real(SETTLED), real(NULL)
+    sums, answers = make_cloth(real, compiled), make_colliders(real, compiled)
+    between, pushed, cross = sums.between, sums.pushed, sums.cross
+    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
+
+    @compiled
+    def norm(x, y, z):
+        return sqrt((x * x + y * y) + z * z)
+
+    @compiled
+    def beyond(u, cells):
+        """How many cells u lies outside the grid."""
+        return max(max(-u, u - cells), zero)
+
+    @compiled
+    def cell_of(u, cells):
+        """The cell that u lies in; the last one at the grid's very end."""
+        return min(real(np.int32(u)), cells - one)
+
+    @compiled
+    def sample(numbers, field, x, y, z):
+        """(distance [m], gx, gy, gz [m per cell]) at a point; outside the box less than the distance, and no gradient.
+        `field`: where its numbers begin."""
+        across, up, deep = numbers[field], numbers[field + 1], numbers[field + 2]
+        per_metre = numbers[field + 6]
+        u = (x - numbers[field + 3]) * per_metre
+        v = (y - numbers[field + 4]) * per_metre
+        w = (z - numbers[field + 5]) * per_metre
+        if not (u >= zero and u <= across and v >= zero and v <= up and w >= zero and w <= deep):  # also of no number
+            away = max(max(beyond(u, across), beyond(v, up)), beyond(w, deep))
+            return numbers[field + 7] + away / per_metre, zero, zero, zero
+        i, j, k = cell_of(u, across), cell_of(v, up), cell_of(w, deep)
+        u, v, w = u - i, v - j, w - k
+        line, plane = deep + one, (up + one) * (deep + one)
+        a = np.int32(field + HEADER + np.int32(i * plane + (j * line + k)))  # whole numbers, in float32 up to 2^24
+        b, c = np.int32(a + np.int32(line)), np.int32(a + np.int32(plane))
+        d = np.int32(c + np.int32(line))
+        v000, v001, v010, v011 = numbers[a], numbers[a + 1], numbers[b], numbers[b + 1]
+        v100, v101, v110, v111 = numbers[c], numbers[c + 1], numbers[d], numbers[d + 1]
+        v00, v01 = between(v000, v100, u), between(v001, v101, u)
+        v10, v11 = between(v010, v110, u), between(v011, v111, u)
+        gx = between(between(v100 - v000, v110 - v010, v), between(v101 - v001, v111 - v011, v), w)
+        gy = between(v10 - v00, v11 - v01, w)
+        v0, v1 = between(v00, v10, v), between(v01, v11, v)
+        return between(v0, v1, w), gx, gy, v1 - v0
+
+    @compiled
+    def entry(numbers, field, ax, ay, az, bx, by, bz, length):
+        """The part of the way from a to b, `length` [m], after which it enters the body; 1 where it does not, or began in it.
+
+        Each step is as long as the distance to the body, or half a cell; where it ends inside, the way is cut off between its
+        two ends as if the distance changed evenly.
+        """
+        part, last, before = zero, zero, zero
+        for step in range(STEPS):
+            x, y, z = between(ax, bx, part), between(ay, by, part), between(az, bz, part)
+            distance, _, _, _ = sample(numbers, field, x, y, z)
+            if distance <= zero:
+                if step == 0:
+                    return one
+                return between(last, part, before / (before - distance))
+            if distance >= (one - part) * length:
+                return one
+            last, before = part, distance
+            part = min(part + max(distance, half / numbers[field + 6]) / length, one)
+        return one
+
+    @compiled
+    def settle(
+        numbers, field, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
+        settling,
+    ):  # fmt: skip
+        """(whether the body was met, x, y, z, vx, vy, vz) of a mass on its way from a to (x, y, z), in the body's frame.
+
+        `s`: rad/s at which the body turns; `u`: its velocity. Where its way enters the body it is cut off. Then it is pushed
+        along the gradient, by what its distance lacks of `thickness`, ROUNDS times at most; where there is no gradient, back
+        along its way, and up where it has not moved.
+        """
+        met, reach = False, thickness
+        wx, wy, wz = ax - x, ay - y, az - z
+        length = norm(wx, wy, wz)
+        part = entry(numbers, field, ax, ay, az, x, y, z, length)
+        if part < one:
+            x, y, z = between(ax, x, part), between(ay, y, part), between(az, z, part)
+        for _ in range(ROUNDS):
+            distance, nx, ny, nz = sample(numbers, field, x, y, z)
+            if not distance < reach:
+                break
+            size = norm(nx, ny, nz)
+            if not size * numbers[field + 6] > null:
+                nx, ny, nz, size = wx, wy, wz, length
+            if not size > zero:
+                nx, ny, nz, size = zero, one, zero, one
+            nx, ny, nz = nx / size, ny / size, nz / size
+            depth = thickness - distance
+            x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
+            cx, cy, cz = cross(sx, sy, sz, x, y, z)
+            cx, cy, cz = ux + cx, uy + cy, uz + cz
+            if bounces:
+                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, settling)
+            else:
+                vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
+            met, reach = True, settled * thickness
+        return met, x, y, z, vx, vy, vz
+
+    return SimpleNamespace(sample=sample, entry=entry, settle=settle, touch=touching(settle))

@@ -1,0 +1,71 @@
+"""A collider that moves and turns, seen from itself: a mass's way through it, and back into the world.
+
+The way leads from where the mass was, seen from the collider as it was, to where it is, seen from the collider as it is: so
+that a collider in motion sweeps masses along.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.cloth import make as make_cloth
+from model.formulas.motion import make as make_motion
+
+
+def make(real, compiled=plain):
+    """`turned` and `touching` in the arithmetic `real`."""
+    zero, one = real(0), real(1)
+    sums = make_cloth(real, compiled)
+    moved, cross, sine_cosine = sums.moved, sums.cross, make_motion(real, compiled).sine_cosine
+
+    @compiled
+    def turned(x, y, z, ux, uy, uz, sine, cosine):
+        """(x, y, z) turned about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
+        tx, ty, tz = cross(ux, uy, uz, x, y, z)
+        nx, ny, nz = cross(ux, uy, uz, tx, ty, tz)
+        lifted = one - cosine
+        return x + (sine * tx + lifted * nx), y + (sine * ty + lifted * ny), z + (sine * tz + lifted * nz)
+
+    def touching(settle):
+        """touch(...) of a kind of collider, from its settle(numbers, place, thickness, static, dynamic, spin (3),
+        velocity (3), a (3), p (3), v (3), restitution, settling) -> (whether it was met, p, v), all in its frame."""
+
+        @compiled
+        def touch(
+            numbers, place, thickness, static, dynamic, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, begin, end,
+            ax, ay, az, px, py, pz, vx, vy, vz, restitution, settling,
+        ):  # fmt: skip
+            """(px, py, pz, vx, vy, vz) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at
+            `end`.
+
+            `place`: where in `numbers` the collider's begin; `o`: its origin at time 0; `q`: its velocity; `e`: the unit axis
+            about which it turns, at `spin` [rad/s] or `turns` [1/s]. One that does not turn is met without a rounding of
+            directions; who does not meet it, unchanged.
+            """
+            ax, ay, az = ax - moved(ox, qx, begin), ay - moved(oy, qy, begin), az - moved(oz, qz, begin)
+            ox, oy, oz = moved(ox, qx, end), moved(oy, qy, end), moved(oz, qz, end)
+            x, y, z = px - ox, py - oy, pz - oz
+            wx, wy, wz = vx, vy, vz
+            sine, cosine = zero, one
+            if spin != zero:
+                sine, cosine = sine_cosine(turns * begin)
+                ax, ay, az = turned(ax, ay, az, ex, ey, ez, -sine, cosine)
+                sine, cosine = sine_cosine(turns * end)
+                x, y, z = turned(x, y, z, ex, ey, ez, -sine, cosine)
+                wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, -sine, cosine)
+                qx, qy, qz = turned(qx, qy, qz, ex, ey, ez, -sine, cosine)
+            met, x, y, z, wx, wy, wz = settle(
+                numbers, place, thickness, static, dynamic, spin * ex, spin * ey, spin * ez, qx, qy, qz, ax, ay, az, x, y,
+                z, wx, wy, wz, restitution, settling,
+            )  # fmt: skip
+            if not met:
+                return px, py, pz, vx, vy, vz
+            if spin != zero:
+                x, y, z = turned(x, y, z, ex, ey, ez, sine, cosine)
+                wx, wy, wz = turned(wx, wy, wz, ex, ey, ez, sine, cosine)
+            return ox + x, oy + y, oz + z, wx, wy, wz
+
+        return touch
+
+    return SimpleNamespace(turned=turned, touching=touching)

@@ -1,0 +1,48 @@
+"""The CUDA kernels of lattices in plain Python: to the bits of the CPU, stage by stage and step by step."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from bodies_scenes import blocks, end_state, opened, same
+
+
+@pytest.mark.parametrize(
+    "counts,region,precision", [((4, 3, 3), 1, "float32"), ((3, 6, 1), 2, "float32"), ((2, 2, 4), 1, "float64")]
+)
+def test_the_bits_of_the_cpu(counts: tuple[int, int, int], region: int, precision: str) -> None:
+    scene = blocks(1, 2, counts, region)
+    host = end_state(scene, poked=True, precision=precision, steps=2)
+    for kernel in ("launch", "stages"):
+        device = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel, steps=2)
+        assert same(host, device), kernel
+
+
+def test_windows_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How many windows a thread goes through changes no bit: one each, two, all of a group."""
+    import gpu_backend.lattice as lattice
+
+    scene, found = blocks(1, 1, (2, 6, 7), 1), []
+    for busy in (2**17, 40, 1):
+        monkeypatch.setattr(lattice, "BUSY", busy)
+        found.append(end_state(scene, "gpu", precision="float32", steps=1, kernel="launch"))
+    assert same(found[0], found[1]) and same(found[0], found[2])
+
+
+def test_reading_rewinding_and_a_new_step() -> None:
+    scene = blocks(1, 1, (3, 2, 2), 1)
+    half = end_state(scene, "gpu", steps=1)
+    with opened(scene, "gpu", initial=half) as device, opened(scene, initial=half) as host:
+        for simulation in (device, host):
+            simulation.advance(1)
+            simulation.rewind()
+            simulation.set("method.dt", 0.02)
+            simulation.advance(1)
+        assert same(device.state(), host.state())
+        for name in ("rotation", "centre", "deformation"):
+            assert np.array_equal(device.read(name), host.read(name)), name
