@@ -59,6 +59,11 @@ def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: fl
     return bodies_scene(gravity=gravity, contact=contact, method=method(substeps, iterations, dt), **tables)
 
 
+def alone(kind: dict[str, Any]) -> dict[str, Any]:
+    """A body for scenes without contacts, which compile in a third of the time."""
+    return {name: value for name, value in kind.items() if name != "adhesion"}
+
+
 def thrown_at_a_plane(body: dict[str, Any], substeps: int = 1) -> Scene:
     """From a metre above it, tilted."""
     shot_down = TILTED | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 1.0, 0.0]}
@@ -68,9 +73,9 @@ def thrown_at_a_plane(body: dict[str, Any], substeps: int = 1) -> Scene:
 def thrown_at_a_box(substeps: int = 4) -> Scene:
     """From a tenth of a metre above a box of a metre; a ball far away, for the kernel's sake."""
     box = {"kind": "box", "center": [0.0, -0.5, 0.0], "half_size": [2.0, 0.5, 2.0]}
-    return meeting(
-        substeps=substeps, box=box, sphere={"kind": "sphere", "center": [0.0, 1e5, 0.0], "radius": 1.0},
-        body=BRICK | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 0.2, 0.0]},
+    return bodies_scene(
+        gravity=0.0, method=method(substeps), box=box, sphere={"kind": "sphere", "center": [0.0, 1e5, 0.0], "radius": 1.0},
+        body=alone(BRICK) | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 0.2, 0.0]},
     )  # fmt: skip
 
 
@@ -89,7 +94,8 @@ def inside_each_other(one: dict[str, Any], other: dict[str, Any], aside: Any, it
 def ball_in_a_body() -> Scene:
     """A ball lies in the lower side of a body; a box far away, for the kernel's sake."""
     ball = {"kind": "sphere", "center": [0.0, -0.16, 0.0], "radius": 0.15, "thickness": 0.01}
-    return meeting(sphere=ball, box={"kind": "box", "center": [0.0, 1e5, 0.0]}, body=SOFT, substeps=4)
+    far = {"kind": "box", "center": [0.0, 1e5, 0.0]}
+    return bodies_scene(gravity=0.0, method=method(4), sphere=ball, box=far, body=alone(SOFT))
 
 
 def stack(substeps: int, iterations: int = 1, bricks: int = 10, **contact: float) -> Scene:

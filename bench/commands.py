@@ -98,9 +98,7 @@ def accuracy(
     integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="SCENE", help="As --scene.", show_default=False)
-    ] = None,
+    names: Annotated[list[str] | None, typer.Argument(metavar="SCENE", help="As --scene.", show_default=False)] = None,
     scene: Annotated[
         list[str] | None, typer.Option(help="Only S1 (lab-curtain), S2, S4, S5, S6 or S6-still. Repeatable.")
     ] = None,

@@ -1,8 +1,8 @@
 """How many particles of bodies a second: `softlab crowds`. Clusters alone, clusters of a grid, and heaps that collide.
 
 `bodies`: blobs of about 280 particles in space, fifty to ten thousand, soft (overlapping clusters) or rigid (one); `heap`:
-the same, falling onto each other and the ground, contacts on; `grid`: the lab's grid as jelly, by the half-width of its
-clusters. One frame of a heap is a step of 1/60 s in two substeps, which is also what is timed.
+the same, falling onto each other and the ground, contacts on; `grid`: the lab's grid as jelly, `lattice`: a cube of it,
+both by the half-width of their clusters. One frame of a heap is a step of 1/60 s in two substeps, which is also what is timed.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ STEP = "crowd_step"  # s: the median of a step
 RATE = "crowd_particles_per_second"  # particles x substeps x iterations, 1/s
 KERNEL = "crowd_kernel"  # its name is the reason
 KIND = "crowd_kind"  # what it is, as the reason
-KINDS = ("soft", "rigid", "heap", "grid")
+KINDS = ("soft", "rigid", "heap", "grid", "lattice")
 BLOB = {"shape": {"name": "blob"}, "particle_spacing": 0.084}  # 281 particles
 BLOCKS = {50: (5, 2, 5), 1000: (10, 10, 10), 10000: (25, 16, 25)}  # bodies along x, y, z
 ON_CPU = (50, 1000)
 QUICK = (50,)
 GRIDS, QUICK_GRIDS, LARGE = (64, 256, 1024), (64,), (2048,)
 REGIONS = (1, 2, 4)
+CUBES, QUICK_CUBES, LARGE_CUBES = (16, 32), (16,), (64,)  # particles along each side
 FRAME = 1 / 60  # s
 MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing in a substep
 REPEATS, QUICK_REPEATS = 7, 3
@@ -66,10 +67,21 @@ def jelly(size: int, region: int) -> Scene:
     )
 
 
+def cube(size: int, region: int) -> Scene:
+    """A cube of jelly of size^3 particles that falls and meets nothing, in windows of that half-width."""
+    box, spacing = {"name": "box", "resolution": 4}, 1 / size
+    body = {"kind": "soft_lattice", "shape": box, "particle_spacing": spacing, "region": region}
+    return Scene(
+        {"cube": body, "gravity": {}, "method": {"solver": "shape-matching", "dt": 0.0025}}, f"{size}^3 lattice"
+    )
+
+
 def kind_of(scene: Scene) -> str:
     """One of KINDS."""
     if not scene.bodies:
         return "grid"
+    if "soft_lattice" in scene.kinds.values():
+        return "lattice"
     if scene.contact:
         return "heap"
     return "rigid" if all(scene.kinds[name] == "rigid_body" for name in scene.bodies) else "soft"
@@ -87,6 +99,10 @@ def groups(backends: Sequence[str], quick: bool, kinds: Iterable[str], precision
         for size in sizes if "grid" in wanted else ():
             label = f"jelly {size} x {size}"
             found.append([make_case(jelly(size, r), backend, p, label) for p in precisions for r in REGIONS])
+        sizes = QUICK_CUBES if quick else (*CUBES, *(LARGE_CUBES if backend == "gpu" else ()))
+        for size in sizes if "lattice" in wanted else ():
+            label, regions = f"lattice {size}^3", REGIONS[:-1] if size in LARGE_CUBES else REGIONS
+            found.append([make_case(cube(size, r), backend, p, label) for p in precisions for r in regions])
     return [group for group in found if group]
 
 
@@ -131,7 +147,8 @@ def print_crowds(console: Console, store: Store, machine: str) -> None:
     table = Table("kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s", box=None)
     for p in points(measures(store)):
         if p.machine == machine:
-            width = f"{2 * p.region + 1} x {2 * p.region + 1}" if p.region else ""
+            axes = 3 if p.kind == "lattice" else 2
+            width = " x ".join([str(2 * p.region + 1)] * axes) if p.region else ""
             table.add_row(
                 p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel, f"{1e6 * p.step:.1f}",
                 f"{p.rate / 1e6:.1f}",
@@ -142,7 +159,8 @@ def print_crowds(console: Console, store: Store, machine: str) -> None:
 
 @dataclass(frozen=True)
 class CrowdPoint:
-    """One timed configuration: `step` [s], `rate` [1/s], particles, bodies (0: a grid) and its clusters' half-width."""
+    """One timed configuration: `step` [s], `rate` [1/s], particles, bodies (0: a grid) and the half-width of a
+    grid's or a lattice's clusters, else 0."""
 
     machine: str
     backend: str
@@ -154,6 +172,12 @@ class CrowdPoint:
     region: int
     step: float
     rate: float
+
+
+def region_of(scene: Scene) -> int:
+    """The half-width of the windows of a grid or a lattice, else 0."""
+    lattices = [getattr(body, "region", 0) for body in scene.bodies.values()]
+    return max(lattices) if scene.bodies else scene.method.region
 
 
 def points(held: Iterable[Measure]) -> list[CrowdPoint]:
@@ -174,7 +198,7 @@ def points(held: Iterable[Measure]) -> list[CrowdPoint]:
                 owner, description["backend"], description["precision"],
                 (told[KERNEL].reason if KERNEL in told else None) or "", told[KIND].reason or "",
                 round(rate * step / method.substeps / method.iterations), sum(b.count for b in scene.bodies.values()),
-                method.region if not scene.bodies else 0, step, rate,
+                region_of(scene), step, rate,
             )
         )  # fmt: skip
     return sorted(found, key=lambda p: (p.particles, p.backend, p.kind, p.region))

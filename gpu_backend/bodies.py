@@ -125,8 +125,9 @@ class Bodies(QuadSimulation):
         self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
         self._material.change(scene.method)
         self._rebounds: Rebounds | None = None
-        if "rigid-rebound" in self.plan.parts:
-            self._rebounds = Rebounds(clusters, self.particle_count, self._kernel_parts(), *variant, self.stream)
+        if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
+            those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
+            self._rebounds = Rebounds(*those, *variant, self.stream)
         self._lattices = Lattices(scene.crowd, *variant, self.stream)
         self._lattices.change(scene.method)
         links = self.scene.crowd.links
@@ -228,7 +229,7 @@ class Bodies(QuadSimulation):
         if self._material.damped:
             self._damp(before, now, velocity, new_velocity)
             slowing = self._material.slowing(self._gathered)
-            if self._rebounds:
+            if self._rebounds and self._rebounds.turns:
                 self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *slowing, *last)
                 self._rebound(now, new_velocity)
                 return
@@ -251,7 +252,15 @@ class Bodies(QuadSimulation):
         assert self.contacts is not None
         self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
         if self.contacts.bounces:
-            self.contacts.bounce(now, old, velocity)
+            self._bounce(now, old, velocity)
+
+    def _bounce(self, position: Any, old: Any, velocity: Any) -> None:
+        """Particles off each other, rigid bodies as wholes."""
+        assert self.contacts is not None
+        if self._rebounds and self._rebounds.contacts:
+            self._rebounds.bounce(position, old, velocity, self._entries, self._leans, self._gathered)
+        else:
+            self.contacts.bounce(position, old, velocity)
 
     def _damp(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
         """Velocities of a substep whose last goals are known, and the clusters' rigid motions of them."""
@@ -275,8 +284,9 @@ class Bodies(QuadSimulation):
         iteration += self._lattices.launches
         ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
         if contacts and contacts.bounces:
-            ends += contacts.bouncing + (not self._material.damped)
-        ends += self._rebounds.launches if self._rebounds else 0
+            whole = self._rebounds is not None and self._rebounds.contacts is not None
+            ends += (Rebounds.bouncing if whole else contacts.bouncing) + (not self._material.damped)
+        ends += Rebounds.launches if self._rebounds and self._rebounds.turns else 0
         return method.substeps * (ends + iteration * method.iterations)
 
     # ------------------------------------------------------------------ the contract

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.bodies_damping import make_gather, make_slow
+from gpu_backend.bodies_bounce import make_bodies_bounce, make_give
+from gpu_backend.bodies_damping import make_damping_ends, make_gather, make_slow
 from gpu_backend.bodies_kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
 from gpu_backend.compile import make_kernel, variant_name
 from gpu_backend.formulas import device_formulas
@@ -24,7 +25,7 @@ from model.clusters import Clusters
 from model.formulas import cluster, rebound
 from model.formulas.cluster import LANES
 from model.formulas.rebound import SUMS
-from model.rigid_rebound import rebound_limits
+from model.rigid_rebound import rebound_limits, whole_clusters
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
 
@@ -71,6 +72,8 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
         if c < clusters and lane == 0:
             by = enlarged(shared[base], shared[base + pitch], limits[c])
             t, s = load_quad(motions, row + 1), load_quad(motions, row + 2)
+            o = load_quad(motions, row)
+            store_quad(motions, row, o[0], o[1], o[2], by)
             store_quad(motions, row + 1, scaled(t[0], by), scaled(t[1], by), scaled(t[2], by), zero)
             store_quad(motions, row + 2, scaled(s[0], by), scaled(s[1], by), scaled(s[2], by), zero)
 
@@ -128,15 +131,27 @@ def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 class Rebounds:
-    """Of the bodies of `clusters`, where a scene has any that come off as a whole. `struck`: a quad of each particle, its
-    velocity before colliders, and then what they gave to it."""
+    """Of the bodies of `clusters`, where a scene has any that come off as wholes; `own` (entries,): entries in the particles'
+    order. `struck`: a quad of each particle, its velocity before colliders, and then what they gave to it. `contacts`: those
+    of the scene, where they give back to rigid bodies; `turns`: whether colliders do."""
 
     launches = 3  # beside `strike` instead of what it is instead of
+    bouncing = 10  # of `bounce`
 
-    def __init__(self, clusters: Clusters, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any):
+    def __init__(
+        self, clusters: Clusters, own: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
+        math: str, stream: Any,
+    ):  # fmt: skip
+        self.turns, self.contacts = "rigid-rebound" in parts, contacts if "rigid-bounce" in parts else None
         self._clusters, self._stream, self._flat = clusters, stream, (max(1, -(-particles // THREADS)), THREADS, stream)
         self._kernels, self._gather = make_rebound(real, math), make_gather(real, math)
         self.strike = make_strike(real, math, parts)
+        if self.contacts:
+            self._slow, self._bounce = make_damping_ends(real, math, parts).slow, make_bodies_bounce(real, math)
+            self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
+            factors = whole_clusters(clusters)[clusters.owner][own].astype(real)
+            self._factors = cuda.to_device(factors, stream=stream)
+            self._scales = cuda.to_device(np.ones(particles, real), stream=stream)
         limits = rebound_limits(clusters).astype(real)
         zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
         self._limits, self.struck, self._motions = (cuda.to_device(array, stream=stream) for array in (limits, *zeros))
@@ -150,8 +165,29 @@ class Rebounds:
     ) -> None:
         """The velocities after it; other arrays as of the solver's other kernels."""
         blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream
+        self._weigh(blocks, position, entries, leans)
+        self._kernels.go[self._flat](position, velocity, self.struck, *gathered[:2], self._limits, self._motions)
+
+    def bounce(
+        self, position: Any, old: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
+    ) -> None:
+        """The velocities after particles bounced off each other: of bodies as wholes, whose velocities become rigid motions,
+        with impulses that are enlarged for each pair by the lesser one of what both bodies ask for."""
+        blocks, flat = (max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream), self._flat
+        own, motions = gathered[:2], self._motions
+        self._gather[blocks](position, velocity, *entries, leans, motions)
+        self._slow[flat](position, velocity, *own, self._factors, motions)
+        arguments = *self.contacts.count_bouncing(position, old, velocity), self._scales, self.struck
+        plain, scaled = self._gives
+        plain[flat](*arguments)
+        self._weigh(blocks, position, entries, leans)
+        self._bounce.spread[flat](*own, self._limits, motions, self._scales)
+        scaled[flat](*arguments)
+        self._gather[blocks](position, self.struck, *entries, leans, motions)
+        self._bounce.join[flat](position, velocity, self.struck, *own, self._limits, motions)
+
+    def _weigh(self, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
+        """The motions that clusters make of what their particles got."""
         starts, _, indices, members = entries
         self._gather[blocks](position, self.struck, *entries, leans, self._motions)
-        arguments = self.struck, starts, indices, members, self._limits, self._motions
-        self._kernels.weigh[blocks](position, *arguments)
-        self._kernels.go[self._flat](position, velocity, self.struck, *gathered[:2], self._limits, self._motions)
+        self._kernels.weigh[blocks](position, self.struck, starts, indices, members, self._limits, self._motions)

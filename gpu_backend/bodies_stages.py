@@ -43,7 +43,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
 
     def collide(step: int, offset: float) -> None:
         number = np.int64(step * substeps + now["substep"])
-        if sim._rebounds:
+        if sim._rebounds and sim._rebounds.turns:
             sim._rebounds.struck.copy_to_device(velocity, stream=sim.stream)
         stage.collide[flat](before, position, velocity, sim.record, sim.bodies, sim.integers, number)
 
@@ -75,7 +75,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         "move to goals": move,
         "find neighbours": find,
         "project contacts": project,
-        "bounce": lambda step, offset: sim.contacts.bounce(position, old, velocity),
+        "bounce": lambda step, offset: sim._bounce(position, old, velocity),
         "update velocity": update,
         "damp clusters": damp,
         "collide": collide,

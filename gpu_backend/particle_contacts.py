@@ -71,6 +71,7 @@ class ParticleContacts:
         self._lost = self._new(np.zeros(1, np.int64))
         self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
         self._find = make_find(real, own, many)
+        self.variant = own, many
         self.bounces, self._bounce = "bouncing" in parts, make_bounce(real, math, own, many)
         self._project = make_project(real, math, "rubbing" in parts, "sticking" in parts, own, many)
 
@@ -134,8 +135,13 @@ class ParticleContacts:
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments)
 
-    def bounce(self, position: Any, old: Any, velocity: Any) -> None:
-        """Of those that touch at `position`: with `old` velocities the substep began, with `velocity` it ends."""
+    def count_bouncing(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
+        """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""
         arguments = position, old, velocity, self.found, self.neighbours, self.record, *self._pairs, self._touching
         self._bounce.count[self._flat](*arguments)
+        return arguments
+
+    def bounce(self, position: Any, old: Any, velocity: Any) -> None:
+        """Of those that touch at `position`: with `old` velocities the substep began, with `velocity` it ends."""
+        arguments = self.count_bouncing(position, old, velocity)
         self._bounce.bounce[self._flat](*arguments)

@@ -22,15 +22,12 @@ from model.particle_contact_record import G_DISTANCE, G_OWN, H_RESTITUTION, H_SE
 
 
 @cache
-def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
-    """`count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has
-    neighbours a quad of its velocity and of its weight times the pairs that are to part faster; `bounce(position, old,
-    velocity, found, neighbours, record, body, kind, kinds, touching)`: velocities, in place. `old`: with which the substep
-    began; `own`, `many`: as in `make_pairs`."""
+def make_lack(real: Any, math: str, own: bool, many: bool) -> Any:
+    """lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds): see the inner function."""
     formulas = device_formulas(particle_contact.make, real, math)
-    squared, touches, direction = formulas.squared, formulas.touching, formulas.direction
-    lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
-    pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+    squared, touches = formulas.squared, formulas.touching
+    direction, lacking = formulas.direction, formulas.lacking
+    pair_of, zero = make_pairs(own, many), real(0)
 
     @inlined(math)
     def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds):
@@ -47,6 +44,19 @@ def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
                 record[H_RESTITUTION], record[H_SETTLING],
             )  # fmt: skip
         return lack, nx, ny, nz
+
+    return lack_of
+
+
+@cache
+def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
+    """`count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has
+    neighbours a quad of its velocity and of its weight times the pairs that are to part faster; `bounce(position, old,
+    velocity, found, neighbours, record, body, kind, kinds, touching)`: velocities, in place. `old`: with which the substep
+    began; `own`, `many`: as in `make_pairs`."""
+    formulas = device_formulas(particle_contact.make, real, math)
+    split, added, moved = formulas.split, formulas.added, formulas.moved
+    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
 
     def count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))

@@ -1,4 +1,4 @@
-"""Rigid bodies that come off colliders as a whole: which clusters do, and what both backends read of them.
+"""Rigid bodies that come off colliders, and bounce off each other, as wholes: which clusters do, and what both backends read.
 
 A collider answers particle by particle. Of a rigid body only some touch, and matching shares what they got among all. So
 their impulses p_i = m_i dv_i are taken together: as a rigid motion they are worth Q = |sum p|^2 / M + L.(I^-1 L), L = sum r
@@ -8,6 +8,10 @@ x n)). Q <= D, as the best rigid motion near any has less energy. With u_n the s
 e) sum m u_n^2 and D = (1 + e)^2 sum m u_n^2, so the kinetic energy changes by s (sum p.u + D/2) = -s (1 - e^2) / 2 sum m
 u_n^2: never a gain, and no loss with e = 1. This needs velocities that are a rigid motion, so before colliders such bodies'
 velocities are made one, of the same momenta.
+
+Bodies that meet: particles' impulses for split masses (model/formulas/particle_contact.py) are those p, and an impulse is
+multiplied by the lesser s of its two bodies, the same for both, so that momenta stay. For two alone that are alike, or meet
+flat, this is the s of both.
 """
 
 from __future__ import annotations

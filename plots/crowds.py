@@ -6,7 +6,7 @@ from bench.crowds import CrowdPoint, points
 from plots import backends
 from plots.backends import name_of, sources_of
 from plots.data import Results, Source
-from plots.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
+from plots.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Particles of bodies a second"
 LOOKS = {
@@ -14,8 +14,9 @@ LOOKS = {
     "soft": ("soft bodies: overlapping clusters", GREEN, "D"),
     "heap": ("soft bodies in a heap, with contacts", VERMILLION, "^"),
     "grid": ("jelly grid, a cluster around every mass", ORANGE, "s"),
+    "lattice": ("jelly cube, a cluster around every mass", PURPLE, "P"),
 }
-LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's clusters
+LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's or a cube's clusters
 
 
 def panels(results: Results) -> list[tuple[str, Source, list[CrowdPoint]]]:
@@ -44,7 +45,7 @@ def draw(results: Results) -> Drawing | str:
     legend_below(figure, axes, columns=2)
     caption = (
         "Particles times substeps over the time of a step, float32, one iteration: blobs of about 280 particles that fall "
-        "freely, as soft and as rigid bodies, or into a heap with contacts; and the lab's grid by shape matching, its "
-        "clusters 3 x 3 masses (solid), 5 x 5 (dashed) or 9 x 9 (dotted)."
+        "freely, as soft and as rigid bodies, or into a heap with contacts; and the lab's grid and a cube by shape matching, "
+        "their clusters 3 masses wide (solid), 5 (dashed) or 9 (dotted)."
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.hard_results import BODIES, HardRow, Told, rows_of
 from plots.data import Results, Source, judgements
-from plots.hard import ACROSS, LINE, PANEL, as_seen, finish_panel, framed, new_sheet
+from plots.hard import ACROSS, PANEL, as_seen, finish_panel, framed, new_sheet
 from plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, Drawing, legend_below
 
 TITLE = "Bodies against their bounds"
@@ -19,6 +19,7 @@ LOOKS = {  # backend, precision: colour, marker
     ("cpu", "float64"): (BLUE, "o"), ("cpu", "float32"): (ORANGE, "s"),
     ("gpu", "float64"): (SKY, "D"), ("gpu", "float32"): (VERMILLION, "^"),
 }  # fmt: skip
+ROW = 0.16  # inch: a line of the figure of bounds
 LEAST = 1e-4  # of its bound: what is less, 0 too, is drawn there
 OVERSHOT = 10.0  # of its bound: what is more, or not finite, is drawn there
 OF_BODIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
@@ -56,7 +57,7 @@ def draw(results: Results) -> Drawing | str:
         return MISSING
     names = list(dict.fromkeys(row.case for row, _ in judged))
     titles = {row.case: row.title for row, _ in judged}
-    figure = new_sheet(LINE * (len(names) + 5))
+    figure = new_sheet(ROW * (len(names) + 6))
     ax = figure.subplots()
     for (backend, precision), (colour, marker) in LOOKS.items():
         mine = [

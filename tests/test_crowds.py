@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from bench import crowds
 from bench.case_timing import make_case
-from bench.crowds import CrowdPoint, bodies, groups, heap, jelly, kind_of, measured, points, run_crowds
+from bench.crowds import CrowdPoint, bodies, cube, groups, heap, jelly, kind_of, measured, points, run_crowds
 from bench.results import measures
 from bench.store import Store
 from labbook.crowd_claims import CLAIMS
@@ -28,15 +28,19 @@ def test_the_scenes_are_what_they_are_called() -> None:
         (bodies(50, True), "rigid"),
         (heap(50), "heap"),
         (jelly(64, 2), "grid"),
+        (cube(8, 2), "lattice"),
     ):
         assert kind_of(scene) == kind
-        if scene.bodies:
+        if scene.bodies and kind != "lattice":
             assert len(scene.crowd.copies) == 50 and 13_900 < scene.crowd.particle_count < 14_200
     assert bodies(50, True).crowd.clusters.count == 50
     nx, ny, nz = crowds.BLOCKS[10000]
     assert nx * ny * nz == 10000
     assert heap(50).method.dt == pytest.approx(1 / 60) and heap(50).method.substeps == 2
     assert jelly(64, 2).method.region == 2 and jelly(64, 2).grid.particle_count == 4096
+    assert (
+        cube(8, 2).crowd.particle_count == 512 and crowds.region_of(cube(8, 2)) == 2 and not crowds.region_of(heap(50))
+    )
 
 
 def test_quick_is_a_part_of_the_whole_and_a_cpu_gets_no_ten_thousand() -> None:
@@ -44,7 +48,7 @@ def test_quick_is_a_part_of_the_whole_and_a_cpu_gets_no_ten_thousand() -> None:
         return {c.scene.canonical() for g in groups(["cpu"], quick, crowds.KINDS, ("float32",)) for c in g}
 
     whole, quick = cases(False), cases(True)
-    assert quick < whole and len(quick) == 6 and heap(50).canonical() in quick
+    assert quick < whole and len(quick) == 9 and heap(50).canonical() in quick
     assert {len(g) for g in groups(["cpu"], True, ["heap"], ("float32", "float64"))} == {2}
 
 
@@ -66,12 +70,14 @@ def test_a_rate_is_particles_over_the_median_substep(store: Store) -> None:
 
 
 def _made_up(path: Any) -> Store:
-    """A machine with a GPU on which a free body's particle takes 1 ns, one in a heap 4, one of a grid 0.1 times its width."""
+    """A machine with a GPU on which a free body's particle takes 1 ns, one in a heap 4, one of a grid 0.1 times its width, one of
+    a cube 1 and a hundredth of it."""
     store = Store(path)
     store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
     run = store.start_run("gpu", "softlab crowds", None)
     scenes = [(bodies(50, False), 1e-9), (bodies(50, True), 1e-9), (heap(50), 8e-9)]
     scenes += [(jelly(64, region), 1e-10 * region) for region in crowds.REGIONS]
+    scenes += [(cube(6, region), 1e-9 + 1e-11 * region) for region in crowds.REGIONS]
     for scene, each in scenes:
         case = make_case(scene, "gpu", "float32", "")
         for name, value, unit, reason in measured(case, each * scene.grid.particle_count, "graph"):
@@ -89,6 +95,7 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     assert found["crowd-heaps"].numbers["gpu 50"] == pytest.approx(1 / (8e-9 * point.particles))
     assert found["crowd-contacts"].numbers["gpu 50"] == pytest.approx(4.0)
     assert found["crowd-windows"].numbers["gpu most"] == pytest.approx(4.0)
+    assert found["crowd-cubes"].numbers["gpu ratio"] == pytest.approx(1.04 / 1.01)
     with settings():
         assert figure.draw(results).sources  # type: ignore[union-attr]
 

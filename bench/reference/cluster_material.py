@@ -86,7 +86,12 @@ def rebounded(
 
 
 def bounced(
-    clusters: Clusters, contacts: Contacts, whole: np.ndarray, position: np.ndarray, old: np.ndarray, velocity: np.ndarray
+    clusters: Clusters,
+    contacts: Contacts,
+    whole: np.ndarray,
+    position: np.ndarray,
+    old: np.ndarray,
+    velocity: np.ndarray,
 ) -> np.ndarray:
     """(particles, 3) [m/s]: velocities after particles bounced off each other, those of `whole` clusters as rigid bodies."""
     scale = np.ones(len(position))

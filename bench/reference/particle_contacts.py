@@ -74,8 +74,8 @@ class Contacts:
         return moved
 
     def given(self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """What particles get [m/s] so that those that touch at `now` part with the restitution of the speed at which they came
-        near, all at once. `old`: with which the substep began; `scale` (particles,): a pair gets the lesser one of it."""
+        """What particles get [m/s] so that those that touch at `now` part with the restitution of the speed at which they
+        came near, all at once. `old`: with which the substep began; `scale` (particles,): a pair gets the lesser."""
         i, j = self.pairs.T
         d = now[i] - now[j]
         length = np.linalg.norm(d, axis=1)

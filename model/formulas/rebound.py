@@ -53,4 +53,6 @@ def make(real, compiled=plain):
         """A velocity with that of the whole body for what the particle got by itself, one axis."""
         return velocity + (whole - struck)
 
-    return SimpleNamespace(weighed=weighed, rigid=rigid, enlarged=enlarged, scaled=scaled, shared=shared, joined=joined, rebounded=rebounded)
+    return SimpleNamespace(
+        weighed=weighed, rigid=rigid, enlarged=enlarged, scaled=scaled, shared=shared, joined=joined, rebounded=rebounded
+    )  # fmt: skip
