@@ -2,7 +2,8 @@
 
 `bodies`: blobs of about 280 particles in space, fifty to ten thousand, soft (overlapping clusters) or rigid (one); `heap`:
 the same, falling onto each other and the ground, contacts on; `grid`: the lab's grid as jelly, `lattice`: a cube of it,
-both by the half-width of their clusters. One frame of a heap is a step of 1/60 s in two substeps, which is also what is timed.
+both by the half-width of their clusters. One frame of a heap is a step of 1/60 s in two substeps, which is also what is
+timed.
 """
 
 from __future__ import annotations

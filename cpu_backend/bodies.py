@@ -20,9 +20,10 @@ from cpu_backend.bodies_damping import at_damping, make_damping_stage
 from cpu_backend.bodies_kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.bodies_layout import layout_of
 from cpu_backend.bodies_links import make_link_stage
-from cpu_backend.bodies_loops import make_bodies_apart, make_bodies_stages, make_bodies_together, make_matching_stages
+from cpu_backend.bodies_loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from cpu_backend.bodies_material import ClusterArrays
 from cpu_backend.bodies_rebound import at_rebound, make_rebound_stages
+from cpu_backend.bodies_together import make_bodies_together
 from cpu_backend.compile import Compiler
 from cpu_backend.lattice import Lattices, make_lattice_matching
 from cpu_backend.layout import aligned_zeros

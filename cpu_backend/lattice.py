@@ -1,7 +1,7 @@
 """Lattices among the bodies of CPU threads: three passes an iteration, over slices, pencils, slices; see lattice_rows.py.
 
-A slice (x, y) sums up along x and y; a pencil, the slice (x, z) of a y, along z, finds the clusters' rotations and sums up
-their goals along z; the slice then along y and x, and moves its masses. A pass waits for the one before, and slices and
+A slice (x, y) sums up along x and y; a pencil, a few rows along x over all z, along z, finds the clusters' rotations and sums
+up their goals along z; the slice then along y and x, and moves its masses. A pass waits for the one before, and slices and
 pencils are dealt out to threads: which one does what changes no bit.
 """
 
@@ -22,14 +22,18 @@ from model.formulas import lattice, rotation
 from model.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN, VALUES
 from model.parts import Method
 
-NUMBERS = 7  # of a lattice: counts along x, y, z, region, and where its three tables begin
+NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three tables begin, and that of a slice
+PENCIL = 5  # numbers of a pencil
+PARTS = 4  # that each thread gets of what is shared out, at least
+LONG = 128  # masses along a pencil's rows, if it can be: calls cost as much as short rows
 QUATERNION, FRAME = 4, 12
 
 
 class Lattices:
     """What kernels get of a crowd's lattices, `slots` being where its particles lie in planes of `count`: `arrays` (numbers,
-    slices (n, 3): lattice, first place, z; pencils (n, 4): lattice, first place, first cluster, y; tables, values, work,
-    rotation, scratch, room), `rotation` (4, clusters) flat, `frames` as those of other clusters."""
+    slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster, first y and the one
+    behind the last; tables, values, work, rotation, scratch, room), `rotation` (4, clusters) flat, `frames` as those of
+    other clusters."""
 
     def __init__(self, crowd: Crowd, slots: np.ndarray, count: int, bands: int, real: Any):
         self.copies, self.real = crowd.lattices, real
@@ -42,17 +46,21 @@ class Lattices:
             for axis in one.lattice.axes:
                 tables.append(axis.table(real).reshape(-1))
                 places.append(places[-1] + tables[-1].size)
-            begin = places[-1]
-            numbers.append((nx, ny, nz, one.lattice.region, *places[:3]))
+            x, y = (axis.table(real) for axis in one.lattice.axes[:2])
+            tables += [(y[row][:, None] * x[row]).reshape(-1) for row in (T_MASS, T_INVERSE)]
+            numbers.append((nx, ny, nz, one.lattice.region, *places))
+            begin = places[-1] + 2 * nx * ny
             width = 2 * one.lattice.region + 1
+            rows = max(1, min(LONG // nx, ny * one.copies // (PARTS * bands)))
             room = max(
-                room, nx * ((LINE + SLICE) * max(ny, width) + SLICE + 3), nx * WINDOW * (nz + min(nz, width) + 1)
-            )
+                room, nx * ((LINE + SLICE) * max(ny, width) + SLICE + 3),
+                nx * min(rows, ny) * WINDOW * (nz + max(1, min(nz, width)) + 1),
+            )  # fmt: skip
             for copy in range(one.copies):
                 first = int(slots[one.first_particle + copy * one.lattice.size])
                 cluster = one.first_cluster - loose + copy * one.lattice.size
                 slices += [(n, first, z) for z in range(nz)]
-                pencils += [(n, first, cluster, y) for y in range(ny)]
+                pencils += [(n, first, cluster, low, min(low + rows, ny)) for low in range(0, ny, rows)]
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
         self.values = np.zeros(VALUES * len(self.copies), real)
         self.rotation = np.zeros(QUATERNION * self.clusters, real)
@@ -61,7 +69,7 @@ class Lattices:
         room = -(-room // 16) * 16
         self.arrays = (
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),
-            np.array(pencils, np.int64).reshape(-1, 4), np.concatenate(tables).astype(real), self.values,
+            np.array(pencils, np.int64).reshape(-1, PENCIL), np.concatenate(tables).astype(real), self.values,
             aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, aligned_zeros(room * bands, real), room,
         )  # fmt: skip
 
@@ -169,9 +177,9 @@ def make_lattice_passes(compiler: Compiler, real: Any) -> SimpleNamespace:
             )  # fmt: skip
 
     @row
-    def centre_row(n, inverse, inverse_y, inverse_z, total):
+    def centre_row(n, of_slice, inverse, total):
         for k in range(n):
-            total[k] = centre(total[k], inverse[k], inverse_y, inverse_z)
+            total[k] = centre(total[k], of_slice[k], inverse)
 
     @compiled
     def turn_row(n, t, window, rotation, turned, clusters, reached):
@@ -200,90 +208,84 @@ def make_lattice_passes(compiler: Compiler, real: Any) -> SimpleNamespace:
     def turn(unit, position, count, arrays, turned, frames, look, room):
         numbers, units, tables, values = arrays[0], arrays[2], arrays[3], arrays[4]
         work, rotation = arrays[5], arrays[6]
-        which, first, cluster, y = units[unit, 0], units[unit, 1], units[unit, 2], units[unit, 3]
+        which, first, cluster = units[unit, 0], units[unit, 1], units[unit, 2]
         nx, ny, nz, region = numbers[which, 0], numbers[which, 1], numbers[which, 2], numbers[which, 3]
-        at_x, at_y, at_z = numbers[which, 4], numbers[which, 5], numbers[which, 6]
-        mass, inverses = row_at(tables, at_x + T_MASS * nx), row_at(tables, at_x + T_INVERSE * nx)
-        mass_y, inverse_y = tables[at_y + T_MASS * ny + y], tables[at_y + T_INVERSE * ny + y]
-        rest, clusters, deep, pitch = (
-            values[VALUES * which + V_SPACING],
-            rotation.size // QUATERNION,
-            ny * nx,
-            WINDOW * nx,
-        )
-        begin, width = first + y * nx, 2 * region + 1
+        at_z, below = numbers[which, 6], nx * units[unit, 3]  # `below`: masses of the slice before this pencil's
+        n, deep = nx * units[unit, 4] - below, nx * ny
+        mass, inverse = row_at(tables, numbers[which, 7] + below), row_at(tables, numbers[which, 7] + deep + below)
+        rest, clusters, pitch = values[VALUES * which + V_SPACING], rotation.size // QUATERNION, WINDOW * n
+        begin, width = first + below, 2 * region + 1
         sums = row_at(room, pitch * nz)
         groups, turn_at_start = row_at(sums, pitch), row_at(values, np.int64(VALUES * which + V_TURN))
         for low in range(0, nz, width):
             high, b = min(low + width, nz), min(low + region, nz - 1)
             reference = row_at(position, begin + b * deep)
-            clear(nx, WINDOW, nx, sums)
+            clear(n, WINDOW, n, sums)
             j = b
             for back in range(high - low):
                 i = high - 1 - back
                 while j > max(0, i - region):
                     j -= 1
                     add_slice(
-                        nx, real(j - b), tables[at_z + T_SHARE * nz + j], mass_y, mass, row_at(work, begin + j * deep), count,
-                        row_at(position, begin + j * deep), reference, count, sums, nx,
+                        n, real(j - b), tables[at_z + T_SHARE * nz + j], mass, row_at(work, begin + j * deep), count,
+                        row_at(position, begin + j * deep), reference, count, sums, n,
                     )  # fmt: skip
-                copy(nx, WINDOW, sums, nx, row_at(room, pitch * i), nx)
-            clear(nx, WINDOW, nx, sums)
+                copy(n, WINDOW, sums, n, row_at(room, pitch * i), n)
+            clear(n, WINDOW, n, sums)
             j = b
             for i in range(low, high):
                 while j <= min(nz - 1, i + region):
                     add_slice(
-                        nx, real(j - b), tables[at_z + T_SHARE * nz + j], mass_y, mass, row_at(work, begin + j * deep), count,
-                        row_at(position, begin + j * deep), reference, count, sums, nx,
+                        n, real(j - b), tables[at_z + T_SHARE * nz + j], mass, row_at(work, begin + j * deep), count,
+                        row_at(position, begin + j * deep), reference, count, sums, n,
                     )  # fmt: skip
                     j += 1
                 window = row_at(room, pitch * i)
                 end_window(
-                    nx, lever(real(b - i), tables[at_z + T_CENTRE * nz + i]), mass_y * tables[at_z + T_MASS * nz + i], mass,
-                    reference, row_at(position, begin + i * deep), count, sums, window, nx,
+                    n, lever(real(b - i), tables[at_z + T_CENTRE * nz + i]), tables[at_z + T_MASS * nz + i], mass,
+                    reference, row_at(position, begin + i * deep), count, sums, window, n,
                 )  # fmt: skip
-                here = cluster + i * deep + y * nx
-                turn_row(nx, turn_at_start, window, row_at(rotation, here), row_at(turned, here), clusters, groups)
-                centre_row(nx, inverses, inverse_y, tables[at_z + T_INVERSE * nz + i], window)
-                centre_row(nx, inverses, inverse_y, tables[at_z + T_INVERSE * nz + i], row_at(window, nx))
-                centre_row(nx, inverses, inverse_y, tables[at_z + T_INVERSE * nz + i], row_at(window, 2 * nx))
+                here = cluster + i * deep + below
+                turn_row(n, turn_at_start, window, row_at(rotation, here), row_at(turned, here), clusters, groups)
+                for axis in range(3):
+                    centre_row(n, inverse, tables[at_z + T_INVERSE * nz + i], row_at(window, axis * n))
         if look:
             for i in range(nz):
-                window, here = row_at(room, pitch * i), cluster + i * deep + y * nx
-                for k in range(nx):
+                window, here = row_at(room, pitch * i), cluster + i * deep + below
+                for k in range(n):
                     frame, c = row_at(frames, np.int64(FRAME) * (here + k)), here + k
                     frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8] = (
                         matrix_of(turned[c], turned[clusters + c], turned[2 * clusters + c], turned[3 * clusters + c])
                     )
                     for axis in range(3):
-                        frame[9 + axis] = position[axis * count + begin + i * deep + k] + window[axis * nx + k]
+                        frame[9 + axis] = position[axis * count + begin + i * deep + k] + window[axis * n + k]
             return
         for low in range(0, nz, width):
             high, b = min(low + width, nz), min(low + region, nz - 1)
             reference = row_at(position, begin + b * deep)
-            clear(nx, WINDOW, nx, sums)
+            clear(n, WINDOW, n, sums)
             j = b
             for back in range(high - low):
                 i = high - 1 - back
                 while j > max(0, i - region):
                     j -= 1
                     add_goals(
-                        nx, 2, lever(real(b - j), tables[at_z + T_CENTRE * nz + j]) * rest, one, row_at(room, pitch * j), nx,
-                        row_at(position, begin + j * deep), reference, count, sums, nx,
+                        n, 2, lever(real(b - j), tables[at_z + T_CENTRE * nz + j]) * rest, one, row_at(room, pitch * j), n,
+                        row_at(position, begin + j * deep), reference, count, sums, n,
                     )  # fmt: skip
-                copy(nx, WINDOW, sums, nx, row_at(groups, pitch * (i - low)), nx)
-            clear(nx, WINDOW, nx, sums)
+                copy(n, WINDOW, sums, n, row_at(groups, pitch * (i - low)), n)
+            clear(n, WINDOW, n, sums)
             j = b
             for i in range(low, high):
                 while j <= min(nz - 1, i + region):
                     add_goals(
-                        nx, 2, lever(real(b - j), tables[at_z + T_CENTRE * nz + j]) * rest, one, row_at(room, pitch * j), nx,
-                        row_at(position, begin + j * deep), reference, count, sums, nx,
+                        n, 2, lever(real(b - j), tables[at_z + T_CENTRE * nz + j]) * rest, one, row_at(room, pitch * j), n,
+                        row_at(position, begin + j * deep), reference, count, sums, n,
                     )  # fmt: skip
                     j += 1
                 end_goals(
-                    nx, 2, real(i - b) * rest, tables[at_z + T_COUNT * nz + i], reference,
-                    row_at(position, begin + i * deep), count, sums, row_at(groups, pitch * (i - low)), nx,
+                    n, 2, real(i - b) * rest, tables[at_z + T_COUNT * nz + i], reference,
+                    row_at(position, begin + i * deep), count, sums, row_at(groups, pitch * (i - low)), n,
                     row_at(work, begin + i * deep), count,
                 )  # fmt: skip
 

@@ -112,19 +112,19 @@ def make_lattice_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
             )  # fmt: skip
 
     @row
-    def add_slice_row(n, step, share, weight, mass, total, turn, other, x, reference, s0, s1, s2, s3):
+    def add_slice_row(n, step, share, mass, total, turn, other, x, reference, s0, s1, s2, s3):
         for k in range(n):
-            part = part_of_row(share, total[k], mass[k] * weight, x[k], reference[k])
+            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
             s0[k] = s0[k] + part
             s1[k] = added_turn(s1[k], turn[k], share)
             s2[k] = added_turn(s2[k], other[k], share)
             s3[k] = added_turn(s3[k], part, step)
 
     @compiled
-    def add_slice(n, step, share, weight, mass, slices, pitch, x, reference, plane, sums, sums_pitch):
+    def add_slice(n, step, share, mass, slices, pitch, x, reference, plane, sums, sums_pitch):
         for axis in range(3):
             add_slice_row(
-                n, step, share, weight, mass, row_at(slices, axis * pitch), row_at(slices, (3 + axis) * pitch),
+                n, step, share, mass, row_at(slices, axis * pitch), row_at(slices, (3 + axis) * pitch),
                 row_at(slices, (6 + axis) * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
                 row_at(sums, axis * sums_pitch), row_at(sums, (3 + axis) * sums_pitch), row_at(sums, (6 + axis) * sums_pitch),
                 row_at(sums, (9 + axis) * sums_pitch),

@@ -165,12 +165,12 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
                         else:
                             p = load_quad(position, np.int32(first + i * pitch))
                             far = lever(real(b - i), tables[at + T_CENTRE * n + i])
-                            its = weight * tables[at + T_MASS * n + i] if upwards else tables[at + T_MASS * n + i]
+                            its = heavy * tables[at + T_MASS * n + i]
                             for axis in range(AXES):
                                 whole = out[axis * total + here] + s[axis]
                                 turn = out[(own + axis) * total + here] + s[own + axis]
                                 out[(own + axis) * total + here] = added_turn(turn, whole, far)
-                                out[axis * total + here] = shifted(whole, mass * its, reference[axis], p[axis])
+                                out[axis * total + here] = shifted(whole, its, reference[axis], p[axis])
                             for m in range(AXES, own):
                                 out[m * total + here] = out[m * total + here] + s[m]
 
@@ -206,13 +206,10 @@ def _turn(real: Any, math: str) -> Any:
             )  # fmt: skip
             store_quad(turned, c, w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
-            of_x, of_y = (
-                tables[numbers[N_TABLE_X] + T_INVERSE * nx + k],
-                tables[numbers[N_TABLE_Y] + T_INVERSE * ny + j],
-            )
+            of_slice = tables[numbers[N_TABLE_X] + T_INVERSE * nx + k] * tables[numbers[N_TABLE_Y] + T_INVERSE * ny + j]
             of_z = tables[numbers[N_TABLE_Z] + T_INVERSE * nz + deep]
-            a, b = centre(source[c], of_x, of_y, of_z), centre(source[total + c], of_x, of_y, of_z)
-            d = centre(source[2 * total + c], of_x, of_y, of_z)
+            a, b = centre(source[c], of_slice, of_z), centre(source[total + c], of_slice, of_z)
+            d = centre(source[2 * total + c], of_slice, of_z)
             if look:
                 p, row = load_quad(position, np.int32(numbers[N_FIRST] + t)), np.int32(AXES * c)
                 store_quad(frames, row, xx, xy, xz, p[0] + a)

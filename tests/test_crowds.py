@@ -70,8 +70,8 @@ def test_a_rate_is_particles_over_the_median_substep(store: Store) -> None:
 
 
 def _made_up(path: Any) -> Store:
-    """A machine with a GPU on which a free body's particle takes 1 ns, one in a heap 4, one of a grid 0.1 times its width, one of
-    a cube 1 and a hundredth of it."""
+    """A machine with a GPU on which a free body's particle takes 1 ns, one in a heap 4, one of a grid 0.1 times its width,
+    one of a cube 1 and a hundredth of it."""
     store = Store(path)
     store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
     run = store.start_run("gpu", "softlab crowds", None)

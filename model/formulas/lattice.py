@@ -67,9 +67,10 @@ def make(real, compiled=plain):
         return (a * x + b * y) + c * z
 
     @compiled
-    def centre(total, inverse_x, inverse_y, inverse_z):
-        """Where the window's centre of mass lies from its own mass [m]; the inverse of its mass is a product."""
-        return total * (inverse_x * inverse_y * inverse_z)
+    def centre(total, inverse_slice, inverse):
+        """Where the window's centre of mass lies from its own mass [m]; the inverse of its mass is a product, of a
+        slice's and that along z."""
+        return total * (inverse_slice * inverse)
 
     @compiled
     def added_goal(way, total, count, position, reference, lever, column):
