@@ -115,7 +115,7 @@ THINNED = {
     "test_cloth_orders.py": 3, "test_cloth_colliders.py": 2, "test_cloth_assembly.py": 2, "test_cpu_bits.py": 2,
     "test_cpu_reference.py": 2, "test_b1.py": 2, "test_contacts.py": 3, "test_contacts_scenes.py": 2, "test_hard_cloth.py": 2,
     "test_hard_xpbd.py": 2, "test_hard_bodies.py": 2, "test_accuracy_xpbd.py": 2, "test_accuracy_s6.py": 2,
-    "test_matching.py": 3,
+    "test_matching.py": 3, "test_lattice_ptx.py": 3,
     "test_bodies_solver.py": 2, "test_simulated_particle_contacts.py": 4, "test_links.py": 2, "test_spare.py": 6,
     "test_contact_restitution.py": 2, "test_rebound.py": 2, "test_simulated_contact_restitution.py": 3,
     "test_simulated_rebound.py": 2, "test_rebound_ptx.py": 2,
