@@ -49,11 +49,12 @@ class BodiesView(SpaceView):
         self._sphere_shadow = shader_program(body_shaders.SPHERE_SHADOW_VERTEX, body_shaders.SPHERE_SHADOW_FRAGMENT)
         spacing = np.array([copy.baked.spacing for copy in crowd.copies])
         self._radius = PARTICLE_RADIUS * spacing[crowd.body]
-        self._owner = np.repeat(np.arange(len(crowd.copies)), [copy.baked.clusters.count for copy in crowd.copies])
+        copies = crowd.in_cluster_order
+        self._owner = np.repeat([copy.number for copy in copies], [copy.baked.clusters.count for copy in copies])
         self._middle_look = np.column_stack([cluster_colours(crowd), PARTICLE_RADIUS * spacing[self._owner]])
         self._there = copies_there(scene)
         self._weights: np.ndarray | None = None  # by which that is so
-        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in crowd.copies])
+        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
         zero = np.zeros((crowd.clusters.count, 3), np.float32)
         self._buffers = [
             static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())

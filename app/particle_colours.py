@@ -31,7 +31,7 @@ def particle_colours(scene: Scene, colouring: str) -> np.ndarray:
 
 def cluster_colours(crowd: Crowd) -> np.ndarray:
     """(clusters, 3) float32: by their numbers in their body."""
-    return of_numbers(np.concatenate([np.arange(copy.baked.clusters.count) for copy in crowd.copies]))
+    return of_numbers(np.concatenate([np.arange(copy.baked.clusters.count) for copy in crowd.in_cluster_order]))
 
 
 def nearest_clusters(crowd: Crowd) -> np.ndarray:

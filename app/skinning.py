@@ -14,10 +14,10 @@ class ClusterFrames:
 
     def __init__(self, scene: Scene):
         crowd, parts = scene.crowd, scene.bodies
-        self._clusters = crowd.clusters
-        turns = [np.broadcast_to(parts[copy.name].turn(), (copy.baked.clusters.count, 3, 3)) for copy in crowd.copies]
+        self._clusters, copies = crowd.clusters, crowd.in_cluster_order
+        turns = [np.broadcast_to(parts[copy.name].turn(), (copy.baked.clusters.count, 3, 3)) for copy in copies]
         self._turn = np.concatenate(turns)  # a copy's own, at the start, when its clusters are not turned yet
-        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in crowd.copies])
+        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
         self.count = crowd.clusters.count
 
     def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:

@@ -80,6 +80,11 @@ class Crowd:
         )  # fmt: skip
 
     @property
+    def in_cluster_order(self) -> list[Copy]:
+        """The copies, in the order of their clusters."""
+        return sorted(self.copies, key=lambda copy: copy.first_cluster)
+
+    @property
     def waiting(self) -> np.ndarray:
         """(particles,) bool: those of spare copies, which wait at the place of their body's first one."""
         return np.array([copy.waits for copy in self.copies])[self.body]

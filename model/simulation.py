@@ -157,8 +157,16 @@ class Simulation(Backend):
         self.check()
         position, velocity = self._download()
         inverse_mass = self.body.inverse_mass.copy()
-        bodies = self._download_rotation(), self._download_plastic()
+        bodies = self._download_rotation(), self._plastic()
         return State(position, velocity, inverse_mass, self.time, self.step, *bodies)
+
+    def _plastic(self) -> np.ndarray | None:
+        """(clusters, 3, 3): as the backend has them of loose clusters, and no strain of lattices'."""
+        loose = self._download_plastic()
+        if loose is None:
+            return None
+        rigid = self._cluster_count() - len(loose)
+        return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (rigid, 1, 1))]) if rigid else loose
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
@@ -182,7 +190,7 @@ class Simulation(Backend):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
-        self._upload_plastic(plastic)
+        self._upload_plastic(None if plastic is None else plastic[: self.scene.crowd.loose.count])
         self._upload_rotation(rotation)
         self.step, self.time = int(state.step), float(state.time)
         self._put_aside()
@@ -244,7 +252,7 @@ class Simulation(Backend):
         elif self.scene.bodies and name == "deformation":
             result = self._read_deformation()
         elif name == "plastic" and "plastic" in self.plan.parts:
-            result = np.asarray(self._download_plastic())
+            result = np.asarray(self._plastic())
         elif self.scene.bodies:
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")

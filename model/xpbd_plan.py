@@ -12,6 +12,7 @@ from model.formulas import (
     contact,
     deformation,
     distance,
+    lattice,
     pace,
     particle_contact,
     rebound,
@@ -141,9 +142,10 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
     """An iteration of shape matching of bodies: clusters gather their particles, particles their clusters.
 
     An entry, a particle in a cluster, is a place, a rest offset, a mass or a share, and an index of four bytes; matched, it
-    reads a position, and moved, the cluster's rotation and centre, 12 scalars.
+    reads a position, and moved, the cluster's rotation and centre, 12 scalars. Of a lattice each mass has sums of a slice,
+    nine scalars, which are written and read twice, and a rotation, four.
     """
-    clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     shaped = cluster.OPERATIONS_TURN
     if clusters.parts & {"linear", "plastic"}:
@@ -153,17 +155,25 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
     matched = overlap * cluster.OPERATIONS_MEMBER + each * shaped
     moved = overlap * cluster.OPERATIONS_GOAL + cluster.OPERATIONS_MOVE
     table = 3 + 1 + 1  # scalars
+    regular = 0.0  # the part of particles in lattices
+    for one in scene.crowd.lattices:
+        part = one.copies * one.lattice.size / particles
+        regular += part
+        matched += part * (lattice.OPERATIONS_MOMENTS + 2 * one.lattice.region * lattice.OPERATIONS_MEMBER)
+        matched += part * lattice.OPERATIONS_TURN
+        moved += part * (lattice.OPERATIONS_GOALS + (2 * one.lattice.region + 1) * lattice.OPERATIONS_GOAL_MEMBER)
+        moved += part * lattice.OPERATIONS_MOVE
+    reads = overlap * (3 + table) + 4 * each + regular * (3 + 9 + 3 + 4)
+    writes = each * (4 + 12) + regular * (9 + 9 + 4)
     return (
-        Stage(
-            "match clusters", round((overlap * (3 + table) + 4 * each) / 3), round(each * (4 + 12) / 3), round(matched)
-        ),
-        Stage("move to goals", round(overlap * (12 + table) / 3) + 1, 1, round(moved)),
+        Stage("match clusters", round(reads / 3), round(writes / 3), round(matched)),
+        Stage("move to goals", round((overlap * (12 + table) + regular * 9) / 3) + 1, 1, round(moved)),
     )
 
 
 def damping_stage(scene: Scene) -> Stage:
     """Clusters gather the momenta of their particles, particles the rigid motions of their clusters, 9 scalars."""
-    clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     table = 1 + 1  # scalars: a mass or a factor, and an index
     reads = overlap * (6 + table) + overlap * (9 + table) + 6
@@ -173,7 +183,7 @@ def damping_stage(scene: Scene) -> Stage:
 
 def rebound_stage(scene: Scene) -> Stage:
     """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
-    clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     reads = overlap * (2 * 7 + 9 + 2) + 9  # twice a place, a velocity and a mass; a motion, a factor and an index
     member = pace.OPERATIONS_MEMBER + rebound.OPERATIONS_MEMBER + rebound.OPERATIONS_REBOUND

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bodies_scenes import (
+    BAR,
     POKE,
     STEPS,
     block,
@@ -21,7 +22,9 @@ from bodies_scenes import (
 from closed_meshes import rotation as rotation_by
 
 from app.files import read_state, write_state
-from bench.body_scenes import ULP, centre, masses
+from app.particle_colours import cluster_colours
+from app.skinning import ClusterFrames
+from bench.body_scenes import FLOOR, ULP, centre, masses
 from bench.reference import shape_matching as reference
 from model import crowd
 from model.baked import baked
@@ -153,6 +156,15 @@ def test_what_clusters_do_beside_turning_is_summed_directly() -> None:
     assert np.abs(end_state(scene, steps=3).position - position).max() < 1e-12
 
 
+def test_plastic_bodies_beside_lattices() -> None:
+    given = {"linear": 0.6, "plastic_threshold": 0.01, "plastic_creep": 20.0, "velocity": [0.0, -5.0, 0.0]}
+    scene = bodies_scene(block=block((3, 2, 2), 1), bar=BAR | given | {"origin": [2.0, 0.0, 0.0]}, plane=FLOOR)
+    half = end_state(scene, steps=4)
+    assert half.plastic is not None and half.plastic.shape == (scene.crowd.clusters.count, 3, 3)
+    assert np.abs(half.plastic[:3] - np.eye(3)).max() > 1e-3 and (half.plastic[3:] == np.eye(3)).all()
+    assert same(end_state(scene, steps=2, start=half), end_state(scene, steps=6))
+
+
 def test_contacts_and_spares_beside_lattices() -> None:
     scene = bodies_scene(
         body=block((4, 4, 4), 1, copies=(1, 2, 1), apart=(0.0, 0.41, 0.0), spare=1, origin=[0.0, 0.2, 0.0]),
@@ -165,6 +177,20 @@ def test_contacts_and_spares_beside_lattices() -> None:
         simulation.add_body("body", origin=(0.0, 1.5, 0.0))
         simulation.advance(30)
         assert np.isfinite(simulation.state().position).all()
+
+
+def test_skins_follow_their_own_clusters() -> None:
+    """Lattices come first in the scene and last among clusters: at the start each matrix takes its body from the mesh's frame
+    to where the copy is."""
+    crowd, frames = blocks().crowd, ClusterFrames(blocks())
+    with opened(blocks()) as simulation:
+        matrices = frames.of_simulation(simulation)
+    for copy in crowd.copies:
+        own = matrices[copy.first_cluster : copy.first_cluster + copy.baked.clusters.count].astype(float)
+        found = np.einsum("cij,pj->cpi", own[:, :, :3], copy.baked.position) + own[:, None, :, 3]
+        expected = np.broadcast_to(crowd.position[copy.particles], found.shape)
+        np.testing.assert_allclose(found, expected, atol=1e-5)  # of float32 matrices
+    assert len(cluster_colours(crowd)) == crowd.clusters.count
 
 
 def test_the_body_and_its_report(tmp_path: Any) -> None:
