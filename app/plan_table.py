@@ -66,8 +66,9 @@ def print_plan(console: Console, report: PlanReport) -> None:
         waiting = (
             f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
         )
+        bodies = "1 body" if len(crowd.copies) == 1 else f"{number(len(crowd.copies))} bodies"
         amounts = (
-            f"{number(crowd.particle_count)} particles of {number(len(crowd.copies))} bodies{waiting}, "
+            f"{number(crowd.particle_count)} particles of {bodies}{waiting}, "
             f"{number(crowd.clusters.count)} clusters, {len(crowd.clusters.indices) / crowd.particle_count:.2f} a particle"
         )
     console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)

@@ -25,7 +25,8 @@ from cpu_backend.bodies_material import ClusterArrays
 from cpu_backend.bodies_rebound import at_rebound, make_rebound_stages
 from cpu_backend.bodies_together import make_bodies_together
 from cpu_backend.compile import Compiler
-from cpu_backend.lattice import Lattices, make_lattice_matching
+from cpu_backend.lattice import make_lattice_matching
+from cpu_backend.lattice_layout import Lattices
 from cpu_backend.layout import aligned_zeros
 from cpu_backend.mass_spring import processor_name
 from cpu_backend.particle_contacts import ParticleContacts
