@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
@@ -82,7 +82,7 @@ class Crowd:
     @property
     def in_cluster_order(self) -> list[Copy]:
         """The copies, in the order of their clusters."""
-        return sorted(self.copies, key=lambda copy: copy.first_cluster)
+        return _by_cluster(self.copies)
 
     @property
     def waiting(self) -> np.ndarray:
@@ -130,7 +130,7 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
             masses.append(made.mass)
             particle, cluster = particle + len(here), cluster + made.clusters.count
     position, mass = np.concatenate(positions), np.concatenate(masses)
-    in_order = sorted(copies, key=lambda copy: copy.first_cluster)
+    in_order = _by_cluster(copies)
     made_of = [copy.baked.clusters for copy in in_order]
     clusters = Clusters(
         np.concatenate([[0], np.cumsum(np.concatenate([np.diff(one.offsets) for one in made_of]))]).astype(np.int32),
@@ -153,6 +153,10 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         float(mass.mean()),
         tuple(lattices),
     )
+
+
+def _by_cluster(copies: Sequence[Copy]) -> list[Copy]:
+    return sorted(copies, key=lambda copy: copy.first_cluster)
 
 
 def is_summed(body: BakedBody) -> bool:

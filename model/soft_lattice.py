@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import model_validator
 
-from model.clustering import parts, undetermined
+from model.clustering import undetermined
 from model.errors import InputError, SceneError
 from model.lattice import Lattice
 from model.parts import Count
@@ -61,7 +61,7 @@ class SoftLattice(SoftBody):
             particles=lattice.size, interior=lattice.size - surface, surface=surface, spacing=self.particle_spacing,
             mass=float(total), volume=volume, covered=1.0, clusters=clusters.count,
             members=(int(members.min()), int(members.max())), overlap=len(clusters.indices) / lattice.size, orphans=0,
-            links=0, pieces=1, parts=parts(clusters, none), undetermined=undetermined(clusters), told=tuple(made.repairs),
+            links=0, pieces=1, parts=1, undetermined=undetermined(clusters), told=tuple(made.repairs),
         )  # fmt: skip
         skin = make_skin(made.position, made.triangles, clusters.rest_centre)
         return self.furnish(

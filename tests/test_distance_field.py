@@ -14,15 +14,14 @@ import pytest
 from closed_meshes import ball, both, box
 from cloth_solve import cloth
 from field_scenes import BLOCK, TORUS, block
+from surface_touch import fall_by, touch_by
 
 from bench.reference import cloth as judge
 from bench.reference.mesh_collider import nearest_point
 from model import signed_distance
-from model.cloth_record import B_TREE, COLLIDER_FIELDS, collider_numbers
 from model.distance_field import DistanceField, Field
 from model.formulas import distance_field as formulas
 from model.formulas.distance_field import SETTLED
-from model.scene import Scene
 from model.signed_distance import sampled, signed_distances
 from model.voxels import winding_numbers
 
@@ -38,32 +37,13 @@ def field_of(distance: Any, spacing: float, half: float) -> np.ndarray:
 
 
 def touch(part: DistanceField, real: Any = np.float64) -> Any:
-    """touch(begin, end, before, position, velocity) -> (position, velocity): the formulas on the collider's row and field."""
-    scene = Scene({"cloth": {"rows": 2, "columns": 2}, "distance_field": part.model_dump()})
-    numbers = collider_numbers(scene, real)
-    row = numbers[:COLLIDER_FIELDS]
-    made = formulas.make(real)
-
-    def touched(begin: float, end: float, before: Any, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray]:
-        vectors = [real(x) for vector in (before, position, velocity) for x in vector]
-        found = made.touch(
-            numbers, int(row[B_TREE]), row[10], row[11], row[12], *row[:3], *row[7:10], *row[3:6], row[13], row[14],
-            real(begin), real(end), *vectors, real(0), real(0),
-        )  # fmt: skip
-        assert all(type(x) is real for x in found)
-        return np.array(found[:3]), np.array(found[3:])
-
-    return touched
+    """See `touch_by`."""
+    return touch_by(formulas, "distance_field", part, real)
 
 
 def fall(part: DistanceField, place: Any, velocity: Any, steps: int, dt: float) -> Any:
-    """(position, velocity) of a mass by semi-implicit Euler under gravity."""
-    meet = touch(part)
-    p, v = np.array(place, float), np.array(velocity, float)
-    for step in range(steps):
-        v = v - [0, 9.81 * dt, 0]
-        p, v = meet(step * dt, (step + 1) * dt, p, p + dt * v, v)
-    return p, v
+    """See `fall_by`."""
+    return fall_by(touch(part), place, velocity, steps, dt)
 
 
 # ---------------------------------------------------------------------- the samples

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cloth_solve import cloth, each_solver, solve
+from surface_touch import fall_by, touch_by
 
 from bench.reference import cloth as judge
 from model.cloth_parts import Sphere
@@ -36,23 +37,9 @@ def soup(count: int, seed: int = 0) -> np.ndarray:
     return corners[order_of(corners)]
 
 
-def touch(mesh: MeshCollider, real: Any = np.float64) -> Any:
-    """touch(begin, end, before, position, velocity) -> (position, velocity): the formulas on the collider's row and tree."""
-    scene = Scene({"cloth": {"rows": 2, "columns": 2}, "mesh_collider": mesh.model_dump()})
-    numbers = collider_numbers(scene, real)
-    row = numbers[:COLLIDER_FIELDS]
-    made = formulas.make(real)
-
-    def touched(begin: float, end: float, before: Any, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray]:
-        vectors = [real(x) for vector in (before, position, velocity) for x in vector]
-        found = made.touch(
-            numbers, int(row[B_TREE]), row[10], row[11], row[12], *row[:3], *row[7:10], *row[3:6], row[13], row[14],
-            real(begin), real(end), *vectors, real(0), real(0),
-        )  # fmt: skip
-        assert all(type(x) is real for x in found)
-        return np.array(found[:3]), np.array(found[3:])
-
-    return touched
+def touch(part: MeshCollider, real: Any = np.float64) -> Any:
+    """See `touch_by`."""
+    return touch_by(formulas, "mesh_collider", part, real)
 
 
 def written(path: Path, position: Any, triangles: Any) -> str:
@@ -71,14 +58,9 @@ def floor(tmp_path: Path) -> str:
     return written(tmp_path / "floor.obj", *FLOOR)
 
 
-def fall(mesh: MeshCollider, place: Any, velocity: Any, steps: int, dt: float, gravity: float = 9.81) -> Any:
-    """(position, velocity) of a mass by semi-implicit Euler."""
-    meet = touch(mesh)
-    p, v = np.array(place, float), np.array(velocity, float)
-    for step in range(steps):
-        v = v - [0, gravity * dt, 0]
-        p, v = meet(step * dt, (step + 1) * dt, p, p + dt * v, v)
-    return p, v
+def fall(part: MeshCollider, place: Any, velocity: Any, steps: int, dt: float, gravity: float = 9.81) -> Any:
+    """See `fall_by`."""
+    return fall_by(touch(part), place, velocity, steps, dt, gravity)
 
 
 # ---------------------------------------------------------------------- the tree
