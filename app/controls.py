@@ -31,9 +31,11 @@ KEYS = (
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
+DETAIL_KEY = ("V", "fine, plain, quick picture")
 SPACE_KEYS = (
     *KEYS[:8],
     ("L", "surface, springs"),
+    DETAIL_KEY,
     *KEYS[8:11],
     ("left", "drag beside it: turn (middle)"),
     *KEYS[11:],
@@ -44,11 +46,12 @@ BODY_KEYS = (  # without springs there is no stiffness to change
     ("P K C I", "particles, skin, clusters, links"),
     ("L", "particles or skin"),
     ("O", "colour by body, group, cluster"),
+    DETAIL_KEY,
     ("D X", "drop a body, take one out"),
     ("mouse", "drag a body: pull it"),
     ("arrows", "select a particle"),
     ("Enter", "push its body (down, or arrow)"),
-    *SPACE_KEYS[12:],
+    *SPACE_KEYS[13:],
 )
 WORLDS_KEY = ("Tab", "change one world alone, all")
 TWO_COLUMNS_FROM = 760  # pixels of window width
@@ -107,6 +110,7 @@ class Controls:
             key.N: viewer.overlay.toggle_numbers,
             key.F: viewer.frame_everything,
             key.L: viewer.toggle_lines,
+            key.V: viewer.next_detail,
             key.P: viewer.toggle_particles,
             key.K: viewer.toggle_skin,
             key.C: viewer.toggle_clusters,

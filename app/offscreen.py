@@ -38,7 +38,7 @@ class OffscreenRenderer:
     """
 
     def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
-        from app.panels import Panel, legend_of
+        from app.panels import Panel, Style, legend_of
 
         for name, value in (("width", width), ("height", height)):
             if not LEAST_SIZE <= value <= MOST_SIZE:
@@ -56,7 +56,7 @@ class OffscreenRenderer:
             self._legend, self._panel = None, None
             if legend:
                 with drawing_text():
-                    self._panel = Panel("top-left", 11, monospaced=False)
+                    self._panel = Panel("top-left", Style(11, monospaced=False))
                     if not self._space or self._view.lines:  # a surface has no colours of strain
                         self._legend = legend_of(scene)
         except BaseException:

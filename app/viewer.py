@@ -18,7 +18,8 @@ from app.camera import Margins, joined_bounds
 from app.controls import Controls
 from app.demo import Demo
 from app.demo_report import demo_state, write_state
-from app.opengl import load_pyglet, open_window
+from app.detail import by_software, next_detail
+from app.opengl import load_pyglet, open_window, renderer_name
 from app.panels import EDGE
 from app.panes import GAP, IN_A_ROW, Pane, check_alike, panes
 from app.pictures import write_png
@@ -51,6 +52,7 @@ class Viewer:
         try:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
+            self.drawn_by = " by software" if by_software(renderer_name()) else ""
             self.overlay = Overlay(self)
         except BaseException:
             self.window.close()
@@ -118,6 +120,14 @@ class Viewer:
         inside = " and ".join(name for name in ("particles", "clusters", "links") if getattr(self.views[0], name))
         self.demo.say(" behind the ".join(word for word in (inside, "skin" if self.views[0].skin else "") if word))
 
+    def next_detail(self) -> None:
+        """V: how much goes into the picture. A drawing in the plane has no choice."""
+        if self.space:
+            detail = next_detail(self.views[0].detail)
+            for view in self.views:
+                view.show_in(detail)
+            self.demo.say(f"{detail.name} picture: {detail.meaning}")
+
     def ask_for_screenshot(self) -> None:
         """S: save the next frame, which is then complete."""
         self._wanted_screenshot = True
@@ -170,6 +180,12 @@ class Viewer:
         spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
         self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
 
+    def _stay_above_ground(self) -> None:
+        if self.space:
+            for view, world in zip(self.views, self.demo.worlds, strict=True):
+                for ground in view.grounds(world.time):
+                    self.camera.keep_above(ground.point, ground.normal)
+
     def _margins(self) -> Margins:
         """Of a pane."""
         if len(self.panes) == 1:
@@ -203,6 +219,7 @@ class Viewer:
         demo.frame()
         if self.follow:
             self._approach_everything(FOLLOW_SHARE)
+        self._stay_above_ground()
         start = perf_counter()
         gl.glClearColor(*EDGE, 1.0)  # what is seen between panes
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from app.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+from bench.took import Timed
 from model.errors import SceneError
 
 measuring = typer.Typer()
@@ -33,7 +34,7 @@ def _tell(summary: Any) -> None:
         raise typer.Exit(130)
 
 
-@measuring.command(epilog="Example: softlab sweep --quick --backend cpu")
+@measuring.command(cls=Timed, epilog="Example: softlab sweep --quick --backend cpu")
 def sweep(
     quick: Annotated[bool, typer.Option("--quick", help="Small sizes, about a minute.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -90,7 +91,9 @@ def sweep(
         raise typer.Exit(130)
 
 
-@measuring.command(epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)")
+@measuring.command(
+    cls=Timed, epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)"
+)
 def accuracy(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer repeats and methods; neither exact math nor other sizes.")
@@ -126,7 +129,7 @@ def accuracy(
             _tell(run(opened, **how))
 
 
-@measuring.command(epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
+@measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
 def stability(
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges.")] = False,
     integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
@@ -145,7 +148,7 @@ def stability(
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
+@measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
 def hard(
     quick: Annotated[bool, typer.Option("--quick", help="The hand-out's step and velocity Verlet alone.")] = False,
     case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
@@ -173,7 +176,9 @@ def hard(
         raise typer.Exit(1)
 
 
-@measuring.command(epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)")
+@measuring.command(
+    cls=Timed, epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)"
+)
 def projections(
     quick: Annotated[bool, typer.Option("--quick", help="Two sizes, fewer repeats, nothing published.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -193,7 +198,7 @@ def projections(
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab crowds --quick   (softlab crowds --backend cpu --kind heap)")
+@measuring.command(cls=Timed, epilog="Example: softlab crowds --quick   (softlab crowds --backend cpu --kind heap)")
 def crowds(
     quick: Annotated[bool, typer.Option("--quick", help="Fifty bodies, the smallest grid, fewer repeats.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -202,19 +207,19 @@ def crowds(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time bodies: how many particles a second, soft, rigid, in a heap that collides, and the grid as jelly."""
-    from bench.crowds import KINDS, print_crowds, run_crowds
+    from bench.crowds import print_crowds, run_crowds
     from bench.store import Store
 
     with Store(store) as opened:
         summary = run_crowds(
-            opened, quick=quick, backends=backend, kinds=kind or KINDS, precisions=_precisions(precision, "float32"),
+            opened, quick=quick, backends=backend, kinds=kind, precisions=_precisions(precision, "float32"),
             command=typed(),
         )  # fmt: skip
         print_crowds(out, opened, summary.machine)
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
+@measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
 def bar(
     quick: Annotated[bool, typer.Option("--quick", help="Few spacings, substeps and sizes of clusters.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -230,7 +235,7 @@ def bar(
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
+@measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
 def advise(
     scene: SceneName,
     error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
@@ -274,7 +279,7 @@ def advise(
         out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
 
 
-@measuring.command(epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
+@measuring.command(cls=Timed, epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
 def ablate(
     scene: SceneName,
     time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
