@@ -42,7 +42,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
             f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   gravity {gravity}   {springs}"
             f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}",
             f"{world.backend}   {threads}   {world.options.precision}   {masses_text(scene, world.body.inverse_mass)}   "
-            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}",
+            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics:.3g} ms, drawing {drawing:.3g} ms{way}",
         )
     )
 

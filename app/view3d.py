@@ -99,7 +99,7 @@ class View3D(SpaceView):
             self._style(size, colours.INK, colours.BACKGROUND if size > 5 else colours.INK, MASS_TOWARD)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
         if self._pins[2]:
-            rim = colours.BACKGROUND if apart > PIN_SIZE else colours.PIN
+            rim = colours.BACKGROUND if apart > PIN_SIZE * self.detail.coarse else colours.PIN
             self._style(PIN_SIZE, colours.PIN, rim, PIN_TOWARD, square=True)
             draw_elements(*self._pins)
         if selected is not None:
