@@ -37,9 +37,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         near = suggestion(location[-1], known)
         if location[1:] and location[-1] in kind.model_fields:
             near = f" (did you mean {part}.{location[-1]}?)"
-        return SceneError(
-            ".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}"
-        )
+        return SceneError(".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}")
     message = first["msg"].removeprefix("Value error, ")
     if not location and ": " in message:  # a check across fields names its field itself
         field, _, allowed = message.partition(": ")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from hypothesis import strategies as st
 from app.camera3d import MOST_PITCH, NEAREST, Camera3D
 from app.controls import keys_text
 from app.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
+from app.demo import NO_BODIES
+from app.looks import OF_PLANE, Looks
 from app.panels import TIP_GAP, beside_tip, divided
 
 WINDOW = (1200.0, 900.0)
@@ -129,3 +133,47 @@ def test_the_keys_of_space_name_the_detail_and_the_turn_once(bodies: bool) -> No
     text = keys_text(600, space=True, bodies=bodies)
     assert text.count("fine, plain, quick picture") == 1 and text.count("turn (middle)") == 1
     assert "fine, plain" not in keys_text(600)
+
+
+# ---------------------------------------------------------------------- what keys change of the look
+
+
+class SeenView:
+    """A view that only knows what it shows."""
+
+    def __init__(self) -> None:
+        self.detail, self.lines, self.skin = FINE, False, True
+        self.particles = self.clusters = self.links = False
+        self.show_in = lambda detail: setattr(self, "detail", detail)
+
+    def toggle_lines(self) -> bool:
+        self.lines = not self.lines
+        return self.lines
+
+    def toggle_particles(self) -> None:
+        self.particles = not self.particles
+
+
+def looks_of(dimensions: int, bodies: bool) -> tuple[Looks, list[str]]:
+    said: list[str] = []
+    scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {})
+    demo = SimpleNamespace(world=SimpleNamespace(scene=scene), say=said.append)
+    return Looks(cast("Any", demo), [SeenView(), SeenView()]), said
+
+
+def test_keys_of_bodies_and_of_space_say_where_they_mean_nothing() -> None:
+    for dimensions, told in ((2, OF_PLANE), (3, "surface")):
+        looks, said = looks_of(dimensions, bodies=False)
+        looks.toggle("particles")
+        looks.next_colouring()
+        looks.toggle_lines()
+        looks.toggle_lines()
+        assert said[:2] == [NO_BODIES] * 2 and said[-1] == told
+
+
+def test_the_look_changes_in_every_view() -> None:
+    looks, said = looks_of(3, bodies=True)
+    looks.next_detail()
+    looks.toggle("particles")
+    assert [(view.detail, view.particles) for view in looks.views] == [(DETAILS[1], True)] * 2
+    assert said == [f"plain picture: {DETAILS[1].meaning}", "particles behind the skin"]
