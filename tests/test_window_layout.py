@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from app.camera3d import MOST_PITCH, NEAREST, Camera3D
 from app.controls import keys_text
-from app.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
 from app.demo import NO_BODIES
+from app.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
 from app.looks import OF_PLANE, Looks
 from app.panels import TIP_GAP, beside_tip, divided
 
