@@ -14,8 +14,8 @@ GAP = 0.1  # of a body's longest side: between it and what it is dropped on
 
 
 def next_spare(world: Simulation, last: str | None) -> str:
-    """The part, of a scene with bodies, of which a copy is brought in next: of those that one waits of the first after `last`,
-    in turn. Raises SceneError where none waits."""
+    """The part of which a copy is brought in next, in a scene with bodies: of those that one waits of the first
+    after `last`, in turn. Raises SceneError where none waits."""
     scene = world.scene
     names = list(scene.bodies)
     if not any(part.spare for part in scene.bodies.values()):
