@@ -67,7 +67,12 @@ def test_projections_have_two_sizes_two_orderings_and_four_kernels() -> None:
 
 def test_crowds_leave_the_lattice_out_unless_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[set[str]] = []
-    monkeypatch.setattr(crowds, "groups", lambda backends, quick, kinds, precisions: asked.append(set(kinds)) or [])
+
+    def groups(backends: Any, quick: bool, kinds: Iterable[str], precisions: Any) -> list[Any]:
+        asked.append(set(kinds))
+        return []
+
+    monkeypatch.setattr(crowds, "groups", groups)
     monkeypatch.setattr(Timing, "run", lambda self, store, cases, **_: None)
     with Store(":memory:") as store:
         for quick, kinds in ((True, None), (True, ["lattice"]), (False, None)):
