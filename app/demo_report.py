@@ -32,7 +32,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     springs = f"stiffness {stiffness} N/m   " if stiffness else ""
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
     gravity = "on" if demo.gravity else "off"
-    way = f", {way}" if way else ""
+    way = f" ({way})" if way else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
     steps = demo.steps_of(world)
     physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
@@ -41,7 +41,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
             f"{whose}time {world.time:.2f} s   {speed:.0f} frames/s   {speed * steps * running:.0f} steps/s{state}",
             f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   gravity {gravity}   {springs}"
             f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}",
-            f"{world.backend}   {threads}   {world.options.precision}   {masses_text(scene, world.body.inverse_mass)}   "
+            f"{world.backend}, {threads}, {world.options.precision}   {masses_text(scene, world.body.inverse_mass)}   "
             f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics:.3g} ms, drawing {drawing:.3g} ms{way}",
         )
     )

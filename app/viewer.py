@@ -52,7 +52,7 @@ class Viewer:
         try:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
-            self.drawn_by = " by software" if by_software(renderer_name()) else ""
+            self.drawn_by = ", by software" if by_software(renderer_name()) else ""
             self.looks = Looks(demo, self.views)
             self.overlay = Overlay(self)
         except BaseException:
