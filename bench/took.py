@@ -21,6 +21,7 @@ TABLE = """CREATE TABLE IF NOT EXISTS took (
     machine TEXT NOT NULL, command TEXT NOT NULL, seconds REAL NOT NULL, configurations INTEGER NOT NULL,
     PRIMARY KEY (machine, command))"""
 INTERRUPTED = 130  # exit status
+FIRST = "first time here with these options"
 
 
 class Timed(TyperCommand):
@@ -31,8 +32,9 @@ class Timed(TyperCommand):
         usual = {parameter.name: parameter.default for parameter in self.params}
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}
         path, command = Path(ctx.params["store"]), canonical(options | {"command": self.name})
-        errors.print(f"{self.name}: {last_time(path, command)}", markup=False)
-        begin, before = time.perf_counter(), _runs(path)
+        told, before = look(path, command)
+        errors.print(f"{self.name}: {told}", markup=False)
+        begin = time.perf_counter()
         try:
             result = super().invoke(ctx)
         except Exit as stop:
@@ -43,50 +45,43 @@ class Timed(TyperCommand):
         return result
 
 
-def last_time(path: Path, command: str) -> str:
-    """What is told of a command before it starts. What is wrong with the store the command itself will say."""
-    told = "first time here with these options"
+def look(path: Path, command: str) -> tuple[str, int]:
+    """What is told of a command before it starts, and the number of the last run in its store. What is wrong with the store
+    the command itself will say."""
     with suppress(SoftlabError):
         if path.is_file():
             with Store(path, readonly=True) as store:
-                if _has_table(store):
+                last = int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
+                if store.query("SELECT 1 FROM sqlite_master WHERE name = 'took'"):
                     found = store.query(
                         "SELECT seconds, configurations FROM took WHERE machine = ? AND command = ?",
                         (_machine(), command),
                     )
                     for seconds, configurations in found:
-                        told = f"took {seconds:.0f} s last time here, for {configurations} configurations measured anew"
-    return told
+                        return (
+                            f"took {seconds:.0f} s last time here, for {configurations} configurations measured",
+                            last,
+                        )
+                return FIRST, last
+    return FIRST, 0
 
 
 def keep_time(path: Path, command: str, seconds: float, before: int) -> None:
     """Keep how long a command took that measured something: in runs after number `before` of the store."""
-    if _runs(path) == before:
-        return
-    with suppress(SoftlabError), Store(path) as store:
-        ((configurations,),) = store.query(
-            "SELECT count(*) FROM (SELECT configuration FROM sample JOIN run ON key = run WHERE run.rowid > :before "
-            "UNION SELECT configuration FROM measure JOIN run ON key = run WHERE run.rowid > :before)",
-            {"before": before},
-        )
-        with store.transaction() as connection:
-            connection.execute(TABLE)
-            connection.execute(
-                "INSERT OR REPLACE INTO took VALUES (?, ?, ?, ?)", (_machine(), command, seconds, configurations)
-            )
-
-
-def _runs(path: Path) -> int:
-    """The number of the last run in a store; 0 where there is none."""
     with suppress(SoftlabError):
-        if path.is_file():
-            with Store(path, readonly=True) as store:
-                return int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
-    return 0
-
-
-def _has_table(store: Store) -> bool:
-    return bool(store.query("SELECT 1 FROM sqlite_master WHERE name = 'took'"))
+        if not path.is_file():
+            return
+        with Store(path) as store, store.transaction() as connection:
+            ((configurations,),) = connection.execute(
+                "SELECT count(*) FROM (SELECT configuration FROM sample JOIN run ON key = run WHERE run.rowid > :before "
+                "UNION SELECT configuration FROM measure JOIN run ON key = run WHERE run.rowid > :before)",
+                {"before": before},
+            )
+            if configurations:
+                connection.execute(TABLE)
+                connection.execute(
+                    "INSERT OR REPLACE INTO took VALUES (?, ?, ?, ?)", (_machine(), command, seconds, configurations)
+                )
 
 
 def _machine() -> str:

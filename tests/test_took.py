@@ -10,15 +10,17 @@ import typer
 from app.command_line import StorePath
 from bench import took
 from bench.store import Store
-from bench.took import Timed, keep_time, last_time
+from bench.took import FIRST, Timed, keep_time, look
 from model.errors import InputError
-
-FIRST = "first time here with these options"
 
 
 @pytest.fixture(autouse=True)
 def this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(took, "_machine", lambda: "mine")
+
+
+def told(path: Path, command: str) -> str:
+    return look(path, command)[0]
 
 
 def measured(path: Path, cases: int, machine: str = "mine") -> None:
@@ -33,7 +35,7 @@ def measured(path: Path, cases: int, machine: str = "mine") -> None:
 
 def test_the_first_time_is_told_and_nothing_is_made(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
-    assert last_time(path, "hard") == FIRST and not path.exists()
+    assert told(path, "hard") == FIRST and not path.exists()
 
 
 def test_seconds_and_configurations_of_the_last_time_are_told(tmp_path: Path) -> None:
@@ -42,8 +44,8 @@ def test_seconds_and_configurations_of_the_last_time_are_told(tmp_path: Path) ->
     keep_time(path, "hard", 100.0, 0)
     measured(path, 3)
     keep_time(path, "hard", 41.6, 1)
-    assert last_time(path, "hard") == "took 42 s last time here, for 3 configurations measured anew"
-    assert last_time(path, "hard quick") == FIRST
+    assert told(path, "hard") == "took 42 s last time here, for 3 configurations measured"
+    assert told(path, "hard quick") == FIRST
 
 
 def test_what_measured_nothing_and_another_machine_tell_nothing(
@@ -52,16 +54,16 @@ def test_what_measured_nothing_and_another_machine_tell_nothing(
     path = tmp_path / "store.sqlite"
     measured(path, 2)
     keep_time(path, "hard", 3.0, 1)
-    assert last_time(path, "hard") == FIRST
+    assert told(path, "hard") == FIRST
     keep_time(path, "hard", 3.0, 0)
     monkeypatch.setattr(took, "_machine", lambda: "another")
-    assert last_time(path, "hard") == FIRST
+    assert told(path, "hard") == FIRST
 
 
 def test_a_store_that_is_none_is_left_to_the_command(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
     path.write_text("no store")
-    assert last_time(path, "hard") == FIRST
+    assert told(path, "hard") == FIRST
     keep_time(path, "hard", 3.0, 0)
     assert path.read_text() == "no store"
 
@@ -88,13 +90,13 @@ def commands(status: int | None) -> typer.Typer:
 def test_a_command_says_its_last_time_by_its_options_but_the_store(
     status: int | None, kept: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    app, told = commands(status), []
+    app, said = commands(status), []
     for options in ([], ["--quick"], ["--quick"], []):
         arguments = ["work", "--store", str(tmp_path / "store.sqlite"), *options]
         app(arguments, standalone_mode=False)
-        told.append(capfd.readouterr().err.strip())
-    assert told[:2] == [f"work: {FIRST}"] * 2
-    assert [FIRST not in text for text in told[2:]] == [kept, kept]
+        said.append(capfd.readouterr().err.strip())
+    assert said[:2] == [f"work: {FIRST}"] * 2
+    assert [FIRST not in text for text in said[2:]] == [kept, kept]
 
 
 def test_what_ends_in_an_error_is_not_kept(tmp_path: Path) -> None:
