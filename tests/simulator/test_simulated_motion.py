@@ -22,14 +22,16 @@ from model.simulation import State
 
 
 def end_state(scene: Scene, backend: str, kernel: str, **options: Any) -> State:
-    """After five steps, in one of which `jerk` begins; the state is read and loaded after three."""
+    """After five steps, in one of which `jerk` begins; after three the state is read and loaded, and dt is changed."""
     with open_simulation(
-        scene, backend, math="exact", kernel=kernel, live=("poke",), allow_unstable=True, **options
+        scene, backend, math="exact", kernel=kernel, live=("poke", "dt"), allow_unstable=True, **options
     ) as simulation:
         simulation.poke(*POKE)
         simulation.advance(3)
         simulation.load(simulation.state())
+        simulation.set("method.dt", 0.75 * scene.method.dt)
         simulation.advance(2)
+        simulation.load(simulation.state())
         return simulation.state()
 
 
