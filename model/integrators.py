@@ -199,6 +199,11 @@ def damping_rate(scene: Scene) -> float:
     return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
 
 
+def fastest_damping(scene: Scene) -> float:
+    """The same of the lightest mass: no damper takes a velocity away faster."""
+    return scene.damping.coefficient / lightest_mass(scene) if scene.damping else 0.0
+
+
 def spring_damping_bound(scene: Scene) -> float:
     """A rate [1/s] that the dampers along a cloth's springs do not exceed: their matrix is a Laplacian, bounded like the
     springs' (see `frequency_bound`)."""
@@ -217,10 +222,10 @@ def stability_limit(scene: Scene, frequency: float | None = None) -> float:
     The position-based solvers hold at any step size, but for the masses' damper, which is explicit: h c/m < 2, m the
     lightest mass.
     """
-    name, gamma = scene.method.integrator, damping_rate(scene)
     if scene.method.position_based:
-        fastest = scene.damping.coefficient / lightest_mass(scene) if scene.damping else 0.0
+        fastest = fastest_damping(scene)
         return 2 * scene.method.substeps / fastest if fastest else inf
+    name, gamma = scene.method.integrator, damping_rate(scene)
     w = frequency_bound(scene) if frequency is None else frequency
     limit = integrators_for(scene)[name].limit
     along = spring_damping_bound(scene) if scene.cloth else 0.0
