@@ -96,7 +96,7 @@ def solver_numbers(
 
 
 def next_residuals(scene: Scene, state: State) -> tuple[float, float]:
-    """bench.reference.xpbd.residuals of the substep that follows `state`, of a scene whose motion is known (`why_unknown`)."""
+    """bench.reference.xpbd.residuals of the substep that follows `state`, where the motion is known (`why_unknown`)."""
     method = scene.method
     h, inverse_mass = method.dt / method.substeps, state.inverse_mass.astype(np.float64)
     p, v = state.position.astype(np.float64), state.velocity.astype(np.float64)
