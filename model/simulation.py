@@ -292,8 +292,10 @@ class Simulation(Backend):
         if path not in allowed:
             raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
         part = path.partition(".")[0]
-        if part in (*SPRING_KINDS, "wind") and part not in self.scene.parts:
+        if part in ("springs", *SPRING_KINDS, "wind") and part not in self.scene.parts:
             raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
+        if path in LIVE_PATHS["stiffness"] and self.scene.method.solver == "pbd":
+            raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")
         scene = self.scene.replace({path: value})
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
         record = self._make_record(scene, self._poke_force, clock)
