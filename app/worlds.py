@@ -40,8 +40,8 @@ def stiffness_paths(scene: Scene) -> dict[str, float]:
 
 
 def live_parts(scene: Scene) -> tuple[str, ...]:
-    """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of bodies,
-    which are pulled through their state (app/grip.py)."""
+    """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of
+    bodies, which are pulled through their state (app/grip.py)."""
     poked = () if scene.bodies else ("poke",)
     return ("gravity", *poked, "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
 
