@@ -225,7 +225,12 @@ def scene_frequency(scene: Scene) -> Frequency:
 
 def frequency_lines(scene: Scene) -> list[str]:
     """What `softlab plan` says of it: the largest frequency, how it is known, and the step size that follows."""
-    if not (scene.springs or scene.cloth_springs) or scene.mesh:  # whose solver has no limit that follows from it
+    springs = [scene.springs] if scene.springs else [*scene.cloth_springs.values()]
+    if not springs or scene.mesh:  # whose solver has no limit that follows from it
+        return []
+    if scene.method.solver == "pbd" or any(
+        one.inextensible for one in springs
+    ):  # which are no springs of that stiffness
         return []
     found = scene_frequency(scene)
     name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"
