@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from app.pictures import check_target, replacing
 from app.pieces import Piece, collider_pieces, pieces_of
 from app.skinning import ClusterFrames
 from model.errors import InputError, SceneError
+from model.files import check_target, replacing
 from model.simulation import Simulation
 from model.spare import present
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pydantic import model_validator
 
 from model.errors import SceneError
-from model.parts import Count, NotNegative, Part, Positive
+from model.parts import NotNegative, Part, Positive, Sweeps
 
 if TYPE_CHECKING:
     from model.scene import Scene
@@ -26,7 +26,7 @@ class SelfCollision(Part):
     static_friction: NotNegative = 0.3
     dynamic_friction: NotNegative = 0.2
     separation_speed: Positive = 0.5  # m/s
-    sweeps: Count = 4  # over all contacts, after each iteration over the constraints
+    sweeps: Sweeps = 4  # over all contacts, after each iteration over the constraints
 
     @model_validator(mode="after")
     def _friction_is_ordered(self) -> SelfCollision:
