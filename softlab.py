@@ -63,8 +63,7 @@ def main() -> None:
         status = told(f"{error.filename or 'what is printed'} cannot be written: {error.strerror}; make room", 2)
     except MemoryError as error:
         status = told(f"the memory of this machine does not do ({error or 'nothing is left'}); use a smaller scene", 2)
-    if status:
-        sys.exit(status)
+    sys.exit(status)
 
 
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --backend gpu --set grid.rows=256 --json")
