@@ -210,6 +210,10 @@ class Store:
             else:
                 remedy = "the store is damaged; move it away (or restore a copy) and merge its last export"
             raise InputError(f"{self.path}: {text}: {remedy}") from None
+        except UnicodeDecodeError:
+            raise InputError(
+                f"{self.path}: holds text that is none: the store is damaged; move it away (or restore a copy)"
+            ) from None
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:

@@ -47,7 +47,7 @@ def export(store: Store, path: str | Path, machine: str | None = None) -> Path:
             temporary.write_text(_text(rows), encoding="utf-8", newline="")
         else:
             with Store(temporary) as target:
-                _insert(target, rows)
+                _insert(target, rows, store.path)
                 target.connection.execute("PRAGMA journal_mode = DELETE")  # one file, without its -wal beside it
     return file
 
@@ -65,15 +65,15 @@ def merge(store: Store, other: str | Path) -> dict[str, int]:
             rows = _rows_of(source)
     if store.new:  # what does not fit together must not leave an empty store
         with Store(":memory:") as trial:
-            _insert(trial, rows)
-    return _insert(store, rows)
+            _insert(trial, rows, file)
+    return _insert(store, rows, file)
 
 
 def load_text(paths: Iterable[str | Path]) -> Store:
     """An in-memory store of what the text exports hold, such as those in labbook/data/. Raises InputError."""
     store = Store(":memory:")
     for path in paths:
-        _insert(store, _read_text(Path(path)))
+        _insert(store, _read_text(Path(path)), path)
     return store
 
 
@@ -98,7 +98,8 @@ def _rows_of(store: Store, machine: str | None = None) -> Rows:
     }
 
 
-def _insert(store: Store, rows: Rows) -> dict[str, int]:
+def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
+    """How many of the rows of `origin` were new in each table. Raises InputError."""
     added = dict.fromkeys(TABLES, 0)
     try:
         with store.transaction() as connection:
@@ -111,7 +112,9 @@ def _insert(store: Store, rows: Rows) -> dict[str, int]:
                 connection.executemany(f"INSERT INTO {table} VALUES ({marks}) ON CONFLICT DO NOTHING", rows[table])
                 added[table] = connection.total_changes - before
     except (sqlite3.IntegrityError, OverflowError) as error:
-        raise InputError(f"the results do not fit together ({error}); nothing was merged; export them anew") from None
+        raise InputError(
+            f"{origin}: the results do not fit together ({error}); nothing was taken; export them anew"
+        ) from None
     return added
 
 
