@@ -18,11 +18,12 @@ import csv
 import json
 import sqlite3
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from bench.store import TABLES, Store, canonical, configuration_hash
-from model.errors import InputError
+from model.errors import InputError, shortened
 from model.files import check_source, check_target, replacing
 
 MAGIC = "softlab-results"
@@ -274,10 +275,17 @@ def _samples(row: Mapping[str, str]) -> list[tuple[Any, ...]]:
             row["sources"],
             row["stage"],
             int(repeat),
-            float(second),
+            _seconds(second),
             int(row["steps"]),
             None if joule == "-" else float(joule),
             row["suspect"] or None,
         )
         for repeat, second, joule in zip(repeats, seconds, joules, strict=True)
     ]
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not (isfinite(seconds) and seconds >= 0):
+        raise ValueError(f"a sample took {shortened(text, 40)} s")
+    return seconds

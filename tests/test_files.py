@@ -25,7 +25,9 @@ def ended_process() -> int:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes with names")
-@pytest.mark.parametrize("read", [load_scene, lambda path: read_archive(path, "a state"), lambda path: read_text(path, "a text")])
+@pytest.mark.parametrize(
+    "read", [load_scene, lambda path: read_archive(path, "a state"), lambda path: read_text(path, "a text")]
+)
 def test_what_has_no_end_is_not_read(tmp_path: Path, read) -> None:
     """A pipe that nobody writes to would wait for ever, a device of zeros fill the memory."""
     os.mkfifo(tmp_path / "pipe.toml")
@@ -124,7 +126,13 @@ def nested(depth: int) -> list:
     return deep
 
 
-ODD = {"deep": nested(100_000), "long": 16**6000, "text": "x" * 10**6, "marks": ["\u202e\n"] * 5000, "table": {"a": nested(5000)}}
+ODD = {
+    "deep": nested(100_000),
+    "long": 16**6000,
+    "text": "x" * 10**6,
+    "marks": ["\u202e\n"] * 5000,
+    "table": {"a": nested(5000)},
+}
 
 
 @pytest.mark.parametrize("value", ODD.values(), ids=list(ODD))
