@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -26,7 +27,7 @@ from app.command_line import (
     scene_of,
     told,
     typed,
-    usage_line,
+    usage_status,
 )
 from bench.commands import measuring
 from model.errors import SoftlabError
@@ -45,12 +46,15 @@ DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
     try:
-        status = app(standalone_mode=False) or 0
+        with warnings.catch_warnings():
+            # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene
+            warnings.simplefilter("ignore", RuntimeWarning)
+            status = app(standalone_mode=False) or 0
         sys.stdout.flush()  # here, where a full disk can still be told of
     except SoftlabError as error:
         status = told(str(error), error.exit_status)
     except UsageError as error:
-        status = told(usage_line(error), error.exit_code) if error.format_message() else error.exit_code
+        status = usage_status(error)
     except KeyboardInterrupt:
         status = told("stopped", 130)
     except BrokenPipeError:  # the reader (head, less) has seen enough

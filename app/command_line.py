@@ -16,7 +16,8 @@ from model.errors import SoftlabError
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False)
 
-UsageError = typer.BadParameter.mro()[2]  # what every complaint about a command line is; typer exports only some
+# what every complaint about a command line is; typer exports only some of them
+UsageError: type[Exception] = typer.BadParameter.mro()[2]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
 Settings = Annotated[
     list[str] | None,
@@ -49,6 +50,12 @@ def usage_line(error: Any) -> str:
     """What is wrong with a command line, in one line."""
     command = error.ctx.command_path if getattr(error, "ctx", None) else "softlab"
     return str(SoftlabError(f"{' '.join(error.format_message().split())} (see {command} --help)"))
+
+
+def usage_status(error: Any) -> int:
+    """The exit status of a complaint about the command line, once it is told; without words, the help was printed."""
+    status = int(error.exit_code)
+    return told(usage_line(error), status) if error.format_message() else status
 
 
 def drop_output() -> None:

@@ -6,6 +6,8 @@ line prints it and exits with `exit_status`; nothing else is written.
 
 from __future__ import annotations
 
+from math import isfinite
+
 LONGEST = 560  # characters of a message: some lines of a terminal, however long the key or the file's name was
 LONGEST_FIELD, LONGEST_VALUE = 120, 80
 
@@ -100,7 +102,7 @@ class Diverged(SoftlabError):
         remedy: str | None = None,
     ):
         self.step, self.particle, self.dt, self.limit = step, particle, dt, limit
-        if limit is None or limit != limit:
+        if limit is None or not isfinite(limit):
             self.cause = cause or "no stability limit is known for it"
         elif dt > limit:
             self.cause = cause or "the step size is over the stability limit"

@@ -64,8 +64,11 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
             )
     if not frames:
         raise InputError(f"{path} holds no frame; record with a smaller every=N")
-    found = [energies(scene, p, v) for p, v in zip(arrays["position"], arrays["velocity"], strict=True)]
+    with np.errstate(all="ignore"):
+        found = [energies(scene, p, v) for p, v in zip(arrays["position"], arrays["velocity"], strict=True)]
     columns = {name: np.array([one[name] for one in found]) for name, *_ in CURVES}
+    if not all(np.isfinite(values).all() for values in (arrays["time"], *columns.values())):
+        raise InputError(f"{path}: times or energies are not finite; record a run that does not diverge")
     return EnergyRecord(scene, arrays["time"].astype(float), **columns)
 
 

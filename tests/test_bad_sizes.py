@@ -47,8 +47,10 @@ def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Any:
 
 
 @pytest.mark.parametrize("tables", [
-    {"grid": {"rows": 10**9, "columns": 2}, "springs": {}}, {"grid": {"rows": 10**9, "columns": 3, "pinned": "top"}, "springs": {}},
-    {"cloth": {"rows": 10**6, "columns": 10**6}, **SELF}, {"cloth": {"rows": 10**9, "columns": 9}, "shear": {}, "bending": {}},
+    {"grid": {"rows": 10**9, "columns": 2}, "springs": {}},
+    {"grid": {"rows": 10**9, "columns": 3, "pinned": "top"}, "springs": {}},
+    {"cloth": {"rows": 10**6, "columns": 10**6}, **SELF},
+    {"cloth": {"rows": 10**9, "columns": 9}, "shear": {}, "bending": {}},
 ])  # fmt: skip
 def test_a_plan_needs_no_array_of_the_grid(
     tables: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
@@ -101,12 +103,10 @@ def test_what_contacts_take_is_what_is_looked_for(real: type, monkeypatch: pytes
 
 
 def test_bodies_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = Scene(
-        {"b": {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "copies": [100, 100, 100]}}
-    )
     monkeypatch.setattr("model.crowd.available_bytes", lambda: 2**30)
-    with pytest.raises(SceneError, match="copies = 8000000: needs .*iB of main memory"):
-        scene.crowd  # noqa: B018
+    body = {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "copies": [100, 100, 100]}
+    with pytest.raises(SceneError, match=r"copies = 8000000: needs .*iB of main memory"):
+        Scene({"b": body}).crowd  # noqa: B018
 
 
 def test_no_memory_for_the_bandwidth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,7 +177,7 @@ def test_sampling_that_finds_no_room_says_so(fields: dict[str, float]) -> None:
 
 
 def test_links_that_reach_nobody() -> None:
-    with pytest.raises(SceneError, match="link_radius = 0.05: links nobody.*try 0.15") as refused:
+    with pytest.raises(SceneError, match=r"link_radius = 0\.05: links nobody.*try 0\.15") as refused:
         SoftBody.from_mesh(STAR, particle_spacing=0.1, link_radius=0.05, link_stiffness=1.0)
     assert refused.value.field == "link_radius"
     assert len(SoftBody.from_mesh(STAR, particle_spacing=0.1, link_radius=0.15, link_stiffness=1.0).links)
@@ -215,7 +215,7 @@ def test_pairs_end() -> None:
     points = np.random.default_rng(1).random((300, 3))
     nearby.MOST_PAIRS, kept = 1000, nearby.MOST_PAIRS
     try:
-        with pytest.raises(InputError, match="more than 1000 pairs .* within 1 m"):
+        with pytest.raises(InputError, match=r"more than 1000 pairs .* within 1 m"):
             nearby.pairs_within(points, points, 1.0)
     finally:
         nearby.MOST_PAIRS = kept
@@ -237,7 +237,8 @@ def small(path: Path) -> Store:
 @pytest.mark.parametrize(("table", "column", "value"), [
     ("machine", "record", 3), ("machine", "record", "[1]"), ("machine", "record", '{"a":' * 3000 + "1" + "}" * 3000),
     ("machine", "label", b"\xff"), ("run", "started", b"2.5"), ("configuration", "description", "[" * 3000),
-    ("configuration", "description", "no JSON"), ("sample", "seconds", "long"), ("sample", "repeat", 0.5), ("sample", "suspect", b"3"),
+    ("configuration", "description", "no JSON"), ("sample", "seconds", "long"), ("sample", "repeat", 0.5),
+    ("sample", "suspect", b"3"),
     ("measure", "value", "text"), ("measure", "unit", b"m"),
 ])  # fmt: skip
 def test_rows_that_no_lab_wrote(tmp_path: Path, table: str, column: str, value: object) -> None:
@@ -267,7 +268,8 @@ def test_a_text_export_with_odd_cells(tmp_path: Path, cell: str) -> None:
 
 
 @pytest.mark.parametrize("words", [
-    ["sweep", "--backend", "tpu"], ["sweep", "--size", "0"], ["accuracy", "--scene", "none"], ["stability", "--integrator", "none"],
+    ["sweep", "--backend", "tpu"], ["sweep", "--size", "0"], ["accuracy", "--scene", "none"],
+    ["stability", "--integrator", "none"],
     ["hard", "--case", "none"], ["projections", "--size", "0"], ["crowds", "--kind", "none"], ["bar", "--backend", "tpu"],
     ["advise", "lab-grid", "--error", "-1"], ["ablate", "none"], ["merge", "none.csv"],
 ], ids=lambda words: words[0])  # fmt: skip
@@ -287,10 +289,11 @@ def test_options_are_looked_at_before_a_store_is_made(
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk as a file: Linux has one")
 def test_a_full_standard_output_is_a_line() -> None:
     folder = Path(softlab.__file__).parent
+    environment = os.environ | {"PYTHONPATH": str(folder)}
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "softlab.py", "plan", "rope", "--json"],
-            stdout=full, stderr=subprocess.PIPE, cwd=folder, text=True, env=os.environ | {"PYTHONPATH": str(folder)}, check=False,
+            stdout=full, stderr=subprocess.PIPE, cwd=folder, text=True, env=environment, check=False,
         )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr == "softlab: what is printed cannot be written: No space left on device; make room\n"

@@ -112,9 +112,9 @@ def test_toml_that_python_cannot_take(tmp_path: Path, text: str) -> None:
         tables_of(text)
     file = tmp_path / "deep.toml"
     file.write_text(f"\n{text}")
-    with pytest.raises(InputError, match="is not TOML: .*(deep|line 2)"):
+    with pytest.raises(InputError, match=r"is not TOML: .*(deep|line 2)"):
         load_scene(file)
-    with pytest.raises(SceneError, match="--set grid.rows = ") as refused:
+    with pytest.raises(SceneError, match=r"--set grid\.rows = ") as refused:
         parse_settings([f"grid.rows={text.removeprefix('a = ')}"])
     assert len(str(refused.value)) <= LONGEST
 
