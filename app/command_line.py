@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -62,6 +63,20 @@ def drop_output() -> None:
     """Nothing more can be printed: what waits to be is dropped, so that the end of the process does not trip over it."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def compilations_told(console: Console = errors) -> Iterator[None]:
+    """Within it, a terminal is told of each kernel that is compiled, and how long that took last time on this machine."""
+    from model.kernel_cache import watched
+
+    def tell(label: str, seconds: float | None) -> None:
+        if console.is_terminal and (seconds is None or seconds >= 1.0):
+            last = "for the first time here" if seconds is None else f"took {seconds:.0f} s last time"
+            console.print(f"compiling {label}: {last}", markup=False)
+
+    with watched(tell):
+        yield
 
 
 def typed() -> str:
