@@ -8,12 +8,12 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from model.cloth_parts import Cloth, Fold
-from model.contact_record import CONTACT_BYTES
 from model.crowd import Crowd
 from model.memory import require_sheet
 from model.mesh_parts import Mesh
 from model.pins import pin_indices
 from model.scene import SHEETS, Grid, Scene
+from model.self_collision import CONTACT_BYTES
 from model.topology import mesh_of, pinned_vertices, vertex_masses
 
 MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot

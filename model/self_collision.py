@@ -12,6 +12,10 @@ from model.parts import NotNegative, Part, Positive, Sweeps
 if TYPE_CHECKING:
     from model.scene import Scene
 
+MOST_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
+# On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
+CONTACT_BYTES = MOST_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
+
 
 class SelfCollision(Part):
     """The cloth does not pass through itself: a mass keeps `thickness` from the sheet's triangles, with Coulomb friction.

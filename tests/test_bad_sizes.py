@@ -19,11 +19,10 @@ from bench.transfer import export, merge
 from model import build as build_module
 from model import memory
 from model.build import build
-from model.contact_record import CONTACT_BYTES
 from model.errors import InputError, SceneError
 from model.particle_contact import Contact
 from model.scene import Scene, load_scene
-from model.self_collision import SelfCollision
+from model.self_collision import CONTACT_BYTES, SelfCollision
 from model.shapes import Shape
 from model.soft_body import SoftBody
 
