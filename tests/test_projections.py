@@ -6,6 +6,7 @@ import pytest
 from synthetic_store import GPU_RECORD
 
 from bench.projections import (
+    BUDGETS,
     NEIGHBOURS,
     RATE,
     STAGE,
@@ -67,6 +68,7 @@ def store(tmp_path_factory) -> Store:
     """A small sheet, really timed on this CPU; and what a GPU of another machine is said to have done."""
     with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("store") / "results.sqlite") as opened:
         patch.setattr("bench.projections.QUICK_NEIGHBOURS", (4,))
+        patch.setattr("bench.projections.QUICK_BUDGETS", BUDGETS)
         summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
         assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
         again = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
