@@ -8,6 +8,7 @@ import json
 
 import numpy as np
 import pytest
+from read_figures import LABELS
 from rich.console import Console
 
 import bench.hard as hard
@@ -230,10 +231,10 @@ def results(judged) -> Results:
 
 def test_figures_show_every_case(results):
     with settings():
-        for draw in (draw_states, draw_verdicts):
+        for draw, wanted in ((draw_states, LABELS["hard-states"]), (draw_verdicts, LABELS["hard-verdicts"])):
             drawing = draw(results)
             assert not isinstance(drawing, str)
-            drawing.figure.canvas.draw()
+            assert [ax for ax in drawing.figure.axes if ax.axison] == wanted
             text = " ".join(item.get_text() for ax in drawing.figure.axes for item in (ax.title, *ax.texts))
             for case in OF_FORCES:
                 assert case.name in text or case.expect == "refused"
