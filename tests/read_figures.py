@@ -9,7 +9,12 @@ import numpy as np
 
 STEP, MASSES, ERROR = "step size / ms", "masses", "error / spacings"
 LIMITED = [("step size / s", "stiffness / (N/m)"), ("step size / s", ""), ("step size / s", "")]
-BAR = [("", "sag / a rod's"), ("", ""), ("masses along the bar", "first frequency / a rod's"), ("substeps of a frame", "")]
+BAR = [
+    ("", "sag / a rod's"),
+    ("", ""),
+    ("masses along the bar", "first frequency / a rod's"),
+    ("substeps of a frame", ""),
+]
 LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, where both backends (and solvers) were measured
     "time-per-step": [(MASSES, "time per step")],
     "thread-scaling": [(MASSES, "speed-up against 1x threads")],

@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 from read_figures import LABELS, labels, line, number, shown
 from synthetic_store import (
-    GPU_RECORD, SIZES, STEPS, WATTS, Maker, cpu_seconds, gpu_seconds, gpu_store, kernel_seconds,
+    GPU_RECORD,
+    SIZES,
+    STEPS,
+    WATTS,
+    Maker,
+    cpu_seconds,
+    gpu_seconds,
+    gpu_store,
+    kernel_seconds,
 )  # fmt: skip
 
 from bench import findings
@@ -39,7 +47,8 @@ GPU_SQUARES = np.array(sorted([n * n for n in LARGE] + [100 * 100]), float)  # o
 RUNGS = np.array([n * n for n in LARGE], float)  # of forced kernels
 STEPS_MS = 1000 * np.sort(STEPS)
 GRAPH, STAGES = (
-    np.array([kernel_seconds(GPU_RECORD, "gpu", name, int(n), "float32") for n in RUNGS]) for name in ("graph", "stages")
+    np.array([kernel_seconds(GPU_RECORD, "gpu", name, int(n), "float32") for n in RUNGS])
+    for name in ("graph", "stages")
 )
 LIMITS = [
     stability_limit(load_scene("lab-curtain").replace({"grid.rows": 8, "grid.columns": 8, "method.integrator": "lab", **at}))

@@ -60,14 +60,18 @@ def one_timing(seconds: float = 1e-5, **options) -> Results:
 # ---------------------------------------------------------------------- files
 
 
-def test_figures_are_files_of_vectors_and_of_pixels(gpu: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_figures_are_files_of_vectors_and_of_pixels(
+    gpu: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What each figure shows is looked at in test_figure_axes.py: here, that what is drawn is what lies on disk."""
     names = ["time-per-step", "lab-step"]
     for name in set(FIGURES) - {*names, "published"}:
         monkeypatch.delitem(FIGURES, name)
     paths = draw_all(gpu, tmp_path / "figures")
     assert {path.name for path in paths} == {f"{name}.{suffix}" for name in names for suffix in ("svg", "png")}
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {path.name for path in paths}  # no temporary file
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
+        path.name for path in paths
+    }  # no temporary file
     for name in names:
         vectors = (tmp_path / "figures" / f"{name}.svg").read_text(encoding="utf-8")
         assert TITLES[name] in vectors and vectors.count("<path") > 50 and "abc123def456" in vectors

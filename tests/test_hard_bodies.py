@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from read_figures import LABELS, labels
 from bodies_scenes import LIVE
+from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 

@@ -13,13 +13,17 @@ from .table import MISTAKES
 
 def main() -> int:
     """The exit status: 0 where every mistake was noticed, 1 where one was not, 2 for bad input, 130 after Ctrl-C."""
-    parser = argparse.ArgumentParser("python -m tests.mistakes", description=about, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        "python -m tests.mistakes", description=about, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("words", nargs="*", metavar="NAME", help="only mistakes whose name or file holds one of these")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--near", action="store_true", help="against the tests near by (the default)")
     how.add_argument("--default", action="store_true", help="against the whole default suite")
     parser.add_argument("--list", action="store_true", help="list them, try nothing")
-    parser.add_argument("--trust", action="store_true", help="do not look first whether the tests pass without a mistake")
+    parser.add_argument(
+        "--trust", action="store_true", help="do not look first whether the tests pass without a mistake"
+    )
     parser.add_argument("--workers", type=int, default=2, help="how many at a time (2)")
     parser.add_argument("--timeout", type=float, default=900.0, help="seconds for one of them (900)")
     given = parser.parse_args()
