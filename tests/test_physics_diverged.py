@@ -105,7 +105,9 @@ class Thrown(FakeCloth):
         self._position[3, 1] = self.far * self.body.size
 
 
-@pytest.mark.parametrize(("times", "diverged"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (np.nan, True)])
+@pytest.mark.parametrize(
+    ("times", "diverged"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (np.nan, True)]
+)
 @pytest.mark.parametrize("spacing", [1.0, 1e-3])
 def test_a_coordinate_beyond_a_million_times_the_size_has_diverged(times, diverged, spacing):
     scene = load_scene("cloth-hanging").replace({"cloth.rows": 3, "cloth.columns": 3, "cloth.spacing": spacing})

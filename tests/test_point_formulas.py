@@ -175,12 +175,18 @@ def test_particles_that_are_too_near_part_to_their_distance_whatever_their_masse
     assert (length, depth) == (pytest.approx(1.3), pytest.approx(0.2)) and normal == pytest.approx(n)
     assert np.linalg.norm(mine - theirs) == pytest.approx(1.5)
     assert made.split(0.0, 4.0, 0.0, 4.0) == 0
-    assert made.direction(0.0, 0.0, 0.0, 1.5, True)[1:] == (0, -1, 0) and made.direction(0, 0, 0, 1.5, False)[1:] == (0, 1, 0)
+    assert made.direction(0.0, 0.0, 0.0, 1.5, True)[1:] == (0, -1, 0) and made.direction(0, 0, 0, 1.5, False)[1:] == (
+        0,
+        1,
+        0,
+    )
 
 
 def test_how_much_of_a_depth_is_taken() -> None:
     made = particle_contact.make(REAL)
-    assert made.held(1.5, *D, 0.1) == pytest.approx(1.4) and made.held(1.5, *D, 0.3) == 1.5  # no more than a push beyond
+    assert (
+        made.held(1.5, *D, 0.1) == pytest.approx(1.4) and made.held(1.5, *D, 0.3) == 1.5
+    )  # no more than a push beyond
     assert made.depth(1.4, 1.45, 1.5, 0.02) == pytest.approx(0.05)
     assert made.depth(1.47, 1.45, 1.5, 0.02) == 0  # parting fast enough, nothing pulls
     assert made.depth(1.51, 1.5, 1.5, 0.02) == pytest.approx(-0.01)  # adhesion takes all of a gap of 0.01

@@ -49,7 +49,9 @@ class Copy:
 
     def run(self, tests: Sequence[str], timeout: float) -> tuple[int | None, str]:
         """(pytest's exit status, what it said) of these tests, stopped at the first that fails; None: it took too long."""
-        simulated = [test for test in tests if test.startswith("simulator/")]  # the simulator is chosen before numba starts
+        simulated = [
+            test for test in tests if test.startswith("simulator/")
+        ]  # the simulator is chosen before numba starts
         others = [test for test in tests if test not in simulated]
         parts = [(part, how) for part, how in ((simulated, "1"), (others, "0")) if part] or [([], "0")]
         status, said, end = 0, "", time.monotonic() + timeout
@@ -61,11 +63,15 @@ class Copy:
 
     def _run(self, tests: Sequence[str], timeout: float, environment: dict[str, str]) -> tuple[int | None, str]:
         words = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider"]
-        environment = os.environ | environment | {
-            "PYTHONPATH": str(self.folder),
-            "PYTHONDONTWRITEBYTECODE": "1",  # else a change within the second of the last one would go unseen
-            "NUMBA_CACHE_DIR": str(self.folder / ".numba"),
-        }
+        environment = (
+            os.environ
+            | environment
+            | {
+                "PYTHONPATH": str(self.folder),
+                "PYTHONDONTWRITEBYTECODE": "1",  # else a change within the second of the last one would go unseen
+                "NUMBA_CACHE_DIR": str(self.folder / ".numba"),
+            }
+        )
         with subprocess.Popen(
             [*words, *(f"tests/{test}" for test in tests)], cwd=self.folder, env=environment, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix",
