@@ -30,7 +30,9 @@ CASES: dict[str, tuple[str, dict[str, Any], tuple[Any, ...], tuple[Any, ...]]] =
     "capsule's end": (
         "capsule", CAPSULE, ((3.0, 0.5, 0.0), (2.5, 0.5, 0.0), (-2.0, 1.0, 0.0)), ((2.6, 0.5, 0.0), (0.0, 1.0, 0.0)),
     ),
-    "capsule not met": ("capsule", CAPSULE, (ABOVE, (1.0, 1.11, 0.0), (1.0, -1.0, 0.0)), ((1.0, 1.11, 0.0), (1.0, -1.0, 0.0))),
+    "capsule not met": (
+        "capsule", CAPSULE, (ABOVE, (1.0, 1.11, 0.0), (1.0, -1.0, 0.0)), ((1.0, 1.11, 0.0), (1.0, -1.0, 0.0)),
+    ),
     "capsule left": ("capsule", CAPSULE, (ABOVE, TOP, (1.0, 1.5, 0.0)), (OUT, (1.0, 1.5, 0.0))),
     "capsule bounces": (  # 1 m/s comes back, so that the normal velocity changes by 3 m/s and friction takes 1.2
         "capsule", CAPSULE | BOUNCY, (ABOVE, TOP, (1.6, -1.0, 0.0)), (OUT, (0.4, 2.0, 0.0)),

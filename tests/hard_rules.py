@@ -1,6 +1,6 @@
-"""The hard cases judged again: what must hold of an end state, from the collection's own words, in NumPy, with neither the laws
-of bench/hard_laws.py nor the references they ask. B5 to B7, B10: a grid of springs at rest; closed forms of A4 and of halved
-gravity; what was found and published."""
+"""The hard cases judged again: what must hold of an end state, from the collection's own words, in NumPy, with neither the
+laws of bench/hard_laws.py nor the references they ask. B5 to B7, B10: a grid of springs at rest; closed forms of A4 and of
+half of gravity; what was found and published."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ BAR = [
     ("masses along the bar", "first frequency / a rod's"),
     ("substeps of a frame", ""),
 ]
-LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, where both backends (and solvers) were measured
+LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, where both backends were measured
     "time-per-step": [(MASSES, "time per step")],
     "thread-scaling": [(MASSES, "speed-up against 1x threads")],
     "overtaking": [(MASSES, "CPU time / GPU time")],
@@ -30,7 +30,9 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     "joules": [(MASSES, "J per million mass-steps")],
     "peers": [(MASSES, "time of the peer / time of the lab"), (MASSES, "")],
     "stability-stiffness": [(" ", LIMITED[0][1]), (" ", ""), (" ", ""), *LIMITED],
-    "stability-damping": [(" ", "damping / (N s/m)"), (" ", ""), (" ", ""), ("step size / s", "damping / (N s/m)"), *LIMITED[1:]],
+    "stability-damping": [
+        (" ", "damping / (N s/m)"), (" ", ""), (" ", ""), ("step size / s", "damping / (N s/m)"), *LIMITED[1:],
+    ],
     "findings-damping": [(STEP, ERROR)],
     "findings-float32": [(STEP, ERROR), ("distance from the origin / m", "")],
     "findings-dissipation": [(STEP, "rate / (1/s)"), (STEP, "")],
@@ -53,6 +55,7 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
         ("masses along the strip", "sag / a rod's"), ("overlap: cluster radius / cluster spacing", "over a rod's"),
     ],
 }  # fmt: skip
+MINUS = "\N{MINUS SIGN}"
 PREFIX = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3}
 
 
@@ -65,8 +68,8 @@ def number(text: str) -> float:
     """What a tick's text says, in seconds where it says a time: `2.5`, `10^{-3}` as matplotlib writes it, `20 µs`."""
     power = re.fullmatch(r"\$\\mathdefault\{10\^\{(.*)\}\}\$", text)
     if power:
-        return 10.0 ** int(power[1].replace("−", "-"))
-    found = re.fullmatch(r"([-−\d.e]+)\s?(?:([nµmk]?)s)?", text.replace("\N{MINUS SIGN}", "-"))
+        return 10.0 ** int(power[1].replace(MINUS, "-"))
+    found = re.fullmatch(r"([-\d.e]+)\s?(?:([nµmk]?)s)?", text.replace(MINUS, "-"))
     assert found, text
     return float(found[1]) * PREFIX[found[2] or ""]
 

@@ -1,5 +1,5 @@
-"""The lab book's sentences against numbers worked out by hand from the laws of the made-up measurements, at the size and in the
-direction that they tell; wrong answers change none of them, and each condition is tried on both of its sides."""
+"""The lab book's sentences against numbers worked out by hand from the laws of the made-up measurements, at the size and in
+the direction that they tell; wrong answers change none of them, and each condition is tried on both of its sides."""
 
 from __future__ import annotations
 

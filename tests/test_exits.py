@@ -1,5 +1,5 @@
-"""What a command's exit status tells a script: 0 done, 1 diverged or failed, 2 bad input or no answer, 3 a backend that is not
-there, 130 stopped by Ctrl-C. One table: the command, how its work (which is faked) ends, the status."""
+"""What a command's exit status tells a script: 0 done, 1 diverged or failed, 2 bad input or no answer, 3 a backend that is
+not there, 130 stopped by Ctrl-C. One table: the command, how its work (which is faked) ends, the status."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ ENDS: list[tuple[str, str, Any, int]] = [  # command, what does its work, what t
 @pytest.mark.parametrize(
     ("command", "work", "end", "status"),
     ENDS,
-    ids=[f"{command}: {type(end).__name__} {k}" for k, (command, _, end, _) in enumerate(ENDS)],
+    ids=[f"{one[0]}: {type(one[2]).__name__} {k}" for k, one in enumerate(ENDS)],
 )
 def test_the_status_tells_how_it_ended(
     command: str, work: str, end: Any, status: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
@@ -114,7 +114,8 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr("bench.findings_costs.run_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.convergence.run_convergence", lambda *_, **__: DONE)
     for path in ("bench.tables.print_sweep", "bench.tables.print_kernels", "bench.peer_results.print_peers",
-                 "bench.crowds.print_crowds", "bench.ablation_results.print_ablation", "bench.hard_results.print_hard"):  # fmt: skip
+                 "bench.crowds.print_crowds", "bench.ablation_results.print_ablation",
+                 "bench.hard_results.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:
         monkeypatch.setattr("app.run.run_scene", lambda *_: ran())

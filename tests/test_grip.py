@@ -125,7 +125,9 @@ def test_a_held_body_comes_to_the_pointer_whole_and_is_let_go(number: int, steps
         near = 9.81 * hold**2 / 2
         assert np.linalg.norm(held - target) < near
         away = target - held
-        expected = grip.stiffness(hold) * away[1] / (9.81 * grip.mass) + 1  # its weight, and what is missing to the pointer
+        expected = (
+            grip.stiffness(hold) * away[1] / (9.81 * grip.mass) + 1
+        )  # its weight, and what is missing to the pointer
         damper = SLOWING * grip._part / 2 / grip.mass  # at the speed of a fall for half of a hold, g h / 2
         assert demo.force()[1] / (9.81 * grip.mass) == pytest.approx(expected, abs=damper)
         clusters, now = CROWD.clusters, demo.world.read("position")[own]

@@ -1,5 +1,5 @@
-"""The rules by which the hard cases are judged a second time (hard_rules.py), and the lab's own judge, on states made by hand:
-each must see what is wrong. No kernel runs."""
+"""The rules by which the hard cases are judged a second time (hard_rules.py), and the lab's own judge, on states made by
+hand: each must see what is wrong. No kernel runs."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_what_moves_is_not_at_rest() -> None:
 @pytest.mark.parametrize(
     ("relation", "value", "good"),
     [("<", 0.9, True), ("<", 1.0, False), ("<", 1.1, False), (">", 1.1, True), (">", 1.0, False), (">", 0.9, False),
-     ("aim <=", 9.0, True), ("", 9.0, True), ("<", float("nan"), False), (">", float("nan"), False), ("<", float("inf"), False)],
+     ("aim <=", 9.0, True), ("", 9.0, True), ("<", np.nan, False), (">", np.nan, False), ("<", np.inf, False)],
 )  # fmt: skip
 def test_a_bound_is_a_bound(relation: str, value: float, good: bool) -> None:
     assert Check("x", value, "m", relation, 1.0).good == good
@@ -84,7 +84,7 @@ def test_a_verdict_that_does_not_follow_is_seen() -> None:
     ("case", "scene", "wrong"),
     [
         ("B6", SCENE, lambda p: p * (1, -1)),  # stands on its head
-        ("B5 point", SCENE, lambda p: p + (0.0, 1e-6)),  # the held row has moved
+        ("B5 point", SCENE, lambda p: p + np.array([0.0, 1e-6])),  # the held row has moved
         ("B11", load_scene("hard/b11"), lambda p: p),  # hangs by all of gravity
         ("B12", load_scene("hard/b12"), lambda p: p),
         ("B15", load_scene("hard/b15"), lambda p: p),

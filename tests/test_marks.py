@@ -11,7 +11,14 @@ from typing import Any
 import pytest
 
 from bench import (
-    ablate, accuracy, advise_search, case_timing, costs_timing, findings_timing, measure_group, peer_sweep,
+    ablate,
+    accuracy,
+    advise_search,
+    case_timing,
+    costs_timing,
+    findings_timing,
+    measure_group,
+    peer_sweep,
 )  # fmt: skip
 from bench.results import configuration, timings
 from bench.store import Store

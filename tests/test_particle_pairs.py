@@ -8,7 +8,15 @@ from bodies_scenes import SAMPLED, bodies_scene, method
 from meeting_bodies import meeting, neighbours
 
 from model.particle_contact_record import (
-    G_ACTIVE, G_DISTANCE, G_NEIGHBOURS, G_OWN, G_PULL, G_REACH, H_INVERSE_CELL, pair_rows, particle_contact_record,
+    G_ACTIVE,
+    G_DISTANCE,
+    G_NEIGHBOURS,
+    G_OWN,
+    G_PULL,
+    G_REACH,
+    H_INVERSE_CELL,
+    pair_rows,
+    particle_contact_record,
 )  # fmt: skip
 from model.scene import Scene
 

@@ -1,5 +1,5 @@
-"""What the solvers do to one spring, constraint, contact or cluster, uncompiled, against the law it stands for, worked out with
-vectors. (Grid springs, integrators and random numbers: test_formulas.py; hinges: test_bending.py; colliders:
+"""What the solvers do to one spring, constraint, contact or cluster, uncompiled, against the law it stands for, worked out
+with vectors. (Grid springs, integrators and random numbers: test_formulas.py; hinges: test_bending.py; colliders:
 test_collider_formulas.py; rotations: test_rotation.py; motions: test_motion.py.)"""
 
 from __future__ import annotations
@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 
 from model.formulas import (
-    bending, cloth, cloth_springs, cluster, contact, distance, lattice, pace, particle_contact, rebound, shape_matching, wind,
+    bending,
+    cloth,
+    cloth_springs,
+    cluster,
+    contact,
+    distance,
+    lattice,
+    pace,
+    particle_contact,
+    rebound,
+    shape_matching,
+    wind,
 )  # fmt: skip
 
 RANDOM = np.random.default_rng(12)
@@ -240,7 +251,7 @@ def test_a_cloths_contact_is_divided_by_gershgorins_bound_and_rubs_by_coulomb() 
 
 
 def test_a_cluster_finds_where_it_was_turned_and_moved_to_whatever_its_lean() -> None:
-    """Rest offsets whose mean is not quite 0 (rounding leaves that), turned and moved: the goals are where the particles are."""
+    """Rest offsets whose mean is not quite 0 (rounding leaves that), turned and moved: goals are where the particles are."""
     made, mass, rest = cluster.make(REAL), RANDOM.uniform(1, 2, 5), vectors(5)
     lean = mass @ rest / mass.sum()
     now = rest @ TURN.T + [3.0, -1.0, 2.0]
@@ -287,8 +298,8 @@ def test_a_bodys_rebound_is_its_rigid_share_no_larger_than_allowed() -> None:
 
 
 def test_windows_of_a_lattice_turned_in_its_plane_have_their_goals_where_the_masses_are() -> None:
-    """3 x 3 masses around their middle, rows downwards, turned by 40 degrees and moved: the sums give centre and rotation back,
-    and each mass's way to its goal is 0."""
+    """3 x 3 masses around their middle, rows downwards, turned by 40 degrees and moved: the sums give centre and rotation
+    back, and each mass's way to its goal is 0."""
     made, rest, share = shape_matching.make(REAL), 0.5, 1.0
     cosine, sine = np.cos(np.radians(40)), np.sin(np.radians(40))
     turn = np.array([[cosine, -sine], [sine, cosine]])

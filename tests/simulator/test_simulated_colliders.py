@@ -16,7 +16,6 @@ from gpu_backend.cloth_contact import make_collide
 from gpu_backend.cloth_point import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES
 from model.cloth_plan import cloth_parts
 
-
 COUNTED = {"plane": PLANES, "sphere": SPHERES, "capsule": CAPSULES, "box": BOXES}
 
 
