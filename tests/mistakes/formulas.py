@@ -153,7 +153,7 @@ FORMULAS: tuple[Mistake, ...] = (
                 "return one / (stiffening * weight) if",
             ),
             "averages are sums": ("(weight * total) * (one / valence)", "(weight * total)"),
-            "a tether pushes": ("return reach * inverse_length(squared) if squared >", "return reach * inverse_length(squared) if zero <"),
+            "a tether pulls through its anchor": ("return anchor + factor * d if", "return anchor - factor * d if"),
         },
     ),
     *in_file(
