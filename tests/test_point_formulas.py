@@ -13,6 +13,7 @@ from model.formulas import (
     cloth_springs,
     cluster,
     contact,
+    deformation,
     distance,
     lattice,
     pace,
@@ -334,3 +335,35 @@ def test_sums_along_a_lattices_axes_count_from_wherever_they_are_asked_to() -> N
     assert made.added_goal(1.0, 0.3, 2, 3.0, 2.5, 0.4, 0.6) == pytest.approx(1 + 0.3 + 2 * 0.5 + 0.4 * 0.6)
     assert made.ended(1.0, 2, 3.0, 2.5, 0.4, 0.6) == pytest.approx(1 + 2 * 0.5 + 0.4 * 0.6)
     assert made.moved(1.0, 3.0, 0.5, 0.5, 0.25, 0.8) == pytest.approx(1 + 3 * 0.05)
+
+
+def test_strains_sets_and_what_goals_are_made_of() -> None:
+    made, f, r = deformation.make(REAL), np.eye(3) + 0.2 * RANDOM.normal(size=(3, 3)), TURN
+    upper = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+    symmetric = (r.T @ f + f.T @ r) / 2 - np.eye(3)
+    assert made.strain(*f.ravel(), *r.ravel()) == pytest.approx(symmetric[upper])
+    assert made.determinant(*f.ravel()) == pytest.approx(np.linalg.det(f))
+    assert made.cube_root(0.3) == pytest.approx(0.3 ** (1 / 3))
+    a, g = RANDOM.normal(size=(3, 3)), RANDOM.normal(size=(3, 3))
+    assert made.product(*a.ravel(), *g.ravel()) == pytest.approx((a @ g).ravel())
+    assert made.bent(*a.ravel(), *g.ravel()) == pytest.approx((a @ g.T).ravel())
+    g = g + g.T
+    assert made.gradient(*a.ravel(), *g[upper]) == pytest.approx((a @ g).ravel())
+    sp = np.diag([1.25, 0.8, 1.0]) @ TURN
+    assert made.undone(*f.ravel(), *sp.ravel()) == pytest.approx((f @ np.linalg.inv(sp)).ravel())
+    mixed = 0.3 * f / np.cbrt(np.linalg.det(f)) + 0.7 * r
+    assert made.blended(*f.ravel(), *r.ravel(), 0.3) == pytest.approx(mixed.ravel())
+    assert made.blended(*(-f).ravel(), *r.ravel(), 0.3) == pytest.approx(r.ravel())  # mirrored: the rotation alone
+
+
+def test_a_set_grows_by_its_share_of_a_strain_over_the_threshold_and_keeps_its_volume() -> None:
+    made, strain = deformation.make(REAL), np.array([[0.1, 0.02, 0.0], [0.02, -0.05, 0.03], [0.0, 0.03, -0.04]])
+    upper, sp = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]), np.diag([1.25, 0.8, 1.0])
+    length = np.linalg.norm(strain)
+    new = np.array(made.crept(*strain[upper], *sp.ravel(), 0.99 * length, 0.2, 9.0)).reshape(3, 3)
+    expected = sp + 0.2 * strain @ sp
+    assert new == pytest.approx(expected / np.cbrt(np.linalg.det(expected)))
+    assert made.crept(*strain[upper], *sp.ravel(), 1.01 * length, 0.2, 9.0) == tuple(sp.ravel())  # under it, to the bit
+    cut = np.array(made.crept(*strain[upper], *sp.ravel(), 0.0, 0.2, 0.1)).reshape(3, 3)
+    way = (expected - np.eye(3)) * 0.1 / np.linalg.norm(expected - np.eye(3))
+    assert cut == pytest.approx((np.eye(3) + way) / np.cbrt(np.linalg.det(np.eye(3) + way)))

@@ -230,7 +230,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/deformation.py",
-        "test_bodies_material.py::test_formulas_are_those_of_linear_algebra",
+        "test_point_formulas.py",
         {
             "shear counts half": ("half * (dot(rxx, ryx, rzx, fxy, fyy, fzy)", "(dot(rxx, ryx, rzx, fxy, fyy, fzy)"),
             "a volume's cube root without its last steps": ("y = y * ((cube + two * volume) / (two * cube + volume))", "y = y"),
