@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from app.driver import open_simulation
+from bench.reference import mass_spring as reference
+from gpu_backend.mass_spring_kernels import BLOCK
 from model.errors import Diverged, SceneError
 from model.integrators import INTEGRATORS
 from model.scene import load_scene
@@ -97,6 +99,28 @@ def test_a_divergence_is_named() -> None:
             assert np.isfinite(simulation.state().position).all()
             found.append((caught.value.step, caught.value.particle))
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_reference_is_met_over_the_edges_of_blocks(integrator: str) -> None:
+    """Two blocks of threads each way, the last ones with a single row and column of masses; within rounding of NumPy's."""
+    changes = SCENES["busy"] | {
+        "grid.rows": BLOCK[1] + 1,
+        "grid.columns": BLOCK[0] + 1,
+        "method.integrator": integrator,
+    }
+    scene = load_scene("lab-grid").replace(changes)
+    position, velocity = reference.simulate(scene, 2)
+    with open_simulation(
+        scene, "gpu", math="exact", precision="float64", kernel="launch", allow_unstable=True
+    ) as simulation:
+        simulation.advance(2)
+        state = simulation.state()
+    assert np.abs(state.position - position).max() < 200 * np.finfo(np.float64).eps * np.abs(position).max()
+    assert (
+        np.abs(state.velocity - velocity).max()
+        < 200 * np.finfo(np.float64).eps * np.abs(position).max() / scene.method.dt
+    )
 
 
 @pytest.mark.parametrize("rows,columns", [(1, 1), (1, 5), (5, 1)])
