@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import queue
 import shutil
@@ -63,6 +64,7 @@ class Copy:
 
     def _run(self, tests: Sequence[str], timeout: float, environment: dict[str, str]) -> tuple[int | None, str]:
         words = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider"]
+        words += ["-n0"] if importlib.util.find_spec("xdist") else []  # mistakes, not tests, are what runs side by side
         environment = (
             os.environ
             | environment
