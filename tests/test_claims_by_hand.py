@@ -109,6 +109,13 @@ def test_the_size_that_is_told_is_in_the_sentence(name: str, size: int) -> None:
     assert f"{size}masses" in "".join(told(name).sentence.split())  # whatever the spaces
 
 
+def test_coarse_and_fine_steps_are_told_apart() -> None:
+    """The hand-out's errors are the same at all of them: which is which is in the words."""
+    words = " ".join(told("lab-newton").sentence.split())
+    assert "0.30 spacings at 20 ms and 0.30 at 2.5 ms" in words
+    assert "0.0037 spacings at 2.5 ms" in " ".join(told("lab-half").sentence.split())
+
+
 # ---------------------------------------------------------------------- wrong answers
 
 

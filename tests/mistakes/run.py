@@ -6,6 +6,7 @@ import importlib.util
 import os
 import queue
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -41,6 +42,7 @@ class Copy:
     def __init__(self, root: Path = ROOT):
         self.folder = Path(tempfile.mkdtemp(prefix="softlab-mistakes-"))
         self._running: subprocess.Popen[str] | None = None
+        self._starting, self._ended = threading.Lock(), False
         ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", ".*")
         for name in COPIED:
             if (root / name).is_dir():
@@ -74,24 +76,33 @@ class Copy:
                 "NUMBA_CACHE_DIR": str(self.folder / ".numba"),
             }
         )
-        with subprocess.Popen(
-            [*words, *(f"tests/{test}" for test in tests)], cwd=self.folder, env=environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix",
-        ) as self._running:  # fmt: skip
-            try:
-                said, _ = self._running.communicate(timeout=timeout)
-                return self._running.returncode, said
-            except subprocess.TimeoutExpired:
-                self.stop()
-                return None, f"over {timeout:g} s"
+        with self._starting:
+            if self._ended:
+                return None, "stopped"
+            self._running = running = subprocess.Popen(
+                [*words, *(f"tests/{test}" for test in tests)], cwd=self.folder, env=environment, text=True,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix",
+            )  # fmt: skip
+        try:
+            said, _ = running.communicate(timeout=timeout)
+            return running.returncode, said
+        except subprocess.TimeoutExpired:
+            self._kill()
+            running.communicate()
+            return None, f"over {timeout:.0f} s"
 
     def stop(self) -> None:
-        """End what runs in it."""
+        """End what runs in it; nothing more is started."""
+        with self._starting:
+            self._ended = True
+            self._kill()
+
+    def _kill(self) -> None:
         running = self._running
         if running is None or running.poll() is not None:
             return
         if os.name == "posix":
-            os.killpg(running.pid, 9)  # its own session: the tests' own processes, too
+            os.killpg(running.pid, signal.SIGKILL)  # its own session: the tests' own processes, too
         else:
             running.kill()
 
@@ -148,9 +159,10 @@ def try_all(
                 done.append(result)
                 tell(result)
 
+    threads: list[threading.Thread] = []
     try:
         copies += [Copy() for _ in range(min(workers, len(mistakes)))]
-        threads = [threading.Thread(target=work, args=(copy,), daemon=True) for copy in copies]
+        threads += [threading.Thread(target=work, args=(copy,), daemon=True) for copy in copies]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -158,6 +170,10 @@ def try_all(
                 thread.join(0.2)  # in short waits: Ctrl-C is heard on every system
     finally:
         stopped.set()
+        for copy in copies:
+            copy.stop()
+        for thread in threads:
+            thread.join(10.0)  # what it ran has ended: it puts the text back and goes
         for copy in copies:
             copy.remove()
     return done
