@@ -92,6 +92,13 @@ def test_a_refusal_is_right_only_where_it_is_expected():
     assert outcome.verdict == "refused" and "stability limit" in outcome.diagnosis
 
 
+@pytest.mark.parametrize(("refusal", "verdict"), [("over the limit", "refused"), (None, "fail")])
+def test_what_should_be_refused_and_is_let_in_fails(refusal, verdict, monkeypatch):
+    monkeypatch.setattr(hard, "_refusal", lambda trial: refusal)
+    outcome = hard.judge_case(case_with(lambda trial: [Check("x", 0.0, "m", "<", 1.0)], expect="refused"), "lab")
+    assert (outcome.verdict, outcome.diagnosis) == (verdict, refusal or "was not refused")
+
+
 def test_a_missed_bound_fails_and_a_known_one_says_why():
     def law(trial: Trial) -> list[Check]:
         return [Check("distance", 2.0, "m", "<", 1.0), Check("told", 7.0, "m"), Check("time", 9.0, "", "aim <=", 1.5)]
