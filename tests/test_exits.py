@@ -124,7 +124,8 @@ def test_the_status_tells_how_it_ended(
     if command.startswith("export"):
         from bench.store import Store
 
-        Store().close()
+        with Store() as store:
+            store.add_machine("m", "Some CPU", {})
     monkeypatch.setattr(work, worked)
     if isinstance(end, BrokenPipeError):
         monkeypatch.setattr("os.dup2", lambda *_: None)  # of the test's own output
