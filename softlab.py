@@ -14,6 +14,7 @@ import typer
 from app.command_line import (
     DEFAULT_STORE,
     Backend,
+    Commands,
     Math,
     Precision,
     SceneName,
@@ -35,6 +36,7 @@ from bench.took import Timed
 from model.errors import SoftlabError
 
 app = typer.Typer(
+    cls=Commands,
     help="A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was.",
     no_args_is_help=True,
     rich_markup_mode="rich",

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperGroup
 
 from model.errors import SoftlabError
 
@@ -38,6 +39,27 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     from model.scene_reader import parse_settings
 
     return load_scene(name).replace(parse_settings(settings))
+
+
+class _Left(Exception):
+    """What ended a command, on its way through typer."""
+
+
+class Commands(TyperGroup):
+    """The sub-commands. Ctrl-C and a reader that has gone reach `main` of softlab.py as they are: typer would make of them
+    what its version makes of them (1 or 130, and always 1)."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, BrokenPipeError) as error:
+            raise _Left from error
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        try:
+            return super().main(*arguments, **options)
+        except _Left as left:
+            raise left.__cause__ or left from None
 
 
 def told(line: str, status: int) -> int:

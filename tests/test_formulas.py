@@ -49,6 +49,13 @@ def test_philox_is_the_references(seed, step, particle):
     assert [int(w) for w in words] == philox4x32(counter, (seed & 0xFFFFFFFF, seed >> 32)).tolist()
 
 
+def test_a_damper_brakes_and_a_random_force_is_added():
+    _, damped = springs.make(np.float64)
+    assert damped(1.5, 2.0, 0.25) == 1.0 and damped(0.0, -2.0, 0.25) == 0.5
+    made, word = random.make(np.float64), np.uint64(0xFFFFFFFF)
+    assert made.add_external(1.0, 3.0, word) == 1 + 3 * made.uniform(word)
+
+
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_uniform_is_exact_in_both_precisions(real):
     """Odd multiples of 2^-23 fit into float32's 24 bits, so both precisions see the same random force, never +-1."""

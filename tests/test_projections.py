@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 
 from bench.projections import (
@@ -121,8 +122,9 @@ def test_others_times_are_set_beside_ours(tmp_path):
     assert claims["projection-published"].numbers == {"gpu least": pytest.approx(5.0), "gpu most": pytest.approx(5.0)}
     assert not claims["projection-orderings"].supported  # Jacobi was not timed
     with settings():
-        assert projections.draw_published(results).sources
-        assert projections.draw(results).sources
+        published, rates = projections.draw_published(results), projections.draw(results)
+    assert published.sources and rates.sources
+    assert labels(published.figure) == LABELS["published"] and labels(rates.figure) == LABELS["projections"]
 
 
 def test_nothing_is_claimed_of_nothing(store):
