@@ -249,6 +249,7 @@ def _report(
         "backend": simulation.backend,
         "device": simulation.device,
         "threads": simulation.threads,
+        "threads_reason": simulation.threads_reason,
         "precision": simulation.options.precision,
         "math": simulation.options.math,
         "kernel": simulation.kernel,

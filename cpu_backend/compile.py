@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
@@ -25,6 +26,7 @@ import model.particle_contact_record
 import model.record
 import model.xpbd_plan
 import model.xpbd_record
+from cpu_backend.progress import new_team
 from model.digest import file_name, source_digest
 
 # What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
@@ -102,6 +104,19 @@ class Compiler:
         with suppress(RuntimeError):  # no writable folder: NUMBA_CACHE_DIR mends it, `softlab doctor` says so
             dispatcher._cache = _VariantCache(dispatcher.py_func)
         return dispatcher
+
+    def team(self, function: Callable) -> Any:
+        """A parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member, bands, ...): see
+        progress.shares. Arguments are numbers and arrays, no tuples."""
+        run = self.compiled(function)
+
+        def team(bands, *given):
+            flags = new_team(bands)
+            for member in numba.prange(bands):
+                run(flags, np.int64(member), bands, *given)
+
+        team.__name__ = f"team_{function.__name__}"
+        return self.kernel(team)
 
 
 @cache

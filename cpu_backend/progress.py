@@ -22,6 +22,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from cpu_backend.threads import core_count
+
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
 GATE_FLAGS = 2  # who has arrived, and what was decided
 UNDECIDED, GO, GIVE_UP = 0, 1, 2
@@ -138,6 +140,12 @@ def _system_sleep(typing_context, units):
         return context.get_dummy_value()
 
     return types.void(types.int64), build
+
+
+def spins(members: int) -> int:
+    """How often one of so many looks before it offers the processor: not at all where there are fewer cores, and the one
+    waited for likely needs the core that looks."""
+    return SPINS if members <= core_count() else 0
 
 
 def new_flags(count: int) -> np.ndarray:

@@ -12,15 +12,15 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.choice import SPINS, SPINS_CROWDED, TEAM_LAYER
+from cpu_backend.choice import TEAM_LAYER
 from cpu_backend.cloth_normals import make_normals
 from cpu_backend.cloth_scratch import scratch_width, triples_of
 from cpu_backend.contacts import Contacts
 from cpu_backend.layout import Layout, aligned_zeros, block_of, plain
 from cpu_backend.mass_spring import processor_name
-from cpu_backend.progress import GATE_FLAGS, GO, new_flags
+from cpu_backend.progress import GATE_FLAGS, GO, new_flags, spins
 from cpu_backend.simulation import CpuSimulation
-from cpu_backend.threads import core_count, thread_count, threading_layer
+from cpu_backend.threads import thread_count, threading_layer
 from cpu_backend.xpbd_forces import FORCES, WIND_PARTS
 from cpu_backend.xpbd_jacobi import displacement_triples
 from cpu_backend.xpbd_jacobi_kernel import make_jacobi_advance
@@ -131,7 +131,7 @@ class PositionBased(CpuSimulation):
             self._bands = min(self.threads, most_bands(rows, "bending" in parts))
             self._steps, self._starts, self._bounds = schedule(rows, self._bands, "bending" in parts)
         self._progress, self._gate = new_flags(2 * self._bands), new_flags(GATE_FLAGS)
-        self._spins = SPINS if self._bands <= core_count() else SPINS_CROWDED
+        self._spins = spins(self._bands)
         self._together = threading_layer() == TEAM_LAYER or self._bands == 1
         self._reserve(layout)
         self._fill_weights(layout)
