@@ -53,23 +53,22 @@ def open_quickest(
     measure: Callable[[Sequence[Simulation]], list[float]] = step_seconds,
 ) -> Simulation:
     """The simulation on `most` threads or on one, reset; `threads_reason` says why."""
-    simulation = open_with(most)
     if most == 1:
-        simulation.threads_reason = f"{AUTO}: one core"
-        return simulation
-    others: list[Simulation] = [simulation]
+        only = open_with(1)
+        only.threads_reason = f"{AUTO}: one core"
+        return only
+    opened: list[Simulation] = []
     try:
-        others.append(open_with(1))
+        opened += [open_with(most)]
+        opened += [open_with(1)]
         try:
-            seconds = dict(zip((most, 1), measure(others), strict=True))
-            chosen, simulation.threads_reason = decide(seconds)
+            chosen, reason = decide(dict(zip((most, 1), measure(opened), strict=True)))
         except Diverged:
-            chosen, simulation.threads_reason = most, f"{AUTO}: the scene diverged before it was measured"
-        reason = simulation.threads_reason
-        simulation = others.pop(0 if chosen == most else 1)
-        simulation.threads_reason = reason
-        simulation.reset()
-        return simulation
+            chosen, reason = most, f"{AUTO}: the scene diverged before it was measured"
+        taken = opened.pop(0 if chosen == most else 1)
+        taken.threads_reason = reason
+        taken.reset()
+        return taken
     finally:
-        for other in others:
+        for other in opened:
             other.close()
