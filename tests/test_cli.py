@@ -205,6 +205,7 @@ BAD = [
     ("sweep", "--backend tpu", ["--backend"]),
     ("sweep", "--kernel fused", ["--kernel", "add --kernels"]),
     ("crowds", "--kind gas", ["--kind", "soft, rigid, heap, grid"]),
+    ("busy", "--scene gas", ["--scene", "lab-grid", "soft-pile"]),
     ("crowds", "--precision half", ["--precision", "float32"]),
     ("crowds", "--backend tpu", ["--backend"]),
     ("crowds", "5", ["unexpected"]),
