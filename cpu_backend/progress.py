@@ -22,15 +22,10 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from cpu_backend.threads import core_count
-
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
-GATE_FLAGS = 2  # who has arrived, and what was decided
-UNDECIDED, GO, GIVE_UP = 0, 1, 2
 SPINS = 300  # looks with a pause between them: some microseconds
 YIELDS = 200  # looks with the processor offered between them: a tenth of a millisecond where nobody wants it
 SHORTEST_SLEEP, LONGER = 20, 4  # us, and how often it doubles: a third of a millisecond, a tenth of a time slice
-PATIENCE = YIELDS + 2000  # looks for the others after spinning, most of them asleep: half a second at least
 
 _YIELD, _SLEEP = "softlab_yield_processor", "softlab_sleep"
 _X86 = platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
@@ -83,17 +78,6 @@ def store_release(typing_context, flags, flag, value):
 
 
 @_built_in
-def add_one(typing_context, flags, flag):
-    """Count the flag up by one, at once for all threads; returns what it was before."""
-
-    def build(context, builder, signature, arguments):
-        pointer = _pointer(context, builder, signature.args[0], *arguments)
-        return builder.atomic_rmw("add", pointer, ir.Constant(ir.IntType(64), 1), "seq_cst")
-
-    return types.int64(flags, types.int64), build
-
-
-@_built_in
 def exchange(typing_context, flags, flag, seen, value):
     """Set the flag if it still is as it was seen; whether it was."""
 
@@ -142,12 +126,6 @@ def _system_sleep(typing_context, units):
     return types.void(types.int64), build
 
 
-def spins(members: int) -> int:
-    """How often one of so many looks before it offers the processor: not at all where there are fewer cores, and the one
-    waited for likely needs the core that looks."""
-    return SPINS if members <= core_count() else 0
-
-
 def new_flags(count: int) -> np.ndarray:
     """`count` flags, all 0."""
     return np.zeros((count + 1, FLAG_SPACING), np.int64)
@@ -163,34 +141,6 @@ def bide(looks, spins):
         yield_processor()
     else:
         _system_sleep(max(np.int64(1), (SHORTEST_SLEEP << min(looks - spins - YIELDS, LONGER)) // _SLEEP_UNIT))
-
-
-@numba.njit(nogil=True)
-def wait_for(flags, flag, value, spins):
-    """Return when the flag is at least `value`; `spins`: see bide."""
-    looks = 0
-    while load_acquire(flags, flag) < value:
-        bide(looks, spins)
-        looks += 1
-
-
-@numba.njit(nogil=True)
-def all_arrived(gate, count, spins):
-    """Whether `count` callers are here at the same time, each on a thread of its own; all get the same answer.
-
-    False when some did not come within PATIENCE (a threading layer with fewer threads than asked for runs one caller
-    after the other): then nobody may wait for anybody. `gate`: GATE_FLAGS flags, 0 before the first caller; `spins`: see
-    bide.
-    """
-    if add_one(gate, 0) + 1 == count:
-        exchange(gate, 1, UNDECIDED, GO)
-    looks = 0
-    while load_acquire(gate, 1) == UNDECIDED:
-        bide(looks, spins)
-        looks += 1
-        if looks > spins + PATIENCE:
-            exchange(gate, 1, UNDECIDED, GIVE_UP)
-    return load_acquire(gate, 1) == GO
 
 
 # ---------------------------------------------------------------------- teams

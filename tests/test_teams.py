@@ -12,7 +12,7 @@ import pytest
 from app import driver
 from app.auto_threads import AUTO, decide, open_quickest, step_seconds
 from cpu_backend.compile import Compiler
-from cpu_backend.progress import GATE_FLAGS, GIVE_UP, GO, all_arrived, new_flags, new_team, shares
+from cpu_backend.progress import new_team, shares
 from cpu_backend.threads import BRIEF, POLICY, SPIN_COUNT, policy_of, wait_briefly
 from model.errors import Diverged
 
@@ -111,20 +111,6 @@ def test_a_team_kernel_is_one_region_of_any_number_of_threads():
             kernel(bands, 5, numbers)
             assert np.array_equal(numbers, 32 * np.arange(100))
     numba.set_num_threads(most)
-
-
-def test_a_gate_lets_all_pass_or_none():
-    gate = new_flags(GATE_FLAGS)
-    assert not all_arrived(gate, 2, 0)  # the other one never comes
-    assert gate[1, 0] == GIVE_UP
-    assert not all_arrived(gate, 2, 0)  # and is told so when it does
-    gate, answers = new_flags(GATE_FLAGS), []
-    threads = [threading.Thread(target=lambda: answers.append(all_arrived(gate, 2, 10))) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert answers == [True, True] and gate[1, 0] == GO
 
 
 # ---------------------------------------------------------------------- how idle threads wait
