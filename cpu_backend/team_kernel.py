@@ -105,7 +105,7 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
         team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
         pin_column, scratches, progress,
     ):  # fmt: skip
-        patience, looks, left = np.int64(SPINS), 0, True
+        patience, looks, left, stepped_in = np.int64(SPINS), 0, True, False
         while left:
             left, worked = False, False
             for n in range(bands):
@@ -118,9 +118,9 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
                         pin_start, pin_column, scratches, progress,
                     )  # fmt: skip
                     if n > 0:
-                        patience = patience // 2
-                    elif looks < patience:
-                        patience = np.int64(SPINS)
+                        patience, stepped_in = patience // 2, True
+                    else:
+                        patience, stepped_in = patience if stepped_in else np.int64(SPINS), False
                     worked = True
                     break
             if worked:
