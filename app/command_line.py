@@ -26,7 +26,9 @@ Settings = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable."),
 ]
 Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
-Threads = Annotated[str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, or a number.")]
+Threads = Annotated[
+    str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, a number, or auto: 1x, or 1 where that is quicker now.")
+]
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
 StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]

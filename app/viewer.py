@@ -5,7 +5,7 @@ pyglet is imported inside functions: this module can be imported where there is 
 
 from __future__ import annotations
 
-import os
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -270,7 +270,5 @@ def run_demo(
     """
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled
-    # Idle threads that spin between frames would take the processor away from the drawing.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     with Demo(scenes, backend=backend, threads=threads, precision=precision, math=math) as demo:
         Viewer(demo, state_file, frames).run()

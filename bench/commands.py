@@ -236,6 +236,22 @@ def crowds(
         _tell(summary)
 
 
+@measuring.command(cls=Timed, epilog="Example: softlab busy --quick   (softlab busy --scene soft-pile)")
+def busy(
+    quick: Annotated[bool, typer.Option("--quick", help="Two scenes, fewer and shorter samples.")] = False,
+    scene: Annotated[list[str] | None, typer.Option(help="Only this scene. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time CPU threads beside another program: on one thread and on one a core, alone, beside a niced and a busy one."""
+    from bench.busy import print_busy, run_busy
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_busy(opened, quick=quick, scenes=scene or (), command=typed())
+        print_busy(out, opened, summary.machine)
+        _tell(summary)
+
+
 @measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
 def bar(
     quick: Annotated[

@@ -21,6 +21,7 @@ from labbook import (
     ablation_claims,
     accuracy_claims,
     body_claims,
+    busy_claims,
     claims,
     cloth_claims,
     comparison_claims,
@@ -64,7 +65,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
         stability_claims, hard_claims, ablation_claims, cloth_claims, crowd_claims,
-        body_claims, hard_body_claims,
+        body_claims, hard_body_claims, busy_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip

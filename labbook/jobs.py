@@ -59,6 +59,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
     from bench.bar import run_bar
+    from bench.busy import run_busy
     from bench.convergence import run_convergence
     from bench.crowds import run_crowds
     from bench.findings import run_findings
@@ -88,6 +89,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
             _told(console, run_convergence(store, command=command))
             _told(console, run_projections(store, command=command))
             _told(console, run_crowds(store, command=command))
+            _told(console, run_busy(store, command=command))
             _told(console, run_bar(store, command=command))
         console.rule("stability: where it breaks")
         _told(console, run_stability(store, quick=quick, command=command))
