@@ -18,6 +18,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from cpu_backend.plain import in_python
+
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
 GATE_FLAGS = 2  # who has arrived, and what was decided
 UNDECIDED, GO, GIVE_UP = 0, 1, 2
@@ -158,3 +160,20 @@ def all_arrived(gate, count, spins):
         if looks > PATIENCE:
             decide(gate, 1, GIVE_UP)
     return load_acquire(gate, 1) == GO
+
+
+@in_python(store_release)
+def _store(flags: np.ndarray, flag: int, value: int) -> None:
+    flags[flag, 0] = value
+
+
+@in_python(wait_for)
+def _do_not_wait(flags: np.ndarray, flag: int, value: int, spins: int) -> None:
+    if flags[flag, 0] < value:
+        raise RuntimeError("in plain Python one thread runs all bands: nobody may wait for another")
+
+
+@in_python(all_arrived)
+def _alone(gate: np.ndarray, count: int, spins: int) -> bool:
+    gate[1, 0] = GO if count == 1 else GIVE_UP
+    return count == 1

@@ -5,6 +5,7 @@ the equations alone.
 """
 
 import os
+import sys
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
 
@@ -13,8 +14,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from variants import covering
 
-import cpu_backend.threads  # noqa: F401  # before numba: it asks for four times the cores
+from cpu_backend.threads import core_count  # before numba: it asks for four times the cores
+
+MOST_WORKERS = 8  # each may take a gigabyte
 
 
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
@@ -103,45 +107,76 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
 
 
-# Of the parametrised tests in these files, which compile long for each variant, every n-th variant runs by default.
+# Tests of what only machine code does run compiled; of all others the CPU kernels run as plain Python (cpu_backend/plain.py),
+# whose bits are the same.
+COMPILED: dict[str, tuple[str, ...]] = {"test_compiled.py": ("*",)}
+
+
+@pytest.hookimpl(tryfirst=True)  # before the fixtures of modules and sessions, which run kernels too
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    name, chosen = getattr(item, "originalname", item.name), COMPILED.get(item.path.name, ())
+    compiled = item.config.getoption("--thorough") or "*" in chosen or name in chosen
+    os.environ["SOFTLAB_PLAIN_PYTHON"] = str(
+        int(not compiled)
+    )  # for the first import, and for processes that tests start
+    if "cpu_backend.plain" in sys.modules:
+        sys.modules["cpu_backend.plain"].plain_python(not compiled)
+
+
+# Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
+# value of every parameter (tests/variants.py).
 THINNED = {
-    "test_simulated_xpbd.py": 8, "test_simulated_cloth_tiles.py": 6, "test_simulated_mesh.py": 4,
-    "test_simulated_contacts.py": 4, "test_simulated_motion.py": 4, "test_simulated_matching.py": 3,
-    "test_simulated_bodies.py": 3, "test_simulated_cloth.py": 3, "test_simulated_hard.py": 3, "test_simulated_implicit.py": 3,
-    "test_simulated_tiles.py": 3, "test_simulated_alternating.py": 2, "test_simulated_gpu.py": 2,
-    "test_motion.py": 5, "test_implicit.py": 6, "test_xpbd_cpu.py": 4, "test_xpbd_cpu_reference.py": 4,
-    "test_xpbd_laws.py": 3,
-    "test_xpbd_mesh_cpu.py": 4, "test_xpbd_assembly.py": 2, "test_cloth_reference.py": 3, "test_cloth_cpu.py": 3,
-    "test_cloth_orders.py": 3, "test_cloth_colliders.py": 2, "test_cloth_assembly.py": 2, "test_cpu_bits.py": 2,
-    "test_cpu_reference.py": 2, "test_b1.py": 2, "test_contacts.py": 3, "test_contacts_scenes.py": 2, "test_hard_cloth.py": 2,
-    "test_hard_xpbd.py": 2, "test_hard_bodies.py": 2, "test_accuracy_xpbd.py": 2, "test_accuracy_s6.py": 2,
-    "test_matching.py": 3, "test_lattice_ptx.py": 3,
-    "test_bodies_solver.py": 2, "test_simulated_particle_contacts.py": 4, "test_links.py": 2, "test_spare.py": 6,
-    "test_contact_restitution.py": 2, "test_rebound.py": 4, "test_simulated_contact_restitution.py": 6,
-    "test_simulated_rebound.py": 4, "test_simulated_lattice.py": 3, "test_rebound_ptx.py": 2,
-    "test_particle_contacts.py": 2, "test_particle_contacts_ptx.py": 4,
-    "test_simulated_bodies_material.py": 6, "test_bodies_material_ptx.py": 2,
-    "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 3, "test_xpbd_mesh_ptx.py": 3,
-    "test_distance_field_cloths.py": 5, "test_simulated_distance_field.py": 7,
-    "test_simulated_mesh_collider.py": 2, "test_contacts_ptx.py": 3, "test_cloth_ptx.py": 2, "test_bodies_ptx.py": 2,
+    "test_simulated_xpbd.py", "test_simulated_cloth_tiles.py", "test_simulated_mesh.py", "test_simulated_contacts.py",
+    "test_simulated_motion.py", "test_simulated_matching.py", "test_simulated_bodies.py", "test_simulated_cloth.py",
+    "test_simulated_hard.py", "test_simulated_implicit.py", "test_simulated_tiles.py",
+    "test_simulated_alternating.py", "test_simulated_gpu.py", "test_motion.py", "test_implicit.py",
+    "test_xpbd_cpu.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
+    "test_xpbd_assembly.py", "test_cloth_reference.py", "test_cloth_cpu.py", "test_cloth_orders.py",
+    "test_cloth_colliders.py", "test_cloth_assembly.py", "test_cpu_bits.py", "test_cpu_reference.py", "test_b1.py",
+    "test_contacts.py", "test_contacts_scenes.py", "test_hard_cloth.py", "test_hard_xpbd.py", "test_hard_bodies.py",
+    "test_accuracy_xpbd.py", "test_accuracy_s6.py", "test_matching.py", "test_lattice_ptx.py",
+    "test_bodies_solver.py", "test_simulated_particle_contacts.py", "test_links.py", "test_spare.py",
+    "test_contact_restitution.py", "test_rebound.py", "test_simulated_contact_restitution.py",
+    "test_simulated_rebound.py", "test_simulated_lattice.py", "test_rebound_ptx.py", "test_particle_contacts.py",
+    "test_particle_contacts_ptx.py", "test_simulated_bodies_material.py", "test_bodies_material_ptx.py",
+    "test_cloth_tiles_ptx.py", "test_xpbd_ptx.py", "test_xpbd_mesh_ptx.py", "test_distance_field_cloths.py",
+    "test_simulated_distance_field.py", "test_simulated_mesh_collider.py", "test_contacts_ptx.py",
+    "test_cloth_ptx.py", "test_bodies_ptx.py",
 }  # fmt: skip
 
 
-def pytest_addoption(parser):
+def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--thorough", action="store_true", help="every variant of every test, half an hour more on two cores"
+        "--thorough", action="store_true", help="every variant of every test, all compiled: half an hour on two cores"
     )
 
 
-def pytest_collection_modifyitems(config, items):
-    """Skip what THINNED leaves out, but nothing that is for a real GPU, unless --thorough."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what THINNED does not need, but nothing that is for a real GPU, unless --thorough."""
     if config.getoption("--thorough"):
         return
-    seen = {}
+    variants: dict[Any, list[Any]] = {}
     for item in items:
-        every = THINNED.get(item.path.name)
-        if every is None or not hasattr(item, "callspec") or item.get_closest_marker("gpu"):
-            continue
-        place = seen[item.path, item.originalname] = seen.get((item.path, item.originalname), -1) + 1
-        if place % every:
-            item.add_marker(pytest.mark.skip(reason="one of many variants: pytest --thorough runs them all"))
+        if item.path.name in THINNED and hasattr(item, "callspec") and not item.get_closest_marker("gpu"):
+            variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
+    left_out = set()
+    for same in variants.values():
+        cases = [{name: repr(value) for name, value in item.callspec.params.items()} for item in same]
+        left_out |= set(same) - {same[place] for place in covering(cases)}
+    items[:] = [item for item in items if item not in left_out]
+    config.hook.pytest_deselected(items=list(left_out))
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks at its options
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """A worker a core, unless one or two files are asked for, a debugger, the output as it comes, or a real GPU alone."""
+    options = config.option
+    if not config.pluginmanager.hasplugin("dsession") or hasattr(config, "workerinput"):
+        return  # no pytest-xdist, or one of its workers
+    files = [name.partition("::")[0] for name in options.file_or_dir]
+    few = 0 < len(files) <= 2 and all(name.endswith(".py") for name in files)
+    watched = options.usepdb or options.trace or options.collectonly or options.capture == "no"
+    alone = watched or ("gpu" in options.markexpr.split() and "not gpu" not in options.markexpr)
+    if options.numprocesses is None and not options.tx and not (few or alone):
+        options.numprocesses = min(core_count(), MOST_WORKERS)
+        options.dist = "loadfile" if options.dist == "no" else options.dist
