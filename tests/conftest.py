@@ -19,6 +19,7 @@ from variants import covering
 from cpu_backend.threads import core_count  # before numba: it asks for four times the cores
 
 MOST_WORKERS = 8  # each may take a gigabyte
+DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begin with and share
 
 
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
@@ -152,7 +153,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what THINNED does not need, but nothing that is for a real GPU, unless --thorough."""
+    """Leave out what THINNED does not need, but nothing that is for a real GPU, unless --thorough. The dearest first."""
+    items.sort(key=lambda item: item.path.name not in DEAR)
     if config.getoption("--thorough"):
         return
     variants: dict[Any, list[Any]] = {}
@@ -171,7 +173,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """A worker a core, unless one or two files are asked for, a debugger, the output as it comes, or a real GPU alone."""
     options = config.option
-    if not config.pluginmanager.hasplugin("dsession") or hasattr(config, "workerinput"):
+    if not config.pluginmanager.hasplugin("xdist") or hasattr(config, "workerinput"):
         return  # no pytest-xdist, or one of its workers
     files = [name.partition("::")[0] for name in options.file_or_dir]
     few = 0 < len(files) <= 2 and all(name.endswith(".py") for name in files)
@@ -179,4 +181,18 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     alone = watched or ("gpu" in options.markexpr.split() and "not gpu" not in options.markexpr)
     if options.numprocesses is None and not options.tx and not (few or alone):
         options.numprocesses = min(core_count(), MOST_WORKERS)
-        options.dist = "loadfile" if options.dist == "no" else options.dist
+        if options.dist == "no":
+            options.dist, options.loadscopereorder = "loadfile", False  # in the order of collection, see DEAR
+
+
+@pytest.hookimpl(optionalhook=True)  # without pytest-xdist there is none
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Files to workers, so that fixtures of modules are made once, but each test of a DEAR one by itself."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            scope = super()._split_scope(nodeid)
+            return nodeid if scope.endswith(DEAR) else scope
+
+    return ByFile(config, log) if config.getoption("dist") == "loadfile" else None
