@@ -15,6 +15,7 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
+import cpu_backend.plain  # noqa: F401  # which the environment may switch on
 from model.digest import content_digest, file_name
 from model.kernel_cache import Kept, NamedByContent, Place, folder, keep
 

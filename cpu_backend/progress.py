@@ -162,6 +162,11 @@ def all_arrived(gate, count, spins):
     return load_acquire(gate, 1) == GO
 
 
+@in_python(load_acquire)
+def _load(flags: np.ndarray, flag: int) -> int:
+    return flags[flag, 0]
+
+
 @in_python(store_release)
 def _store(flags: np.ndarray, flag: int, value: int) -> None:
     flags[flag, 0] = value

@@ -10,6 +10,7 @@ import sys
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
 
 from collections.abc import Callable
+from fnmatch import fnmatch
 from types import SimpleNamespace
 from typing import Any
 
@@ -108,20 +109,42 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
 
 
-# Tests of what only machine code does run compiled; of all others the CPU kernels run as plain Python (cpu_backend/plain.py),
-# whose bits are the same.
-COMPILED: dict[str, tuple[str, ...]] = {"test_compiled.py": ("*",)}
+# Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
+# others they run as plain Python (cpu_backend/plain.py), whose bits are the same. Tables: file -> patterns of tests' names.
+COMPILED = {
+    "test_compiled.py": "*",
+    "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
+    "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
+}  # fmt: skip
+
+# Tests for --thorough alone: dear, and of what others hold too, on a smaller scene or by another way.
+ONLY_THOROUGH = {
+    "test_accuracy.py": "test_a_cloth_is_judged* test_figures_know_the_cloth*",
+    "test_accuracy_s6.py": "test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest*",
+    "test_accuracy_xpbd.py": "test_the_published_errors*",
+    "test_ablate.py": "test_of_chaos* test_over_the_limit* test_dropping_a_random*",
+    "test_advise.py": "test_the_command_writes*",
+    "test_cpu_reference.py": "test_fast_math*", "test_cloth_cpu.py": "test_fast_math*",  # test_compiled.py has them
+    "test_xpbd_cpu_reference.py": "test_fast_math*",
+    "test_cloth_assembly.py": "*", "test_xpbd_assembly.py": "*",
+    "test_mesh_collider.py": "test_jelly_stays*", "test_motion.py": "test_the_twisted_sheet*",
+    "test_orders.py": "test_manufactured_solution_of_the_unstable*explicit-euler*",
+    "test_xpbd_laws.py": "test_small_steps_rope*",
+}  # fmt: skip
+
+in_plain_python = pytest.StashKey[bool]()
+
+
+def listed(table: dict[str, str], item: pytest.Item) -> bool:
+    return any(fnmatch(item.name, pattern) for pattern in table.get(item.path.name, "").split())
 
 
 @pytest.hookimpl(tryfirst=True)  # before the fixtures of modules and sessions, which run kernels too
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    name, chosen = getattr(item, "originalname", item.name), COMPILED.get(item.path.name, ())
-    compiled = item.config.getoption("--thorough") or "*" in chosen or name in chosen
-    os.environ["SOFTLAB_PLAIN_PYTHON"] = str(
-        int(not compiled)
-    )  # for the first import, and for processes that tests start
+    plain = item.stash[in_plain_python]
+    os.environ["SOFTLAB_PLAIN_PYTHON"] = str(int(plain))  # for the first import, and for processes that tests start
     if "cpu_backend.plain" in sys.modules:
-        sys.modules["cpu_backend.plain"].plain_python(not compiled)
+        sys.modules["cpu_backend.plain"].plain_python(plain)
 
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
@@ -148,25 +171,35 @@ THINNED = {
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--thorough", action="store_true", help="every variant of every test, all compiled: half an hour on two cores"
+        "--thorough",
+        action="store_true",
+        help="every test and every variant; what runs without it, and all that is dear, with compiled kernels",
     )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what THINNED does not need, but nothing that is for a real GPU, unless --thorough. The dearest first."""
+    """The dearest first. Without --thorough leave out what ONLY_THOROUGH lists, windows, and what THINNED does not need, but
+    nothing that is for a real GPU. With it only the variants that THINNED does not need run as plain Python."""
+    thorough = config.getoption("--thorough")
     items.sort(key=lambda item: item.path.name not in DEAR)
-    if config.getoption("--thorough"):
-        return
+    left_out = set()
     variants: dict[Any, list[Any]] = {}
     for item in items:
-        if item.path.name in THINNED and hasattr(item, "callspec") and not item.get_closest_marker("gpu"):
+        on_gpu = item.get_closest_marker("gpu") is not None  # and held against the CPU on grids for it
+        item.stash[in_plain_python] = not (thorough or on_gpu or listed(COMPILED, item))
+        if listed(ONLY_THOROUGH, item) or item.get_closest_marker("display"):
+            left_out |= set() if thorough else {item}
+        elif item.path.name in THINNED and hasattr(item, "callspec") and not on_gpu:
             variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
-    left_out = set()
     for same in variants.values():
         cases = [{name: repr(value) for name, value in item.callspec.params.items()} for item in same]
         left_out |= set(same) - {same[place] for place in covering(cases)}
-    items[:] = [item for item in items if item not in left_out]
-    config.hook.pytest_deselected(items=list(left_out))
+    if thorough:
+        for item in left_out:
+            item.stash[in_plain_python] = True
+    else:
+        items[:] = [item for item in items if item not in left_out]
+        config.hook.pytest_deselected(items=list(left_out))
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks at its options
