@@ -106,9 +106,9 @@ def _scalar(argument: Any) -> Any:
 def plain_python(on: bool) -> None:
     """From here on calling a kernel runs its source (True) or its machine code (False)."""
     if on:
-        CPUDispatcher.__call__ = _call
+        setattr(CPUDispatcher, "__call__", _call)  # noqa: B010 - nothing is asked, and lost, when kernels run compiled
     elif is_plain():
-        del CPUDispatcher.__call__
+        delattr(CPUDispatcher, "__call__")
 
 
 def is_plain() -> bool:
