@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from collections.abc import Callable
 from types import CellType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
@@ -22,9 +23,11 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 
 SWITCH = "SOFTLAB_PLAIN_PYTHON"
+SECONDS = "SOFTLAB_PLAIN_PYTHON_SECONDS"
 
 _equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that are another thing on one thread
 _translated: dict[Any, Callable] = {}
+_left = math.inf  # seconds until machine code takes over
 
 
 def in_python(machine_code: Any) -> Callable[[Callable], Callable]:
@@ -92,8 +95,16 @@ def translated(dispatcher: Any) -> Callable:
 
 
 def _call(dispatcher: Any, *arguments: Any) -> Any:
-    with np.errstate(all="ignore"):  # quotients by zero and overflows are numbers, as in machine code
-        return translated(dispatcher)(*(_scalar(argument) for argument in arguments))
+    global _left
+    if _left < 0:
+        plain_python(False)
+        return dispatcher(*arguments)
+    begin = time.process_time()
+    try:
+        with np.errstate(all="ignore"):  # quotients by zero and overflows are numbers, as in machine code
+            return translated(dispatcher)(*(_scalar(argument) for argument in arguments))
+    finally:
+        _left -= time.process_time() - begin
 
 
 def _scalar(argument: Any) -> Any:
@@ -103,8 +114,13 @@ def _scalar(argument: Any) -> Any:
     return argument
 
 
-def plain_python(on: bool) -> None:
-    """From here on calling a kernel runs its source (True) or its machine code (False)."""
+def plain_python(on: bool, seconds: float = math.inf) -> None:
+    """From here on calling a kernel runs its source (True) or its machine code (False).
+
+    `seconds`: of the processor's time, after which machine code takes over, with the same bits in `exact` math.
+    """
+    global _left
+    _left = seconds
     if on:
         setattr(CPUDispatcher, "__call__", _call)  # noqa: B010 - nothing is asked, and lost, when kernels run compiled
     elif is_plain():
@@ -117,4 +133,4 @@ def is_plain() -> bool:
 
 
 if os.environ.get(SWITCH, "0") not in ("", "0"):
-    plain_python(True)
+    plain_python(True, float(os.environ.get(SECONDS, "inf")))

@@ -109,11 +109,14 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
 
 
+PLAIN_SECONDS = 5.0  # of a test, until its kernels are compiled after all: about what compiling one takes
+
 # Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
 # others they run as plain Python (cpu_backend/plain.py), whose bits are the same. Tables: file -> patterns of tests' names.
 COMPILED = {
     "test_compiled.py": "*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
+    "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
 }  # fmt: skip
 
@@ -128,7 +131,7 @@ ONLY_THOROUGH = {
     "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_cloth_assembly.py": "*", "test_xpbd_assembly.py": "*",
     "test_mesh_collider.py": "test_jelly_stays*", "test_motion.py": "test_the_twisted_sheet*",
-    "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand*",
+    "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand* test_the_catalogues_stack*",
     "test_orders.py": "test_manufactured_solution_of_the_unstable*explicit-euler*",
     "test_xpbd_laws.py": "test_small_steps_rope*",
 }  # fmt: skip
@@ -144,8 +147,9 @@ def listed(table: dict[str, str], item: pytest.Item) -> bool:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     plain = item.stash[in_plain_python]
     os.environ["SOFTLAB_PLAIN_PYTHON"] = str(int(plain))  # for the first import, and for processes that tests start
+    os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
     if "cpu_backend.plain" in sys.modules:
-        sys.modules["cpu_backend.plain"].plain_python(plain)
+        sys.modules["cpu_backend.plain"].plain_python(plain, PLAIN_SECONDS)
 
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every

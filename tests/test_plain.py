@@ -51,6 +51,19 @@ def test_nothing_is_compiled_and_a_function_called_is_plain_too() -> None:
     assert row.tolist() == [0, 4, 8] and len(kernel.overloads) == 1
 
 
+def test_when_its_time_is_over_machine_code_goes_on() -> None:
+    def add(row):
+        for k in prange(row.size):
+            row[k] += 1
+
+    kernel, row = made(add), np.zeros(3)
+    plain_python(True, 0.0)
+    kernel(row)
+    assert is_plain() and not kernel.overloads
+    kernel(row)
+    assert not is_plain() and len(kernel.overloads) == 1 and row.tolist() == [2, 2, 2]
+
+
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_roots_and_quotients_are_those_of_the_type(real: type) -> None:
     """As IEEE 754 has them: rounded once, NaN of a negative number, an infinity for a division by zero."""
