@@ -116,6 +116,7 @@ PLAIN_SECONDS = 5.0  # of a test, until its kernels are compiled after all: abou
 COMPILED = {
     "test_compiled.py": "*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
+    "test_kernel_sweep.py": "test_arithmetic_rates*",
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
 }  # fmt: skip
