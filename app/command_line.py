@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
+from model.errors import SoftlabError
+
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False)
 
+# what every complaint about a command line is; typer exports only some of them
+UsageError: type[Exception] = typer.BadParameter.mro()[2]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
 Settings = Annotated[
     list[str] | None,
@@ -33,6 +38,31 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     from model.scene_reader import parse_settings
 
     return load_scene(name).replace(parse_settings(settings))
+
+
+def told(line: str, status: int) -> int:
+    """`status`, once the line is on standard error, if that can be written at all."""
+    with suppress(OSError):
+        errors.print(f"softlab: {line}", markup=False)
+    return status
+
+
+def usage_line(error: Any) -> str:
+    """What is wrong with a command line, in one line."""
+    command = error.ctx.command_path if getattr(error, "ctx", None) else "softlab"
+    return str(SoftlabError(f"{' '.join(error.format_message().split())} (see {command} --help)"))
+
+
+def usage_status(error: Any) -> int:
+    """The exit status of a complaint about the command line, once it is told; without words, the help was printed."""
+    status = int(error.exit_code)
+    return told(usage_line(error), status) if error.format_message() else status
+
+
+def drop_output() -> None:
+    """Nothing more can be printed: what waits to be is dropped, so that the end of the process does not trip over it."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from app.camera3d import Camera3D
 from app.demo import Demo
 from app.panes import Pane
 from app.worlds import stiffness_paths
+from model.files import replacing
 from model.scene import Scene
 from model.spare import counts, present
 
@@ -148,6 +148,5 @@ def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
     """Replace the JSON file `path`, so that a reader never sees half of it."""
-    temporary = path.with_name(f".{path.name}.new")
-    temporary.write_text(json.dumps(state), encoding="utf-8")
-    os.replace(temporary, path)
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(state), encoding="utf-8")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from app.pictures import check_target, replacing
 from model.build import build
+from model.clock import START, Clock
 from model.errors import InputError
+from model.files import check_target, read_archive, replacing
 from model.scene import Scene
 from model.simulation import State
 
@@ -31,9 +31,12 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 
 def write_state(path: Path | str, state: State) -> Path:
     """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`; of bodies
-    `rotation` (clusters, 4), and of plastic ones `plastic` (clusters, 3, 3)."""
+    `rotation` (clusters, 4), and of plastic ones `plastic` (clusters, 3, 3). Where the step size
+    was changed, `clock_step` and `clock_time` [s] say when."""
     names = ("position", "velocity", "inverse_mass", "rotation", "plastic")
     arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
+    if state.clock != START:
+        arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}
     return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
 
 
@@ -44,20 +47,7 @@ def read_state(path: Path | str, scene: Scene) -> State:
     Raises InputError for a file that is missing, unreadable, no .npz, or holds no position; what the arrays hold is
     checked where they are loaded.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise InputError(f"{path} is not a .npz file; it needs named arrays, position among them")
-            arrays = {name: archive[name] for name in archive.files}
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a directory; a state is a .npz file") from None
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise InputError(f"{path} cannot be read as a .npz file: {reason}") from None
-    except AttributeError:
-        raise InputError(f"{path} is not a .npz file; it needs named arrays, position among them") from None
+    arrays = read_archive(path, "a state is a .npz file with named arrays, position among them")
     if "position" not in arrays:
         raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
     position = arrays["position"]
@@ -66,12 +56,13 @@ def read_state(path: Path | str, scene: Scene) -> State:
         inverse_mass = build(scene).inverse_mass
     try:
         time, step = float(arrays.get("time", 0.0)), int(arrays.get("step", 0))
-    except (TypeError, ValueError):
+        clock = Clock(int(arrays.get("clock_step", 0)), float(arrays.get("clock_time", 0.0)))
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: time and step must be single numbers") from None
-    if not np.isfinite(time) or step < 0:
-        raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step})")
+    if not np.isfinite((time, clock.time)).all() or min(step, clock.step) < 0:
+        raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
     velocity = arrays.get("velocity", np.zeros_like(position))
-    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"))
+    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"), clock)
 
 
 def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:

@@ -14,11 +14,12 @@ from app import colours
 from app.camera import finite_bounds, joined_bounds
 from app.framing import seen_points, seen_radius
 from app.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from app.pictures import check_target, write_png
+from app.pictures import write_png
 from app.surface import drawn_strain
 from app.views import camera_of, view_of
 from model.build import rest_positions
 from model.errors import InputError, SoftlabError
+from model.files import check_target
 from model.scene import Scene
 from model.spare import present
 

@@ -57,8 +57,8 @@ def run_bar(
     Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
     """
     begin = time.perf_counter()
-    summary = FindingsSummary(enter_machine(store), "bar")
     chosen = backends_here(backends)
+    summary = FindingsSummary(enter_machine(store), "bar")
     try:
         everything = [one for backend in chosen for one in experiments(backend, quick)]
         missing = [e for e in everything if not store.has_measure(e.description, summary.machine, e.sources, e.name)]

@@ -10,7 +10,6 @@ labbook/facts.py, sentences that compare from labbook/claims.py, and both as dat
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import tempfile
@@ -39,6 +38,7 @@ from labbook.kernel_tables import joule_tables, kernel_tables, region_tables, ro
 from labbook.stability_tables import edge_tables
 from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
 from model.errors import BackendUnavailable, InputError
+from model.files import replacing
 from plots.data import Origin, Results, is_suspect, load
 from plots.draw import draw_figures
 
@@ -190,12 +190,8 @@ def _compile(folder: Path, path: Path) -> None:
     except ImportError as error:
         raise BackendUnavailable(f"typst cannot be loaded ({error})", "pip install typst") from None
     pdf = typst.compile(str(folder / "labbook.typ"), root=str(folder), format="pdf")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with replacing(path) as temporary:
         temporary.write_bytes(pdf)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def entry_text(name: str, data: dict[str, Any]) -> str:

@@ -53,7 +53,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     elif first["type"] == "greater_than_equal":
         allowed = f"must be at least {first['ctx']['ge']:g}"
     elif first["type"] == "less_than_equal":
-        allowed = f"must be at most {first['ctx']['le']:g}"
+        allowed = f"must be at most {first['ctx']['le']:.12g}"
     elif first["type"] == "literal_error":
         allowed = f"must be one of {first['ctx']['expected'].replace(chr(39), '')}"
     return SceneError(".".join([part, *location[:1]]), first["input"], allowed)

@@ -7,7 +7,6 @@ belongs to no curve. matplotlib is imported where it is used, with its object in
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bench.results import Timing
-from model.errors import InputError
+from model.files import replacing
 from plots.data import Results, Source, is_suspect, is_wrong
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
@@ -230,21 +229,13 @@ def save(
     written = []
     for suffix in suffixes:
         path = folder / f"{name}.{suffix}"
-        temporary = folder / f".{name}.{os.getpid()}.part"
         metadata: dict[str, Any] = {"Title": drawing.title}
         metadata |= {"pdf": {"Subject": drawing.caption, "CreationDate": None}}.get(
             suffix, {"Description": drawing.caption}
         )
         if suffix == "svg":
             metadata["Date"] = None  # a date would make equal figures differ
-        try:
+        with replacing(path) as temporary:
             drawing.figure.savefig(temporary, format=suffix, dpi=PNG_DPI, metadata=metadata)
-            os.replace(temporary, path)
-        except OSError as error:
-            raise InputError(
-                f"{path} cannot be written: {error.strerror or error}; check permissions and space"
-            ) from None
-        finally:
-            temporary.unlink(missing_ok=True)
         written.append(path)
     return written

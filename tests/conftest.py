@@ -114,7 +114,7 @@ PLAIN_SECONDS = 5.0  # of a test, until its kernels are compiled after all: abou
 # Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
 # others they run as plain Python (cpu_backend/plain.py), whose bits are the same. Tables: file -> patterns of tests' names.
 COMPILED = {
-    "test_compiled.py": "*",
+    "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
     "test_kernel_sweep.py": "test_arithmetic_rates*",
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
@@ -123,6 +123,7 @@ COMPILED = {
 
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene or by another way.
 ONLY_THOROUGH = {
+    "test_compiled.py": "*cloth,?rk4* *cloth,?implicit?and?linearised* *xpbd,?jacobi* *lattices?in?stages*",
     "test_accuracy.py": "test_a_cloth_is_judged* test_figures_know_the_cloth*",
     "test_accuracy_s6.py": "test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest*",
     "test_accuracy_xpbd.py": "test_the_published_errors*",
