@@ -5,7 +5,6 @@ pyglet is imported inside functions: this module can be imported where there is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any

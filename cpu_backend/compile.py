@@ -16,6 +16,7 @@ import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
+import cpu_backend.plain  # noqa: F401  # which the environment may switch on
 from cpu_backend.progress import new_team
 from model.digest import content_digest, file_name
 from model.kernel_cache import Kept, NamedByContent, Place, keep

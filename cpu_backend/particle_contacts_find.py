@@ -19,6 +19,7 @@ from numba.extending import intrinsic
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.plain import in_python
 from cpu_backend.progress import new_team, shares
 from model.formulas import particle_contact
 from model.formulas.cluster import LANES
@@ -55,6 +56,11 @@ def lowest_bit(typing_context, number):
         return builder.zext(place, context.get_value_type(types.int64))
 
     return types.int64(types.int32), build
+
+
+@in_python(lowest_bit)
+def _lowest_bit(number: Any) -> int:
+    return (int(number) & -int(number)).bit_length() - 1
 
 
 def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import ctypes
 import platform
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 import llvmlite.binding
@@ -21,6 +22,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
+
+from cpu_backend.plain import in_python
 
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
 SPINS = 300  # looks with a pause between them: some microseconds
@@ -191,3 +194,38 @@ def shares(team, member, count):
                 bide(looks, SPINS)
                 looks += 1
     team[own, 1] = patience // 2 if stepped_in else SPINS
+
+
+@in_python(load_acquire)
+def _load(flags: np.ndarray, flag: int) -> int:
+    return flags[flag, 0]
+
+
+@in_python(store_release)
+def _store(flags: np.ndarray, flag: int, value: int) -> None:
+    flags[flag, 0] = value
+
+
+@in_python(exchange)
+def _exchange(flags: np.ndarray, flag: int, expected: int, value: int) -> bool:
+    if flags[flag, 0] != expected:
+        return False
+    flags[flag, 0] = value
+    return True
+
+
+@in_python(bide)
+def _no_time(looks: int, spins: int) -> None:
+    pass
+
+
+@in_python(shares)
+def _all_parts(team: np.ndarray, member: int, count: int) -> Iterator[int]:
+    """Members run one after the other: the first does every part, the others find them done."""
+    own = 2 * (len(team) // 3) + member
+    phase = team[own, 0] = team[own, 0] + 1
+    for part in range(count):
+        if team[part, 0] < phase:
+            team[part, 0] = phase
+            yield part
+            team[len(team) // 3 + part, 0] = phase

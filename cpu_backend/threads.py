@@ -96,7 +96,5 @@ def threading_layer() -> str:
     try:
         return numba.threading_layer()
     except ValueError:  # nothing parallel has run in this process
-        from cpu_backend.compile import start_threads
-
-        start_threads()
+        numba.get_num_threads()  # starts them
         return numba.threading_layer()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bench.reference import mass_spring as reference
@@ -85,8 +85,13 @@ def test_manufactured_acceleration_is_the_references(inertia):
 
 @settings(deadline=None, max_examples=50)
 @given(st.floats(1e-4, 0.1), st.floats(0, 100), st.floats(0, 10), st.floats(-1, 1), st.floats(-10, 10))
+@example(dt=1.0069e-4, w=9e-6, gamma=2.4e-5, x=-0.7523604875940124, v=0.0264)  # lab: the rounding of p' - p over dt
 def test_formulas_are_the_amplification_matrices(dt, w, gamma, x, v):
-    """One step of x'' = -w^2 x - gamma x' by each formula = amplification_matrix, which the limits are tested on."""
+    """One step of x'' = -w^2 x - gamma x' by each formula = amplification_matrix, which the limits are tested on.
+
+    `lab` divides a difference of positions by dt, and with it the rounding of both, four operations of eps |p| each, in the
+    formula and in the matrix.
+    """
     make = integrators.make(np.float64)
     for name in INTEGRATORS:
         a = -w * w * x - gamma * v
@@ -104,4 +109,7 @@ def test_formulas_are_the_amplification_matrices(dt, w, gamma, x, v):
             result = getattr(make, name.replace("-", "_"))(x, v, a, dt, dt * dt / 2)
         matrix = amplification_matrix(name, dt, w, gamma)
         scale = np.abs(matrix) @ np.abs([x, v]) + (1 + dt * w) ** 4 * (abs(x) * (1 + w) + abs(v)) + 1e-30
-        assert np.all(np.abs(matrix @ [x, v] - result) <= 1e-12 * scale), name
+        allowed = 1e-12 * scale
+        if name == "lab":
+            allowed[1] += 2 * 4 * 2.0**-53 * (abs(x) + abs(result[0])) / dt
+        assert np.all(np.abs(matrix @ [x, v] - result) <= allowed), name
