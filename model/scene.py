@@ -124,6 +124,16 @@ class Scene:
             self.parts["method"], self.kinds["method"] = Method(), "method"
         check_solver(self)
 
+    @classmethod
+    def stored(cls, tables: Mapping[str, Any]) -> Scene:
+        """A scene to read from, of the tables that `canonical` wrote when it was measured: checked then, so that nothing is
+        checked again, and no body is made. Raises KeyError for a kind of part that this version does not know."""
+        scene = cls.__new__(cls)
+        scene.name = scene.title = "scene"
+        scene.kinds = {name: table.get("kind", name) for name, table in tables.items()}
+        scene.parts = {name: KINDS[kind].model_construct(**tables[name]) for name, kind in scene.kinds.items()}
+        return scene
+
     def one(self, kind: str) -> Any:
         """The part of a kind of which a scene has one at most, or None."""
         return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
