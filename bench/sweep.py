@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from bench.cases import Case, Costs, Effort, SweepSummary, record_skip
@@ -23,7 +22,7 @@ from bench.results import configuration, timings
 from bench.store import Store, configuration_hash
 from bench.timing import MEASUREMENT
 from cpu_backend.threads import thread_count, threading_layer, wait_policy
-from model.digest import source_digest
+from model.digest import backend_sources, source_digest
 from model.errors import BackendUnavailable, SceneError
 from model.memory import available_bytes, readable
 from model.scene import Scene, load_scene
@@ -45,8 +44,7 @@ FULL = Effort(5, 0.1, 30.0, None)
 
 def source_hash(backend: str) -> str:
     """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
-    root = Path(__file__).resolve().parent.parent
-    return source_digest(root / "model" / "formulas", root / f"{backend}_backend") + f"-{MEASUREMENT}"
+    return source_digest(*backend_sources(backend)) + f"-{MEASUREMENT}"
 
 
 def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:

@@ -1,54 +1,34 @@
 """Compiling the formulas and kernels for the CPU, and keeping the machine code between runs.
 
-numba's own cache keys a function by its closure, which here holds other compiled functions and so differs in every
-process, and ignores the flags and the sources of what it calls. Kernels here are keyed by what they were made from: the
-variant's name (precision, math, integrator, parts) and a hash of the sources of the formulas and of this backend.
+A function is known by what it is made of (model/digest.py): two factories that make the same function share one, whatever
+they call their variant, and what a kernel is made of is in the name of the file in which its machine code is kept
+(model/kernel_cache.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
-import model.cloth_record
-import model.contact_record
-import model.formulas
-import model.implicit_record
-import model.particle_contact_record
-import model.record
-import model.xpbd_plan
-import model.xpbd_record
-from model.digest import file_name, source_digest
+from model.digest import content_digest, file_name
+from model.kernel_cache import Kept, NamedByContent, Place, folder, keep
 
 # What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
 # a diverging state must stay visible.
 FAST = frozenset({"contract", "arcp", "afn", "nsz"})
 
 
-@cache
-def backend_digest() -> str:
-    """A hash of the sources that this backend's machine code is made from."""
-    records = (
-        model.record, model.cloth_record, model.contact_record, model.implicit_record, model.xpbd_record, model.xpbd_plan,
-        model.particle_contact_record,
-    )  # fmt: skip
-    return source_digest(
-        Path(model.formulas.__file__).parent, *(Path(str(m.__file__)) for m in records), Path(__file__).parent
-    )
+class _KernelFiles(NamedByContent, CompileResultCacheImpl):
+    _locator_classes = [Place]  # type: ignore[list-item]  # noqa: RUF012
 
 
-class _VariantCache(FunctionCache):
-    """numba's on-disk cache, keyed by the variant and the sources instead of the closure."""
-
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (sig, codegen.magic_tuple(), self._py_func.__qualname__, backend_digest())
+class _KernelCache(Kept, FunctionCache):
+    _impl_class = _KernelFiles
 
 
 class _RowPipeline(NumbaCompiler):
@@ -63,16 +43,12 @@ class _RowPipeline(NumbaCompiler):
         return super().define_pipelines()
 
 
-def named(function: Callable, variant: str) -> Callable:
-    """The function under a name that holds its variant, so that no two variants share a symbol or a cache file."""
-    function.__name__ = file_name(f"{function.__name__}_{variant}")
-    function.__qualname__ = function.__name__
-    return function
+_shared: dict[str, Any] = {}  # functions that kernels call, by what they are made of
 
 
 class Compiler:
-    """Decorators for one variant: `compiled` for formulas and helpers, `row` for loops along a row, `kernel` for what
-    Python calls."""
+    """Decorators for one arithmetic: `compiled` for formulas and helpers, `row` for loops along a row, `kernel` for what
+    Python calls. `variant`: what a kernel is called where people read of it; it need not tell variants apart."""
 
     def __init__(self, variant: str, math: str):
         self.variant = variant
@@ -86,22 +62,36 @@ class Compiler:
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Any:
-        return numba.njit(**self.options, **self._inner)(named(function, self.variant))
+        return self._made_once(function)
 
     def inlined(self, function: Callable) -> Any:
         """As `compiled`, for functions of so many arguments that passing them costs more than a short row."""
-        return numba.njit(**self.options, **self._inner, forceinline=True)(named(function, self.variant))
+        return self._made_once(function, forceinline=True)
 
     def row(self, function: Callable) -> Any:
         """A loop along rows. Its array arguments must not overlap, except for those that it only reads."""
-        return numba.njit(**self.options, **self._inner, pipeline_class=_RowPipeline)(named(function, self.variant))
+        return self._made_once(function, pipeline_class=_RowPipeline)
 
     def kernel(self, function: Callable) -> Any:
         """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
-        dispatcher = numba.njit(parallel=True, **self.options)(named(function, self.variant))
-        with suppress(RuntimeError):  # no writable folder: NUMBA_CACHE_DIR mends it, `softlab doctor` says so
-            dispatcher._cache = _VariantCache(dispatcher.py_func)
+        label = f"{function.__name__} {self.variant}"
+        named(function, content_digest(function, self.options))
+        dispatcher = numba.njit(parallel=True, **self.options)(function)
+        keep(dispatcher, _KernelCache, label)
         return dispatcher
+
+    def _made_once(self, function: Callable, **options: Any) -> Any:
+        content = content_digest(function, self.options, options)
+        if content not in _shared:
+            _shared[content] = numba.njit(**self.options, **self._inner, **options)(named(function, content))
+            _shared[content].softlab_content = content
+        return _shared[content]
+
+
+def named(function: Callable, content: str) -> Callable:
+    """The function under a name that holds its content, so that no two share a symbol or a file of machine code."""
+    function.__name__ = function.__qualname__ = file_name(f"{function.__name__}_{content}")
+    return function
 
 
 @cache
@@ -122,8 +112,4 @@ def start_threads() -> None:
 
 def can_cache() -> bool:
     """Whether machine code can be kept on disk; NUMBA_CACHE_DIR names a folder where it cannot."""
-    try:
-        _VariantCache(can_cache)
-    except RuntimeError:
-        return False
-    return True
+    return folder() is not None

@@ -12,20 +12,26 @@ from pathlib import Path
 import numpy as np
 
 
+def user_cache(name: str) -> Path | None:
+    """A folder of the user's cache, made where it is missing; None where that cannot be written."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder if os.access(folder, os.W_OK) else None
+    except (OSError, RuntimeError):
+        return None
+
+
 @cache
 def cache_folder(name: str) -> Path:
     """A folder of the user's cache, or a fresh private one, gone with the process, where that cannot be written.
 
     Never a shared folder under a name that another user could guess and fill.
     """
-    base = os.environ.get("XDG_CACHE_HOME")
-    try:
-        folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / name
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except (OSError, RuntimeError):
-        pass
+    folder = user_cache(name)
+    if folder is not None:
+        return folder
     private = tempfile.mkdtemp(prefix=f"softlab-{name}-")
     atexit.register(shutil.rmtree, private, ignore_errors=True)
     return Path(private)
