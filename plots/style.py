@@ -19,6 +19,7 @@ import numpy as np
 
 from bench.results import Timing
 from model.errors import InputError
+from plots import kept
 from plots.data import Results, Source, is_suspect, is_wrong
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
@@ -32,7 +33,9 @@ SUFFIXES = ("svg", "png")  # for books and for screens
 MOST_PANELS = 3
 FOOTER_SIZE = 6  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
-RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "\u207b\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+RAISED = str.maketrans(
+    "-\N{MINUS SIGN}0123456789", "\u207b\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
+)
 
 SETTINGS: dict[str, Any] = {
     "font.size": 9,
@@ -250,7 +253,9 @@ def plain_power(formula: str) -> str:
     found = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", formula)
     if found is None:
         return formula
-    return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), found[1]).replace(r"\times", "\N{MULTIPLICATION SIGN}")
+    return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), found[1]).replace(
+        r"\times", "\N{MULTIPLICATION SIGN}"
+    )
 
 
 def save(
@@ -268,7 +273,7 @@ def save(
     from matplotlib.transforms import Bbox
 
     figure = drawing.figure
-    lay_out(figure)
+    key = kept.key_of(figure, drawing.title, drawing.caption, footer)
     width, height = figure.get_size_inches()
     above = 0.0
     if footer:
@@ -286,10 +291,13 @@ def save(
         if suffix == "svg":
             metadata["Date"] = None  # a date would make equal figures differ
         try:
-            figure.savefig(
-                temporary, format=suffix, dpi=PNG_DPI, metadata=metadata,
-                bbox_inches=Bbox.from_bounds(0, 0, width, height + above),
-            )  # fmt: skip
+            if not kept.fetch(key, suffix, temporary):
+                lay_out(figure)
+                figure.savefig(
+                    temporary, format=suffix, dpi=PNG_DPI, metadata=metadata,
+                    bbox_inches=Bbox.from_bounds(0, 0, width, height + above),
+                )  # fmt: skip
+                kept.keep(key, suffix, temporary)
             os.replace(temporary, path)
         except OSError as error:
             raise InputError(
@@ -302,7 +310,7 @@ def save(
 
 
 def without_footer(svg: str, height: float) -> str:
-    """A figure as `save` wrote it, .svg, less the strip of so many points above it: what lies outside the view is not shown."""
+    """A figure as `save` wrote it, .svg, less the strip of so many points above it: what is out of view is not shown."""
 
     def lower(found: re.Match[str]) -> str:
         width, tall = float(found[1]), float(found[2]) - height
