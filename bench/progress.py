@@ -55,10 +55,10 @@ class Bars(Progress):
     """A rich.progress.Progress that also shows the whole which it is a part of, and what is compiled meanwhile."""
 
     def __init__(self, show: bool):
+        self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once
         columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
         super().__init__(*columns, console=Console(stderr=True), disable=not show, transient=True)
         self.watching = ExitStack()
-        self.whole, self.whole_task = Whole.current, None
         if self.whole:
             self.whole_task = super().add_task(str(self.whole), total=sum(self.whole.expected.values()) or 1)
             self.tasks[0].start_time = self.whole.begin

@@ -178,8 +178,7 @@ def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, Projec
     """(published, ours of one backend and machine) for every published scene that was timed here."""
     pairs = []
     for entry in PUBLISHED:
-        text = entry.ours().canonical()
-        pairs += [(entry, point) for point in found if point.scene == text]
+        pairs += [(entry, point) for point in found if point.scene == entry.text]
     return pairs
 
 
