@@ -42,6 +42,8 @@ def _code() -> str:
 
 def _parts(figure: Any) -> Iterator[Any]:
     """What the data decide: of every part its kind, place, text and looks. Ticks follow from the axes."""
+    from matplotlib.ticker import FixedLocator
+
     for artist in (*figure.texts, *figure.legends, *figure.patches, *figure.lines, *figure.images):
         yield from _artist(artist)
     for ax in figure.axes:
@@ -52,15 +54,12 @@ def _parts(figure: Any) -> Iterator[Any]:
         for axis in (ax.xaxis, ax.yaxis):
             yield axis.get_scale(), tuple(axis.get_view_interval()), axis.get_label_text(), axis.get_visible()
             for ticker in (axis.get_major_locator(), axis.get_major_formatter(), axis.get_minor_locator()):
-                yield type(ticker).__name__, _listed(getattr(ticker, "locs", ())), getattr(ticker, "seq", None)
+                yield type(ticker).__name__, getattr(ticker, "seq", None)
+                yield [float(at) for at in ticker.locs] if isinstance(ticker, FixedLocator) else None
                 yield getattr(getattr(ticker, "func", None), "args", None)  # labels that were given one by one
         legend = ax.get_legend()
         for artist in (*ax.lines, *ax.collections, *ax.patches, *ax.texts, *ax.images, *((legend,) if legend else ())):
             yield from _artist(artist)
-
-
-def _listed(values: Any) -> list[float]:
-    return [float(value) for value in np.ravel(values)] if values is not None else []
 
 
 def _artist(artist: Any) -> Iterator[Any]:
