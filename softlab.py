@@ -19,6 +19,7 @@ from app.command_line import (
     Settings,
     StorePath,
     Threads,
+    compilations_told,
     errors,
     out,
     scene_of,
@@ -99,7 +100,8 @@ def run(
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
         export_to, export_every,
     )  # fmt: skip
-    result = run_scene(scene_of(scene, settings), request)
+    with compilations_told():
+        result = run_scene(scene_of(scene, settings), request)
     for note in result.notes:
         errors.print(note, markup=False)
     if initial:
@@ -140,7 +142,8 @@ def demo(
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be at least 1")
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
-    run_demo(*shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames)
+    with compilations_told():
+        run_demo(*shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames)
 
 
 app.registered_commands += measuring.registered_commands  # here: it is the order of --help
@@ -206,7 +209,8 @@ def plan(
     from app.plan_report import plan_report
 
     wanted = BACKENDS if backend is None else (backend,)
-    report = plan_report(scene_of(scene, settings), precision, wanted, measure)
+    with compilations_told():
+        report = plan_report(scene_of(scene, settings), precision, wanted, measure)
     if as_json:
         print(json.dumps(report.as_dict()))
     else:

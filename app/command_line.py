@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,6 +33,20 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     from model.scene_reader import parse_settings
 
     return load_scene(name).replace(parse_settings(settings))
+
+
+@contextmanager
+def compilations_told(console: Console = errors) -> Iterator[None]:
+    """Within it, a terminal is told of each kernel that is compiled, and how long that took last time on this machine."""
+    from model.kernel_cache import watched
+
+    def tell(label: str, seconds: float | None) -> None:
+        if console.is_terminal and (seconds is None or seconds >= 1.0):
+            last = "for the first time here" if seconds is None else f"took {seconds:.0f} s last time"
+            console.print(f"compiling {label}: {last}", markup=False)
+
+    with watched(tell):
+        yield
 
 
 def typed() -> str:

@@ -49,15 +49,15 @@ def _cpu() -> Finding:
 
 
 def _cache() -> Finding:
-    from cpu_backend.compile import can_cache
+    from model.kernel_cache import folder
 
-    if can_cache():
-        return Finding("compile cache", True, "machine code is kept between runs")
+    if folder() is not None:
+        return Finding("compile cache", True, f"machine code is kept between runs, in {folder()}")
     return Finding(
         "compile cache",
         False,
         "no writable folder, so every run compiles anew",
-        "export NUMBA_CACHE_DIR=~/.cache/numba",
+        "make ~/.cache writable, or name another folder: export NUMBA_CACHE_DIR=/tmp/softlab",
     )
 
 

@@ -16,7 +16,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
 from model.digest import content_digest, file_name
-from model.kernel_cache import Kept, NamedByContent, Place, folder, keep
+from model.kernel_cache import Kept, NamedByContent, Place, keep
 
 # What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
 # a diverging state must stay visible.
@@ -108,8 +108,3 @@ def _empty_region() -> Any:
 def start_threads() -> None:
     """Run one parallel region, so that the threading layer is chosen."""
     _empty_region()(1)
-
-
-def can_cache() -> bool:
-    """Whether machine code can be kept on disk; NUMBA_CACHE_DIR names a folder where it cannot."""
-    return folder() is not None

@@ -100,3 +100,23 @@ def test_the_longest_unused_goes_first(kept, monkeypatch):
     kernel_cache._make_room()
     left = {file.name.split(".")[0] for file in kept.glob("*.nb?")}
     assert left <= {old.name.split(".")[0]} and not new.exists()
+
+
+def test_a_terminal_is_told_what_is_compiled():
+    import io
+
+    from rich.console import Console
+
+    from app.command_line import compilations_told
+
+    def said(terminal: bool, *compilations: tuple[str, float | None]) -> str:
+        console = Console(file=io.StringIO(), force_terminal=terminal, soft_wrap=True, highlight=False)
+        with compilations_told(console):
+            for watcher in list(kernel_cache._watchers):
+                for label, seconds in compilations:
+                    watcher(label, seconds)
+        return console.file.getvalue()
+
+    assert said(True, ("advance team", None)) == "compiling advance team: for the first time here\n"
+    assert said(True, ("advance team", 12.3), ("first_bad 2d", 0.4)) == "compiling advance team: took 12 s last time\n"
+    assert said(False, ("advance team", None)) == ""
