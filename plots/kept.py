@@ -55,7 +55,7 @@ def _parts(figure: Any) -> Iterator[Any]:
             yield axis.get_scale(), tuple(axis.get_view_interval()), axis.get_label_text(), axis.get_visible()
             for ticker in (axis.get_major_locator(), axis.get_major_formatter(), axis.get_minor_locator()):
                 yield type(ticker).__name__, getattr(ticker, "seq", None)
-                yield [float(at) for at in ticker.locs] if isinstance(ticker, FixedLocator) else None
+                yield [float(at) for at in ticker()] if isinstance(ticker, FixedLocator) else None
                 yield getattr(getattr(ticker, "func", None), "args", None)  # labels that were given one by one
         legend = ax.get_legend()
         for artist in (*ax.lines, *ax.collections, *ax.patches, *ax.texts, *ax.images, *((legend,) if legend else ())):
