@@ -110,7 +110,7 @@ class Demo(Worlds):
         ]
         told = next((fields for _, fields in wanted if fields), None)
         if told is None:
-            self.say(f"{self.whose}this scene has no springs")
+            self.say(f"{self.whose}this scene has no springs that give")
         elif self._change(wanted):
             texts = [
                 f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"

@@ -11,6 +11,7 @@ import numpy as np
 
 from app.pictures import check_target, replacing
 from model.build import build
+from model.clock import START, Clock
 from model.errors import InputError
 from model.scene import Scene
 from model.simulation import State
@@ -31,9 +32,12 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 
 def write_state(path: Path | str, state: State) -> Path:
     """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`; of bodies
-    `rotation` (clusters, 4), and of plastic ones `plastic` (clusters, 3, 3)."""
+    `rotation` (clusters, 4), and of plastic ones `plastic` (clusters, 3, 3). Where the step size
+    was changed, `clock_step` and `clock_time` [s] say when."""
     names = ("position", "velocity", "inverse_mass", "rotation", "plastic")
     arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
+    if state.clock != START:
+        arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}
     return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
 
 
@@ -66,12 +70,13 @@ def read_state(path: Path | str, scene: Scene) -> State:
         inverse_mass = build(scene).inverse_mass
     try:
         time, step = float(arrays.get("time", 0.0)), int(arrays.get("step", 0))
-    except (TypeError, ValueError):
+        clock = Clock(int(arrays.get("clock_step", 0)), float(arrays.get("clock_time", 0.0)))
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: time and step must be single numbers") from None
-    if not np.isfinite(time) or step < 0:
-        raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step})")
+    if not np.isfinite((time, clock.time)).all() or min(step, clock.step) < 0:
+        raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
     velocity = arrays.get("velocity", np.zeros_like(position))
-    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"))
+    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"), clock)
 
 
 def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:

@@ -32,15 +32,16 @@ OpenWorld = Callable[..., Simulation]
 
 
 def stiffness_paths(scene: Scene) -> dict[str, float]:
-    """Dotted path -> stiffness [N/m] of every kind of spring in the scene, as it is now."""
-    if scene.springs:
-        return {"springs.stiffness": scene.springs.stiffness}
-    return {f"{kind}.stiffness": springs.stiffness for kind, springs in scene.cloth_springs.items()}
+    """Dotted path -> stiffness [N/m] of every kind of spring in the scene that gives, as it is now; pbd asks for none."""
+    if scene.method.solver == "pbd":
+        return {}
+    springs = {"springs": scene.springs} if scene.springs else scene.cloth_springs
+    return {f"{kind}.stiffness": one.stiffness for kind, one in springs.items() if not one.inextensible}
 
 
 def live_parts(scene: Scene) -> tuple[str, ...]:
-    """What the demo can change in this scene while it runs: gravity always, stiffness where springs are, pokes but of bodies,
-    which are pulled through their state (app/grip.py)."""
+    """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of
+    bodies, which are pulled through their state (app/grip.py)."""
     poked = () if scene.bodies else ("poke",)
     return ("gravity", *poked, "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
 

@@ -14,7 +14,7 @@ import numpy as np
 from bench.accuracy_points import AT_REST
 from bench.contact_reference import contact_converged
 from bench.growth import Growth, kept_growth
-from bench.methods import newton
+from bench.methods import newton, why_unknown
 from bench.reference import cache, rope
 from model.scene import Scene
 
@@ -27,7 +27,7 @@ LEFT = 1e-8  # m: of the swing, at the time of S6-still
 
 def motion_of(scene: Scene) -> Scene:
     """The scene that references are made of: for the solver mass-spring, but where that does not know its loads."""
-    return scene if scene.loads else newton(scene)
+    return scene if scene.loads and why_unknown(scene) is None else newton(scene)
 
 
 def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> cache.Converged:

@@ -20,7 +20,7 @@ import numpy as np
 
 from bench.reference import cache
 from bench.reference.mass_spring import pinned_mask, simulate, start
-from model.integrators import damping_rate, frequency_bound, spring_damping_bound
+from model.integrators import fastest_damping, frequency_bound, spring_damping_bound
 from model.kept import read_arrays, write_arrays
 from model.scene import Scene
 
@@ -68,7 +68,7 @@ def disturbance(scene: Scene) -> np.ndarray:
 def twin_steps(scene: Scene, time: float, per_radian: float = STEPS_PER_RADIAN) -> int:
     """Steps of the twins up to `time` [s]: whole ones between two looks. `per_radian`: of the fastest vibration."""
     along = spring_damping_bound(scene) if scene.cloth else 0.0
-    wanted = time * (frequency_bound(scene) + damping_rate(scene) + along) * per_radian
+    wanted = time * (frequency_bound(scene) + fastest_damping(scene) + along) * per_radian
     return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from bench.methods import why_unknown
 from bench.reference.mass_spring import converged, smooth
 from model.errors import Diverged
-from model.integrators import damping_rate, frequency_bound, spring_damping_bound
+from model.integrators import fastest_damping, frequency_bound, spring_damping_bound
 from model.scene import Scene
 from model.simulation import State
 
@@ -31,10 +32,9 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
         return 0.0, None
     if state.step == 0:
         return 0.0, None
-    if scene.mesh:
-        return None, "meshes have no converged reference"
-    if scene.method.matches_shapes:
-        return None, "clusters are another material than springs: no converged reference"
+    why = why_unknown(scene)
+    if why is not None:
+        return None, why
     if scene.external and scene.external.magnitude > 0:
         return None, "a random force is another force at every step size, so no converged reference exists"
     steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN
@@ -53,7 +53,7 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
 def fastest_rate(scene: Scene) -> float:
     """A rate [1/s] that nothing in the scene exceeds: its largest frequency, and what its dampers add."""
     along = spring_damping_bound(scene) if scene.cloth else 0.0
-    return frequency_bound(scene) + damping_rate(scene) + along
+    return frequency_bound(scene) + fastest_damping(scene) + along
 
 
 def evaluation_seconds(scene: Scene) -> float:

@@ -56,15 +56,12 @@ def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
     return method.get("iterations"), method.get("substeps")
 
 
-def has_motion(scene: Scene) -> bool:
-    """Whether Newton's law tells the scene's motion, so that an error can be had: constraints that are springs. A pbd's
-    stiffness is that of its step size and iterations, and clusters are another material than springs."""
-    rigid = any(springs.inextensible for springs in (scene.springs, *scene.cloth_springs.values()) if springs)
-    return not (rigid or scene.attachments or scene.method.solver == "pbd" or scene.method.matches_shapes)
+def why_unknown(scene: Scene) -> str | None:
+    """Why there is no converged reference of the scene's motion, and what to do; None where there is one, because Newton's
+    law tells that motion, and bench/reference/ knows all of its parts. What any command says of an error hangs on it.
 
-
-def _why_unknown(scene: Scene) -> str | None:
-    """Why there is no converged reference of the scene's motion, and what to do; None where there is one."""
+    Constraints must be springs: what does not give has no force by a law, a pbd's stiffness is that of its step size and
+    iterations, and clusters are another material."""
     if scene.bodies:
         return (
             "no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
@@ -82,18 +79,26 @@ def _why_unknown(scene: Scene) -> str | None:
         )
     if scene.self_collision:
         return "a cloth that meets itself has no converged reference; leave out [self_collision], or see softlab run"
-    if scene.loads or not has_motion(scene):
+    if scene.attachments:
+        return "no converged reference knows long-range attachments; leave out [attachments]"
+    if scene.method.solver == "pbd":
         return (
-            "has no converged reference where constraints do not give, masses differ or are tethered, or the stiffness is "
-            "pbd's; give springs a compliance and leave out loads and attachments"
+            "pbd has no converged reference: its stiffness is that of its step size and iterations; "
+            "--set method.solver=xpbd has the springs'"
         )
+    if any(springs.inextensible for springs in (scene.springs, *scene.cloth_springs.values()) if springs):
+        return "springs that do not give (compliance 0) have no converged reference; give them a compliance"
     return None
 
 
 def newton(scene: Scene) -> Scene:
-    """The same scene for the solver mass-spring: what references are made for. Raises SceneError, with what to ask instead
-    (see `has_motion`): also for meshes, loads and cloths that meet themselves, which that solver does not know."""
-    why = _why_unknown(scene)
+    """The same scene for the solver mass-spring: what references are made for. Raises SceneError, with what to ask instead,
+    by `why_unknown`; also for loads, which references know, but not that solver."""
+    why = why_unknown(scene)
+    if why is None and scene.loads:
+        why = (
+            "no converged reference can be had by mass-spring where masses differ; leave out loads, or see softlab run"
+        )
     if why is not None:
         raise SceneError("method.solver", scene.method.solver, why)
     return scene.replace({"method.solver": "mass-spring"}) if scene.method.position_based else scene

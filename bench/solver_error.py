@@ -17,7 +17,7 @@ import numpy as np
 from app.driver import open_simulation
 from bench.judge import distance
 from bench.judgement import BALANCE, CONSTRAINT, SOLVER, Numbers
-from bench.methods import has_motion
+from bench.methods import why_unknown
 from bench.reference import xpbd
 from bench.reference.steps import masses
 from bench.sweep import source_hash
@@ -88,7 +88,7 @@ def solver_numbers(
         right, against = rest, "rest, where the converged scheme is"
     error = distance(state.position, right, free, scene.grid.spacing)[0]
     numbers: Numbers = {SOLVER: (error, "spacing", f"against {against}")}
-    if has_motion(scene):
+    if why_unknown(scene) is None:
         constraint, balance = next_residuals(scene, state)
         numbers[CONSTRAINT] = (constraint, "m", "largest, of the next substep")
         numbers[BALANCE] = (balance, "kg m", "largest, of the next substep")
@@ -96,7 +96,7 @@ def solver_numbers(
 
 
 def next_residuals(scene: Scene, state: State) -> tuple[float, float]:
-    """bench.reference.xpbd.residuals of the substep that follows `state`. For scenes with `has_motion`."""
+    """bench.reference.xpbd.residuals of the substep that follows `state`, where the motion is known (`why_unknown`)."""
     method = scene.method
     h, inverse_mass = method.dt / method.substeps, state.inverse_mass.astype(np.float64)
     p, v = state.position.astype(np.float64), state.velocity.astype(np.float64)

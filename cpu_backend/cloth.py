@@ -21,7 +21,7 @@ from cpu_backend.simulation import CpuSimulation
 from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import cloth_plan, kicks_meet
-from model.cloth_record import C_DT, body_rows, pin_velocity
+from model.cloth_record import body_rows, pin_velocity
 from model.errors import SceneError
 from model.integrators import IMPLICIT
 from model.plan import Executor
@@ -117,8 +117,7 @@ class ClothMassSpring(CpuSimulation):
     def _pin_velocity(self, step: int) -> Any:
         if "motion" not in self.plan.parts:
             return 0
-        time = self.real(step) * self._record[C_DT]
-        return pin_velocity(self.bodies, int(self.integers[PIN_ROWS]), len(self.body.pinned), time)
+        return pin_velocity(self.bodies, int(self.integers[PIN_ROWS]), len(self.body.pinned), step, self._record)
 
     def _read_normal(self, into: Any) -> Any:
         out = np.empty((self.body.rows * self.body.columns, AXES), self.real)

@@ -29,6 +29,8 @@ from model.cloth_record import (
     B_Y,
     B_Z,
     C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
     C_GRAVITY,
     COLLIDER_FIELDS,
 )  # fmt: skip
@@ -149,7 +151,8 @@ def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def instants(step, record):
         slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
-        return instant(step, record[C_DT]), instant(step + 1, record[C_DT]), slow
+        clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+        return instant(step, *clock), instant(step + 1, *clock), slow
 
     return instants
 

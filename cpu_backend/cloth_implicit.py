@@ -18,7 +18,7 @@ from cpu_backend.cloth_scratch import AXES, REACH, cloth_variant, triples_of
 from cpu_backend.cloth_sums import make_sums_over_masses
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
-from model.cloth_record import C_DT
+from model.cloth_record import C_DT, C_FIRST_STEP, C_FIRST_TIME
 from model.formulas import cloth, implicit
 from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
 from model.implicit_record import (
@@ -79,7 +79,7 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
         count, end, air = rows * segments, zero, (zero, zero, zero)
         if has_motion:
-            end = instant(step + 1, record[C_DT])
+            end = instant(step + 1, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
         if kind == START:
             if has_wind:
                 air = air_now(record, integers, step, zero)

@@ -22,7 +22,7 @@ from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, r
 from cpu_backend.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import kicks_meet
-from model.cloth_record import C_DAMPING, C_DT, C_INVERSE_DAMPING, P_MOTION, PIN_FIELDS
+from model.cloth_record import C_DAMPING, C_DT, C_FIRST_STEP, C_FIRST_TIME, C_INVERSE_DAMPING, P_MOTION, PIN_FIELDS
 from model.formulas import cloth, springs
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
@@ -119,7 +119,8 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
         closing = step - 1 if verlet and (two_sums or kind == CLOSING) else step
         end = zero
         if has_motion:
-            end = instant(step if verlet and kind == CLOSING else step + 1, record[C_DT])
+            ended = step if verlet and kind == CLOSING else step + 1
+            end = instant(ended, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
         begin_walk(first, blocks, layout, source, record, air, scratch, width)
         for i in range(first, last):
             here = i * stride

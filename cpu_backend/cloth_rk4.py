@@ -14,7 +14,7 @@ from cpu_backend.cloth_scratch import AXES, cloth_variant, triples_of
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from cpu_backend.rk4_kernels import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
-from model.cloth_record import C_DAMPING, C_DT
+from model.cloth_record import C_DAMPING, C_DT, C_FIRST_STEP, C_FIRST_TIME
 from model.formulas import cloth, motion, springs
 
 
@@ -72,7 +72,8 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             offset = one
         end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
         if has_motion:
-            end = middle(step, record[C_DT]) if stage < 2 else instant(step + 1, record[C_DT])
+            clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+            end = middle(step, *clock) if stage < 2 else instant(step + 1, *clock)
         air = (zero, zero, zero)
         if has_wind:
             air = air_now(record, integers, step, offset)

@@ -25,6 +25,8 @@ from model.cloth_record import (
     C_DAMPING,
     C_DT,
     C_EXTERNAL,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
     C_GRAVITY,
     C_HALF_DT,
     C_HALF_DT_SQUARED,
@@ -144,7 +146,8 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     def pins(bodies, first, rows, columns, step, half_way, record, state):
         x, y, z, vx, vy, vz = state
-        time = middle(step, record[C_DT]) if half_way else instant(step + 1, record[C_DT])
+        clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+        time = middle(step, *clock) if half_way else instant(step + 1, *clock)
         for k in prange(rows.size):
             pin = first + PIN_FIELDS * k
             if bodies[pin + P_MOTION] >= zero:

@@ -17,6 +17,8 @@ from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, r
 from model.cloth_record import (
     C_DRAG,
     C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
     C_GUST,
     C_GUST_TIME,
     C_LIFT,
@@ -40,7 +42,8 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def air_now(record, integers, step, offset):
         x, y, z = record[C_WIND_X], record[C_WIND_Y], record[C_WIND_Z]
         if has_gust:
-            interval, passed = gust_interval(stage_time(step, offset, record[C_DT]), record[C_GUST_TIME])
+            time = stage_time(step, offset, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+            interval, passed = gust_interval(time, record[C_GUST_TIME])
             before, _, _, _ = philox(integers[2], np.uint64(interval), stream)
             after, _, _, _ = philox(integers[2], np.uint64(interval + 1), stream)
             g, most = gust(before, after, passed), record[C_GUST]

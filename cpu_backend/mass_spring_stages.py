@@ -21,6 +21,8 @@ from model.record import (
     K_DAMPING,
     K_DT,
     K_EXTERNAL,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
     K_GRAVITY,
     K_HALF_DT,
     K_HALF_DT_SQUARED,
@@ -109,7 +111,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     @kernel
     def manufactured_force(ax, ay, record, step, offset):
         rows, columns = ax.shape
-        time = stage_time(step, offset, record[K_DT])
+        time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):

@@ -22,6 +22,8 @@ from model.record import (
     K_DAMPING,
     K_DT,
     K_EXTERNAL,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
     K_GRAVITY,
     K_INERTIA,
     K_POKE_X,
@@ -137,7 +139,7 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
         elif has_external:
             add_external(close_x, close_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
         if has_manufactured:
-            time = stage_time(step, offset, record[K_DT])
+            time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
             for j in range(count):
                 force_x, force_y = manufactured_acceleration(
                     i, column + j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],

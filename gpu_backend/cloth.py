@@ -34,7 +34,7 @@ from gpu_backend.mass_spring_kernels import BLOCK, MOST_BLOCKS_DOWN
 from gpu_backend.quads import SIZE
 from gpu_backend.simulation import NOTHING_BAD, CudaSimulation
 from model.cloth_plan import cloth_plan, kicks_meet
-from model.cloth_record import C_DT, body_rows, pin_velocity
+from model.cloth_record import body_rows, pin_velocity
 from model.errors import SceneError
 from model.integrators import IMPLICIT
 from model.memory import require
@@ -240,8 +240,7 @@ class ClothMassSpring(CudaSimulation):
     def _pin_velocity(self, step: int) -> Any:
         if "motion" not in self.plan.parts:
             return 0
-        time = self.real(step) * self._record[C_DT]
-        return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), time)
+        return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), step, self._record)
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         for array, values, spare in (

@@ -29,6 +29,8 @@ from model.cloth_record import (
     B_Y,
     B_Z,
     C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
     C_GRAVITY,
     COLLIDER_FIELDS,
 )  # fmt: skip
@@ -144,14 +146,15 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inline
     def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
         if has_colliders:
-            end, at = instant(step + next_one, record[C_DT]), np.int32(0)
+            clock, at = (record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]), np.int32(0)
+            end = instant(step + next_one, *clock)
             slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
                     px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_spheres:
-                begin = instant(step, record[C_DT])
+                begin = instant(step, *clock)
                 for _ in range(np.int32(integers[SPHERES])):
                     px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)
@@ -164,12 +167,12 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                     px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_meshes:
-                begin = instant(step, record[C_DT])
+                begin = instant(step, *clock)
                 for _ in range(np.int32(integers[MESHES])):
                     px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_fields:
-                begin = instant(step, record[C_DT])
+                begin = instant(step, *clock)
                 for _ in range(np.int32(integers[FIELDS])):
                     px, py, pz, vx, vy, vz = meet_field(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     at = np.int32(at + COLLIDER_FIELDS)

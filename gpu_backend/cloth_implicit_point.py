@@ -51,7 +51,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         vx, vy, vz = velocity
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record[C_DT], bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record, bodies)
         store_quad(x, k, px, py, pz, p[3])
         store_quad(u, k, vx, vy, vz, zero)
         return (px, py, pz), (vx, vy, vz)

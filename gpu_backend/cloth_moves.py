@@ -52,7 +52,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
         px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, record, bodies, integers, step)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record[C_DT], bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record, bodies)
         return px, py, pz, vx, vy, vz
 
     @inline
@@ -190,7 +190,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
             new_p, new_v = (px, py, pz), (vx, vy, vz)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, record[C_DT], bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, record, bodies)
                 new_p, new_v = (px, py, pz), (vx, vy, vz)
         return new_p, new_v, sum_p, sum_v
 

@@ -24,6 +24,8 @@ from model.cloth_record import (
     C_DRAG,
     C_DT,
     C_EXTERNAL,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
     C_GRAVITY,
     C_GUST,
     C_GUST_TIME,
@@ -169,7 +171,8 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     def air_now(record, integers, step, offset):
         x, y, z = record[C_WIND_X], record[C_WIND_Y], record[C_WIND_Z]
         if has_gust:
-            interval, part = gust_interval(stage_time(step, offset, record[C_DT]), record[C_GUST_TIME])
+            time = stage_time(step, offset, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+            interval, part = gust_interval(time, record[C_GUST_TIME])
             before, _, _, _ = philox(integers[WIND_SEED], np.uint64(interval), stream)
             after, _, _, _ = philox(integers[WIND_SEED], np.uint64(interval + next_one), stream)
             g, gust = gust_of(before, after, part), record[C_GUST]

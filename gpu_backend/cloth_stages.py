@@ -203,7 +203,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
         if k < position.size // SIZE:
             p = load_quad(position, k)
             if p[3] != zero:
-                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, record[C_DT], bodies)
+                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, record, bodies)
                 store_quad(position, k, x, y, z, p[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -112,10 +112,10 @@ def make_cloth_strips(
             record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7], record[8],
             record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16], record[17],
             record[18], record[19], record[20], record[21], record[22], record[23], record[24], record[25], record[26],
-            record[27],
+            record[27], record[28], record[29],
         )  # fmt: skip
 
-    assert count == 28
+    assert count == 30
 
     def make_load(distance: int) -> Any:
         @inline

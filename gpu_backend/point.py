@@ -23,6 +23,8 @@ from model.record import (
     K_DAMPING,
     K_DT,
     K_EXTERNAL,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
     K_GRAVITY,
     K_HALF_DT,
     K_HALF_DT_SQUARED,
@@ -118,7 +120,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     def add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset):
         """The manufactured force at time (step + offset) dt, and the poke."""
         if has_manufactured:
-            time = stage_time(step, offset, record[K_DT])
+            time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
             fx, fy = manufactured_acceleration(
                 i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
                 record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],

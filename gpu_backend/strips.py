@@ -74,7 +74,8 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
         All but those of alternating springs, which no kernel on tiles runs."""
         return (
             record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7],
-            record[8], record[9], record[10], record[11], record[12], record[13], record[14], record[15],
+            record[8], record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16],
+            record[17],
         )  # fmt: skip
 
     @inline

@@ -1,6 +1,6 @@
 """The constants that a cloth's kernels read: one small record, and rows for colliders and for pins that move.
 
-The first five lie where they do in a grid's record; of a kind of springs, all three constants lie side by side.
+The first seven lie where they do in a grid's record; of a kind of springs, all three constants lie side by side.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from model.build import Body
+from model.clock import START, Clock
 from model.cloth_parts import SURFACE_KINDS
 from model.errors import SceneError
-from model.formulas import motion
+from model.formulas import cloth, motion
 from model.integrators import damping_rate
 from model.motion import motions_of_pins
 from model.record import PARAMETERS as GRID_PARAMETERS
@@ -22,7 +23,7 @@ from model.scene import Scene
 from model.surface_collider import naming
 
 CLOTH_PARAMETERS = (
-    *GRID_PARAMETERS[:5],  # dt [s] and what follows from it
+    *GRID_PARAMETERS[:7],  # dt [s], what follows from it, and since when time is counted
     "damping",  # of the mass, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
@@ -53,6 +54,8 @@ CLOTH_PARAMETERS = (
     C_HALF_DT_SQUARED,
     C_SIXTH_DT,
     C_THIRD_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
     C_DAMPING,
     C_INVERSE_DAMPING,
     C_GRAVITY,
@@ -145,14 +148,16 @@ PIN_FIELDS = 4
 ) = range(PIN_FIELDS)
 
 
-def cloth_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
+def cloth_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
     """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
-    return rounded_record(scene, cloth_values(scene, scene.method.dt, poke), FIELDS, real)
+    return rounded_record(scene, cloth_values(scene, 1, poke, clock), FIELDS, real)
 
 
-def cloth_values(scene: Scene, dt: float, poke: tuple[float, ...]) -> dict[str, float]:
-    """CLOTH_PARAMETERS by name, in float64, for steps of `dt` [s]; of a grid those that it has."""
-    cloth, wind = scene.grid, scene.wind
+def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Clock = START) -> dict[str, float]:
+    """CLOTH_PARAMETERS by name, in float64, for so many substeps a step; of a grid those that it has."""
+    cloth, wind, dt = scene.grid, scene.wind, scene.method.dt / substeps
     mass, rate = cloth.mass, damping_rate(scene)
     values = {
         "dt": dt,
@@ -160,6 +165,7 @@ def cloth_values(scene: Scene, dt: float, poke: tuple[float, ...]) -> dict[str, 
         "half_dt_squared": dt * dt / 2,
         "sixth_dt": dt / 6,
         "third_dt": dt / 3,
+        **clock.values(dt, substeps),
         "damping": rate,
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
@@ -259,12 +265,14 @@ def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
     return np.concatenate([array.reshape(-1) for array in (colliders, motions, pins)]), colliders.size + motions.size
 
 
-def pin_velocity(bodies: np.ndarray, first: int, pins: int, time: Any) -> np.ndarray:
-    """(pins, 3) [m/s], in the arithmetic of `bodies`: of the pinned masses at `time` [s], to the bits of `exact` kernels.
+def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: np.ndarray) -> np.ndarray:
+    """(pins, 3) [m/s], in the arithmetic of `bodies`: of the pinned masses as `step` begins, to the bits of `exact` kernels.
 
     `bodies`, `first`: of `body_rows`. Loaded states get it: kernels read velocities of pins before they write them.
     """
-    formulas = motion.make(bodies.dtype.type)
+    real = bodies.dtype.type
+    formulas, instant = motion.make(real), cloth.make(real).instant
+    time = instant(step, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
     rows = bodies[first : first + pins * PIN_FIELDS].reshape(pins, PIN_FIELDS)
     velocity = np.zeros((pins, 3), bodies.dtype)
     for place in np.unique(rows[:, P_MOTION]):

@@ -21,10 +21,10 @@ from math import cos, inf, pi, sin, sqrt
 
 import numpy as np
 
-from model.build import pinned_indices
+from model.build import build, pinned_indices
 from model.energy import spring_ends, spring_stiffness
 from model.errors import SceneError
-from model.integrators import frequency_bound, stability_limit
+from model.integrators import frequency_bound, lightest_mass, stability_limit
 from model.scene import Grid, Scene
 
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
@@ -170,8 +170,11 @@ def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def scene_net(scene: Scene) -> Net:
     """The scene's springs as a graph. A scene without springs is a net without edges."""
     grid = scene.grid
-    inverse_mass = np.full(grid.particle_count, 1 / grid.mass)
-    inverse_mass[pinned_indices(grid)] = 0
+    if scene.loads:
+        inverse_mass = build(scene).inverse_mass
+    else:
+        inverse_mass = np.full(grid.particle_count, 1 / grid.mass)
+        inverse_mass[pinned_indices(grid)] = 0
     if scene.cloth:
         return Net(*_edges(scene), inverse_mass)
     ends = spring_ends(grid.rows, grid.columns) if scene.springs else np.zeros((0, 2), np.int32)
@@ -185,22 +188,22 @@ def scene_net(scene: Scene) -> Net:
 def _free_bound(scene: Scene) -> float:
     """A frequency [1/s] that no vibration of the scene's grid, freed of its pins, exceeds: the largest one where springs are
     equal; where they alternate, a mass has one of each along every direction, and Gershgorin's bound is twice their sum.
-    Of a cloth, the bound for any."""
-    grid, springs = scene.grid, scene.springs
+    Of a cloth, the bound for any. Where masses differ, as if all were as light as the lightest."""
+    grid, springs, mass = scene.grid, scene.springs, lightest_mass(scene)
     if scene.cloth:
         return frequency_bound(scene)
     assert springs is not None
     if springs.alternate:
         most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]
-        return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / grid.mass)
+        return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / mass)
     free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}))
     assert free_grid is not None
-    return sqrt(springs.stiffness / grid.mass * free_grid[0])
+    return sqrt(springs.stiffness / mass * free_grid[0])
 
 
 def scene_frequency(scene: Scene) -> Frequency:
-    """The largest frequency of the scene's net in any state: closed form (a grid's equal springs), iterated, or (large, and
-    oddly pinned, of alternating springs, or a cloth) bounded.
+    """The largest frequency of the scene's net in any state: closed form (a grid's equal springs and masses), iterated, or
+    (large, and oddly pinned, of alternating springs, of several masses, or a cloth) bounded.
 
     A pin takes rows and columns out of the matrix, which lowers its largest eigenvalue (Cauchy's interlacing), so that
     the free grid bounds every other.
@@ -208,7 +211,8 @@ def scene_frequency(scene: Scene) -> Frequency:
     grid = scene.grid
     if not (scene.springs or scene.cloth_springs):
         return Frequency(0.0, 0.0, "closed form", mode=np.zeros(grid.particle_count))
-    closed = grid_eigenvalue(grid) if scene.springs and not scene.springs.alternate else None
+    even = scene.springs and not scene.springs.alternate and not scene.loads
+    closed = grid_eigenvalue(grid) if even else None
     if scene.springs and closed is not None:
         w = sqrt(scene.springs.stiffness / grid.mass * closed[0])
         return Frequency(w, w, "closed form", mode=closed[1])
@@ -221,7 +225,12 @@ def scene_frequency(scene: Scene) -> Frequency:
 
 def frequency_lines(scene: Scene) -> list[str]:
     """What `softlab plan` says of it: the largest frequency, how it is known, and the step size that follows."""
-    if not (scene.springs or scene.cloth_springs) or scene.mesh:  # whose solver has no limit that follows from it
+    springs = [scene.springs] if scene.springs else [*scene.cloth_springs.values()]
+    if not springs or scene.mesh:  # whose solver has no limit that follows from it
+        return []
+    if scene.method.solver == "pbd" or any(
+        one.inextensible for one in springs
+    ):  # which are no springs of that stiffness
         return []
     found = scene_frequency(scene)
     name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"

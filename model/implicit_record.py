@@ -32,7 +32,7 @@ S_ROUNDOFF = C_GUST_TIME  # half of the distance from 1 to the next number
 def system_record(scene: Scene, real: type) -> np.ndarray:
     """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
     dt = scene.method.dt
-    given = cloth_values(scene, dt, (0.0, 0.0, 0.0))
+    given = cloth_values(scene, 1, (0.0, 0.0, 0.0))
     values = dict.fromkeys(CLOTH_PARAMETERS, 0.0)
     values["dt"] = dt
     for kind in SPRING_KINDS:

@@ -12,8 +12,10 @@ from math import inf, sqrt
 
 import numpy as np
 
+from model.build import pinned_indices
 from model.cloth_bounds import laplacian_bound
 from model.scene import Scene
+from model.topology import vertex_masses
 
 
 def _lab_limit(w: float, gamma: float) -> float:
@@ -160,21 +162,46 @@ def frequency_bound(scene: Scene) -> float:
 
     A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
     grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid. Where springs
-    alternate, k is the stiffest one's; model/frequency.py tells how much of it the net itself needs. A cloth's is
-    model/cloth_bounds.py.
+    alternate, k is the stiffest one's; where masses differ, m the lightest one; model/frequency.py tells how much of it the
+    net itself needs. A cloth's is model/cloth_bounds.py; of a mesh from a file and of bodies, whose solvers have no limit
+    that follows from it, nothing is known.
     """
     if scene.cloth:
-        return sqrt(laplacian_bound(scene, "stiffness") / scene.cloth.mass)
+        return sqrt(laplacian_bound(scene, "stiffness") / lightest_mass(scene))
     grid, springs = scene.grid, scene.springs
     if springs is None:
         return 0.0
     most_springs = min(grid.rows - 1, 2) + min(grid.columns - 1, 2)
-    return sqrt(2 * most_springs * springs.largest_stiffness / grid.mass)
+    return sqrt(2 * most_springs * springs.largest_stiffness / lightest_mass(scene))
+
+
+def lightest_mass(scene: Scene) -> float:
+    """The least mass [kg] that moves, or may, of spare bodies; the sheet's where nothing does."""
+    if scene.bodies:
+        return float(scene.crowd.clusters.mass.min())
+    sheet = scene.grid
+    by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
+    if not scene.loads and not by_area:
+        return sheet.mass
+    pinned = pinned_indices(sheet)
+    loads = {load.at[0] * sheet.columns + load.at[1]: load.mass for load in scene.loads.values()}
+    told = np.union1d(pinned, np.array([*loads], np.int64))
+    found = [mass for place, mass in loads.items() if place not in pinned]
+    if by_area:
+        found.append(float(np.delete(vertex_masses(by_area), told).min(initial=inf)))
+    elif len(told) < sheet.particle_count:
+        found.append(sheet.mass)
+    return min((mass for mass in found if mass < inf), default=sheet.mass)
 
 
 def damping_rate(scene: Scene) -> float:
-    """coefficient / mass [1/s]; 0 where the scene has no damping."""
+    """coefficient / mass [1/s] of a mass like the sheet's, or their mean; 0 where the scene has no damping."""
     return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
+
+
+def fastest_damping(scene: Scene) -> float:
+    """The same of the lightest mass: no damper takes a velocity away faster."""
+    return scene.damping.coefficient / lightest_mass(scene) if scene.damping else 0.0
 
 
 def spring_damping_bound(scene: Scene) -> float:
@@ -192,11 +219,13 @@ def stability_limit(scene: Scene, frequency: float | None = None) -> float:
     semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
     it only damps, weakly for cloth that is heavier than the air it moves in a step.
 
-    The position-based solvers hold at any step size, but for the masses' damper, which is explicit: h c/m < 2.
+    The position-based solvers hold at any step size, but for the masses' damper, which is explicit: h c/m < 2, m the
+    lightest mass.
     """
-    name, gamma = scene.method.integrator, damping_rate(scene)
     if scene.method.position_based:
-        return 2 * scene.method.substeps / gamma if gamma else inf
+        fastest = fastest_damping(scene)
+        return 2 * scene.method.substeps / fastest if fastest else inf
+    name, gamma = scene.method.integrator, damping_rate(scene)
     w = frequency_bound(scene) if frequency is None else frequency
     limit = integrators_for(scene)[name].limit
     along = spring_damping_bound(scene) if scene.cloth else 0.0

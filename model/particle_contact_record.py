@@ -33,7 +33,7 @@ PAIR_FIELDS = 6
     G_OWN,  # m, within one body; 0 likewise
     G_REACH,  # m: how far neighbours are searched
     G_ACTIVE,  # m: nearer than that it is a contact: the distance, or with adhesion the farthest that it pulls
-    G_PULL,  # m: how far adhesion moves both together in a projection
+    G_PULL,  # m: how far adhesion moves both together in a projection, its share of that of a substep
     G_NEIGHBOURS,  # m: nearer than that at rest they are neighbours
 ) = range(PAIR_FIELDS)
 
@@ -43,6 +43,7 @@ def pair_rows(scene: Scene) -> np.ndarray:
     part, bodies = scene.contact, list(scene.bodies.values())
     assert part is not None
     h = scene.method.dt / scene.method.substeps
+    projections = scene.method.iterations * part.sweeps  # a substep
     found = np.zeros((len(bodies), len(bodies), PAIR_FIELDS))
     for i, one in enumerate(bodies):
         for j, other in enumerate(bodies):
@@ -52,7 +53,7 @@ def pair_rows(scene: Scene) -> np.ndarray:
             active = distance * (1 + part.adhesion_reach * (adhesion > 0))
             found[i, j] = (
                 distance * meets, distance * (i == j and one.meets_itself), active * (1 + MARGIN), active,
-                adhesion * h * h, REST * distance,
+                adhesion * h * h / projections, REST * distance,
             )  # fmt: skip
     return found
 

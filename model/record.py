@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from model.clock import START, Clock
 from model.errors import SceneError
 from model.integrators import damping_rate
 from model.scene import Scene
@@ -17,6 +18,8 @@ PARAMETERS = (
     "half_dt_squared",
     "sixth_dt",
     "third_dt",
+    "first_step",  # since which time is counted in steps of dt: a number of steps,
+    "first_time",  # and that step's time, s
     "stiffness",  # spring stiffness over mass, 1/s^2
     "stiffness_rest",  # times the rest length, m/s^2
     "damping",  # damping rate, 1/s
@@ -38,6 +41,8 @@ PARAMETERS = (
     K_HALF_DT_SQUARED,
     K_SIXTH_DT,
     K_THIRD_DT,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
     K_STIFFNESS,
     K_STIFFNESS_REST,
     K_DAMPING,
@@ -69,7 +74,9 @@ FIELDS = {  # of the scene, by the value that follows from them
 }
 
 
-def parameter_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
+def parameter_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
     """The small record every kernel reads its constants from: (len(PARAMETERS),) in the arithmetic `real`.
 
     Computed in float64 and rounded once, so that both backends hold the same bits. Raises SceneError for a value that
@@ -84,6 +91,7 @@ def parameter_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0
         "half_dt_squared": dt * dt / 2,
         "sixth_dt": dt / 6,
         "third_dt": dt / 3,
+        **clock.values(dt),
         "stiffness": springs.stiffness / mass if springs else 0.0,
         "stiffness_rest": springs.stiffness * springs.rest_length / mass if springs else 0.0,
         "damping": rate,

@@ -17,6 +17,7 @@ import numpy as np
 from model import spare
 from model.backend import Backend
 from model.build import Body, build
+from model.clock import START, Clock, clock_of
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import cloth_record
 from model.cluster_tables import checked_plastic, checked_rotation
@@ -62,7 +63,8 @@ class Simulation(Backend):
         self._bound = min(DIVERGED_SIZE * self.body.size, largest)
         self._poke_particle = -1
         self._poke_force = (0.0,) * scene.dimensions
-        self._record = self._make_record(scene, self._poke_force)
+        self._clock = START
+        self._record = self._make_record(scene, self._poke_force, self._clock)
         self._kept_step, self._kept_time = 0, 0.0
         self.kept = 0
 
@@ -71,12 +73,12 @@ class Simulation(Backend):
         """What runs each stage of the plan by itself, by name; of the kernel `stages` only."""
         return self._executor.stages
 
-    def _make_record(self, scene: Scene, poke: Sequence[float]) -> np.ndarray:
+    def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
         """The small record of constants that the kernels read."""
         make = cloth_record if scene.cloth else parameter_record
         if scene.method.position_based:
             make = xpbd_record
-        return make(scene, self.real, tuple(poke))
+        return make(scene, self.real, tuple(poke), clock)
 
     # ------------------------------------------------------------------ what a user calls
 
@@ -104,7 +106,7 @@ class Simulation(Backend):
 
     def _count(self, steps: int) -> None:
         self.step += steps
-        self.time = self._kept_time + (self.step - self._kept_step) * self.scene.method.dt
+        self.time = self._clock.at(self.step, self.scene.method.dt)
 
     def check(self, keep: bool = True) -> None:
         """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one (if `keep`)."""
@@ -158,7 +160,7 @@ class Simulation(Backend):
         position, velocity = self._download()
         inverse_mass = self.body.inverse_mass.copy()
         bodies = self._download_rotation(), self._plastic()
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies)
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock)
 
     def _plastic(self) -> np.ndarray | None:
         """(clusters, 3, 3): as the backend has them of loose clusters, and no strain of lattices'."""
@@ -186,14 +188,21 @@ class Simulation(Backend):
             if "plastic" not in self.plan.parts:
                 raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
             plastic = checked_plastic(plastic, self._cluster_count(), self.real)
+        self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
         self._upload_plastic(None if plastic is None else plastic[: self.scene.crowd.loose.count])
         self._upload_rotation(rotation)
-        self.step, self.time = int(state.step), float(state.time)
+        self.step, self.time = int(state.step), self._clock.at(int(state.step), self.scene.method.dt)
         self._put_aside()
+
+    def _set_clock(self, clock: Clock) -> None:
+        """Count time by another clock, if it is one."""
+        if clock != self._clock:
+            self._clock, self._record = clock, self._make_record(self.scene, self._poke_force, clock)
+            self._parameters_changed()
 
     def _take_weights(self, inverse_mass: np.ndarray) -> None:
         """Other bodies wait than do now. Raises InputError where anything else is different."""
@@ -283,12 +292,15 @@ class Simulation(Backend):
         if path not in allowed:
             raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
         part = path.partition(".")[0]
-        if part in (*SPRING_KINDS, "wind") and part not in self.scene.parts:
+        if part in ("springs", *SPRING_KINDS, "wind") and part not in self.scene.parts:
             raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
+        if path in LIVE_PATHS["stiffness"] and self.scene.method.solver == "pbd":
+            raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")
         scene = self.scene.replace({path: value})
-        record = self._make_record(scene, self._poke_force)
+        clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
+        record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
-        self.scene, self._record = scene, record
+        self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
         self._kept_step, self._kept_time = self.step, self.time
         self._parameters_changed()
@@ -303,7 +315,7 @@ class Simulation(Backend):
             raise SceneError("poke", particle, f"must be a particle, 0 to {len(self.body.position) - 1}")
         if len(force) != self.scene.dimensions or not np.isfinite(force).all():
             raise SceneError("poke", force, f"must be {self.scene.dimensions} finite numbers")
-        record = self._make_record(self.scene, force)
+        record = self._make_record(self.scene, force, self._clock)
         self.check()
         self._poke_particle, self._poke_force, self._record = particle, tuple(force), record
         self._parameters_changed()

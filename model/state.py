@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.clock import START, Clock
 from model.errors import InputError
 from model.options import PRECISIONS
 
@@ -16,7 +17,7 @@ class State:
     the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`; of bodies
     `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
     are none, or they are to be found anew; of plastic bodies `plastic` (clusters, 3, 3), of volume 1: what their rest offsets
-    have been bent by, None: nothing."""
+    have been bent by, None: nothing; `clock`: since when `time` goes by the present step size."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -25,6 +26,7 @@ class State:
     step: int
     rotation: np.ndarray | None = None
     plastic: np.ndarray | None = None
+    clock: Clock = START
 
 
 def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:

@@ -21,6 +21,7 @@ from model.formulas import (
 )  # fmt: skip
 from model.formulas import random as random_formulas
 from model.particle_contact_record import contact_parts
+from model.parts import Elastic
 from model.plan import Node, Plan, Stage
 from model.rigid_rebound import rebound_parts
 from model.scene import Scene
@@ -60,7 +61,8 @@ FAMILIES = (
 def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code. Beside a cloth's (a grid's springs are `structural` ones) and the ordering:
 
-    `structural-compliance` (and so on): the constraints have multipliers; `structural-damping`: dampers along them;
+    `structural-compliance` (and so on): the constraints have multipliers, or may get them, where the stiffness is live;
+    `structural-damping`: dampers along them;
     `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
     reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `rubbing` where that has friction. Of the
     solver shape-matching `clusters` instead of constraints.
@@ -69,16 +71,20 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     method = scene.method
     if method.matches_shapes:
         return frozenset(parts - set(SPRING_KINDS)) | {"clusters"} | body_parts(scene)
+
+    def gives(springs: Elastic) -> bool:
+        return method.solver == "xpbd" and (not springs.inextensible or "stiffness" in live)
+
     kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
     if scene.springs:
         parts.add("structural")
-        if method.solver == "xpbd" and not scene.springs.inextensible:
+        if gives(scene.springs):
             parts.add("structural-compliance")
         if scene.springs.alternate:
             parts.add("alternating")
     for kind, springs in kinds.items():
         parts.discard(f"{kind}-damping")
-        if method.solver == "xpbd" and not springs.inextensible:
+        if gives(springs):
             parts.add(f"{kind}-compliance")
             if springs.damping > 0:
                 parts.add(f"{kind}-damping")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.clock import START, Clock
 from model.cloth_parts import SPRING_KINDS
 from model.cloth_record import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
 from model.clusters import matching_share
@@ -75,13 +76,15 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
     return rest, compliance, gamma, stiffening, 1 / (2 * stiffening + compliance), 1 / (stiffening + compliance)
 
 
-def xpbd_record(scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
+def xpbd_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
     """(len(XPBD_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError.
 
     `poke`: as many components [N] as the scene has dimensions.
     """
     h = scene.method.dt / scene.method.substeps
-    values = cloth_values(scene, h, (*poke, 0.0)[:3])
+    values = cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)
     braking = damping_rate(scene) * h
     values |= {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
     for kind in CONSTRAINTS:

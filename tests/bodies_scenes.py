@@ -99,12 +99,18 @@ def blocks(substeps: int = 2, iterations: int = 2, counts: Sequence[int] = (5, 4
 
 
 def lone_points(
-    points: Any, velocity: Any = None, adhesion: float = 1e-30, radius: float = 0.05, **contact: Any
+    points: Any,
+    velocity: Any = None,
+    adhesion: float = 1e-30,
+    radius: float = 0.05,
+    iterations: int = 1,
+    **contact: Any,
 ) -> Scene:
     """Bodies of one particle of 1 kg each, without weight, that meet."""
     count, contact = len(points), {"maximum_speed": 1e3, "sleeping_speed": 1e-30} | contact
     body = BRICK | {"copies": [count, 1, 1], "adhesion": adhesion, "radius": radius}
-    scene = by_hand(clusters_of(points, *([n] for n in range(count))), body=body, contact=contact)
+    clusters, solved = clusters_of(points, *([n] for n in range(count))), method(1, iterations)
+    scene = by_hand(clusters, body=body, contact=contact, method=solved)
     crowd, zero = scene.crowd, np.zeros((count, 3))
     one: Any = SimpleNamespace(clusters=SimpleNamespace(count=1), lattice=None)
     copies = tuple(Copy("body", one, n, first_particle=n, first_cluster=n) for n in range(count))

@@ -11,15 +11,17 @@ from bench.accuracy import run_accuracy
 from bench.accuracy_cases import cases, make_case
 from bench.accuracy_points import SCENES, AccuracyPoint, labels_of, method_words, point
 from bench.advise import advise
-from bench.judge import distance
+from bench.judge import distance, judge_run
 from bench.judgement import BALANCE, CONSTRAINT, SOLVER
-from bench.reference import cache
+from bench.reference import cache, xpbd
 from bench.results import configuration, measures
 from bench.solver_error import FLOOR, SHARE, Iterated, next_residuals, solver_numbers
 from bench.store import Store
+from model.build import build
 from model.errors import SceneError
 from model.integrators import INTEGRATORS
 from model.scene import Scene, load_scene
+from model.simulation import State
 from plots.accuracy_points import points
 from plots.data import load
 
@@ -101,6 +103,52 @@ def test_what_newton_tells_the_motion_of():
             methods.newton(scene.replace(changes))
     with pytest.raises(SceneError, match="no converged reference"):
         methods.newton(load_scene("hard/b2"))
+
+
+def ended(scene: Scene, position: np.ndarray | None = None, steps: int = 10) -> State:
+    """A state of the scene after so many steps: at its start, unless told where."""
+    body = build(scene)
+    at = body.position if position is None else position
+    return State(at, np.zeros_like(at), body.inverse_mass, steps * scene.method.dt, steps)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "told"),
+    [
+        ("lab-curtain", {"springs.compliance": 0.0}, "compliance 0"),
+        ("lab-curtain", {"attachments.anchors": 1}, "long-range attachments"),
+        ("lab-curtain", {"method.solver": "pbd"}, "its step size and iterations"),
+        ("cloth-self", {}, "meets itself"),
+        ("jelly-grid", {}, "another material"),
+    ],
+)
+def test_a_run_tells_no_error_where_the_reference_is_another_problem(name, changes, told):
+    """By the same words as `advise` and `ablate`."""
+    scene = load_scene(name)
+    scene = solved(scene, GAUSS_SEIDEL, 1, 0.01).replace(changes) if changes else scene
+    error, reason = judge_run(scene, ended(scene), None)
+    assert error is None and told in reason and reason == methods.why_unknown(scene)
+
+
+def test_a_run_with_a_load_is_judged_by_a_reference_that_knows_it():
+    """A chain whose end weighs a tenth swings by converged XPBD; halving the substep halves the error, and without the load
+    in the reference it would stay."""
+    light = {"kind": "load", "at": [3, 0], "mass": 0.001}
+    scene = Scene(
+        {
+            "grid": {"rows": 4, "columns": 1, "pinned": "top"}, "springs": {"stiffness": 10.0}, "gravity": {},
+            "light": light, "method": {"solver": "xpbd", "dt": 0.02},
+        }
+    )  # fmt: skip
+    errors = []
+    for substeps in (20, 40):
+        moved = xpbd.simulate(scene, 10, substeps=substeps, iterations=20, masses=np.array([0.01, 0.01, 0.01, 0.001]))[
+            0
+        ]
+        error, reason = judge_run(scene, ended(scene, moved), None)
+        assert reason is None
+        errors.append(error)
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.2) and errors[1] < 0.01
 
 
 @pytest.mark.parametrize(

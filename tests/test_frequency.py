@@ -119,6 +119,7 @@ def test_what_the_plan_says():
     assert "88.2822 1/s of this net (closed form), 89.4427 1/s of any grid" in line
     assert "velocity-verlet holds to dt 0.0226546 s" in line
     assert frequency_lines(Scene({"grid": {"rows": 3, "columns": 3}})) == []
+    assert frequency_lines(load_scene("hard/b2")) == []  # whose links do not give
     euler = grid(10, 10).replace({"method.integrator": "explicit-euler"})
     assert "explicit-euler holds at no dt" in frequency_lines(euler)[0]
 

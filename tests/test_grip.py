@@ -13,6 +13,7 @@ from app.demo import Demo
 from app.grip import CALMING, GIVE, HAND, SLOWING, STEADY, Grip
 from app.worlds import live_parts
 from model.cluster_tables import matching_factors
+from model.errors import SceneError
 from model.scene import Scene
 from model.simulation import Options
 
@@ -164,3 +165,14 @@ def test_a_paused_body_is_not_pushed_and_enter_pushes_the_whole_body() -> None:
 def test_what_is_live_is_what_can_change() -> None:
     assert live_parts(SCENE) == ("gravity", "dt")  # bodies are not poked: no stage for it is compiled
     assert "poke" in live_parts(Scene({"grid": {"rows": 2, "columns": 2}}))
+
+
+def test_what_cannot_get_a_stiffness_is_offered_none() -> None:
+    """Nor takes it from whoever names it live: what changes nothing is refused with the reason."""
+    grid = {"grid": {"rows": 2, "columns": 2}}
+    pbd = Scene(grid | {"springs": {}, "method": {"solver": "pbd"}})
+    rigid = Scene(grid | {"springs": {"compliance": 0.0}, "method": {"solver": "xpbd"}})
+    assert not any("stiffness" in live_parts(scene) for scene in (Scene(grid), pbd, rigid))
+    for scene, reason in ((pbd, "method.pbd_stiffness"), (Scene(grid), "has no such part")):
+        with pytest.raises(SceneError, match=reason):
+            FakeCloth(scene, Options(live=frozenset({"stiffness"}))).set("springs.stiffness", 20.0)

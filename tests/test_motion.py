@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import cos, log2, pi
 from typing import Any
@@ -16,6 +17,7 @@ from app.driver import open_simulation
 from bench.reference import cloth as reference_cloth
 from bench.reference import mass_spring as reference
 from model.build import build
+from model.clock import START
 from model.cloth_plan import cloth_plan
 from model.cloth_record import body_rows
 from model.energy import spring_strain
@@ -67,7 +69,8 @@ def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
         now = plain.turn(turns, real(0.5), real(3), numbers[12])
         assert now == fast.turn(turns, real(0.5), real(3), numbers[12])
         assert plain.placed(*numbers, *now) == fast.placed(*numbers, *now)
-    assert plain.middle(12345, real(0.1)) == fast.middle(12345, real(0.1))
+    clock = real(0.1), real(11), real(0.7)
+    assert plain.middle(12345, *clock) == fast.middle(12345, *clock)
 
 
 def test_the_velocity_is_the_positions_derivative() -> None:
@@ -129,6 +132,39 @@ def test_pins_are_where_their_motion_has_them(integrator: str, precision: str) -
             assert np.abs(state.velocity[pinned] - velocity.reshape(-1, 3)[pinned]).max() < 9 * bound
             assert velocity.any() == (state.step * dt < 0.3)
         assert integrator == "taylor" or state.step * dt > 0.3
+
+
+def test_time_goes_on_from_where_the_step_size_was_changed() -> None:
+    """Pins by the closed form of their path at the true time, and everything that moves from it by the bits of a run whose
+    steps are numbered otherwise: what happens depends on when it is, and not on how many steps there were."""
+    scene = cloth_scene("damped moving", "velocity-verlet")
+    dt, pinned = scene.method.dt, build(scene).pinned
+    options = {"precision": "float32", "math": "exact", "threads": 1, "allow_unstable": True}
+    with open_simulation(scene, live=("poke", "dt"), **options) as simulation:
+        simulation.advance(9)
+        simulation.set("method.dt", 2 * dt)
+        changed = simulation.state()
+        assert (changed.step, changed.time) == (9, 9 * dt)
+        simulation.advance(2)
+        half = simulation.state()
+        simulation.advance(1)
+        end = simulation.state()
+        assert (end.step, end.time) == (12, pytest.approx(15 * dt, rel=1e-12))
+        expected, _ = reference_cloth.follow(scene, reference.rest(scene), np.zeros((7, 6, 3)), 15 * dt)
+        # 5u of an angle of 0.3 at most, over 1 m at most, and 4u of sums of coordinates of 1 m: see the test above
+        off = np.abs(end.position - expected.reshape(-1, 3))[pinned].max()
+        assert off < np.finfo(np.float32).eps / 2 * 7
+        simulation.load(half)  # continues to the bit, with the clock that it has
+        simulation.advance(1)
+        assert same(simulation.state(), end)
+    coarse = scene.replace({"method.dt": 2 * dt})
+    for step in (0, 9, 1000):  # as another run's, whose step size was never this one
+        with open_simulation(
+            coarse, live=("poke",), initial=replace(changed, step=step, clock=START), **options
+        ) as other:
+            assert (other.step, other.time) == (step, changed.time)
+            other.advance(3)
+            assert same(other.state(), end)
 
 
 def stepped(scene: Scene, batches: tuple[int, ...] = (5, 12, 1, 7), poke: bool = True, **options: Any) -> State:

@@ -29,10 +29,14 @@ def needs_gpu() -> None:
 
 
 def end_state(scene: Scene, backend: str, steps: int = STEPS, **options: Any) -> State:
-    with open_simulation(scene, backend, allow_unstable=True, **({"math": "exact"} | options)) as simulation:
+    """After so many steps; after a third of them the state is read and loaded, after two thirds dt is changed."""
+    options = {"math": "exact", "live": ("dt",), "allow_unstable": True} | options
+    with open_simulation(scene, backend, **options) as simulation:
         simulation.advance(steps // 3)
         simulation.load(simulation.state())
-        simulation.advance(steps - steps // 3)
+        simulation.advance(steps // 3)
+        simulation.set("method.dt", 0.75 * scene.method.dt)
+        simulation.advance(steps - 2 * (steps // 3))
         return simulation.state()
 
 

@@ -158,6 +158,18 @@ def test_manufactured_solution_stage_by_stage(run, name):
     assert errors == pytest.approx([printed], rel=0.01)
 
 
+def test_the_manufactured_force_goes_on_where_dt_changes(opened, kernel):
+    """Half of the time at 1/100 s, half at 1/200 s: no farther off than at 1/100 s all the while."""
+    scene = load_scene("manufactured").replace({"method.integrator": "rk4", "method.dt": 0.01})
+    exact = reference.manufactured_motion(scene, 1.0)[0].reshape(-1, 2)
+    with opened(scene, kernel=kernel, live=("dt",)) as simulation:
+        simulation.advance(50)
+        simulation.set("method.dt", 0.005)
+        simulation.advance(100)
+        assert simulation.time == pytest.approx(1.0, rel=1e-12)
+        assert np.abs(simulation.state().position - exact).max() < 1.577e-7
+
+
 def test_reference_passes_its_own_test():
     """A7 for the NumPy reference: RK4 at 100 steps."""
     scene = load_scene("manufactured").replace({"method.integrator": "rk4", "method.dt": 0.01})

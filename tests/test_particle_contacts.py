@@ -14,6 +14,7 @@ from bodies_scenes import AWAY, POKE, SAMPLED, bodies_scene, end_state, lone_poi
 from meeting_bodies import meeting, neighbours
 
 from bench.reference import shape_matching as reference
+from bench.reference.particle_contacts import Contacts
 from cpu_backend.particle_contacts import ParticleContacts
 from model.errors import Diverged, SceneError
 from model.particle_contact_record import (
@@ -162,10 +163,32 @@ def test_bricks_stand_on_each_other() -> None:
     assert np.abs(moved[:, [0, 2]]).max() < 1e-3 and -moved[:, 1].min() < 3 * 4 * 9.81 * (0.01 / 4) ** 2 * 3
 
 
+PROJECTIONS = pytest.mark.parametrize("iterations,sweeps", [(1, 1), (4, 1), (1, 4), (2, 3)])
+
+
+@PROJECTIONS
+def test_adhesion_pulls_with_its_acceleration(iterations: int, sweeps: int) -> None:
+    """Two free points just apart come nearer by a h^2 n (n + 1) / 2 in n steps, however many projections share it; to the
+    roundings of 0.1 m of each, whose effect grows as the square of the steps."""
+    scene = lone_points([[0.0, 0.0, 0.0], [0.11, 0.0, 0.0]], adhesion=5.0, iterations=iterations, sweeps=sweeps)
+    expected = 0.11 - 5.0 * 0.01**2 * 5 * 6 / 2
+    bound = 5**2 * 4 * iterations * sweeps * 2.0**-53 * 0.1
+    position, velocity, contacts = scene.crowd.position, np.zeros((2, 3)), Contacts(scene)
+    for _ in range(5):  # the reference's, of nothing but contacts
+        before, position = position, position + 0.01 * velocity
+        contacts.find(position)
+        for _ in range(iterations):
+            position = contacts.sweep(before, position)
+        velocity = (position - before) / 0.01
+    for found in (end_state(scene, steps=5).position, position):
+        assert found[1, 0] - found[0, 0] == pytest.approx(expected, abs=bound)
+
+
+@PROJECTIONS
 @pytest.mark.parametrize("part,stays", [(0.9, True), (1.1, False)])
-def test_adhesion_holds_what_it_can(part: float, stays: bool) -> None:
+def test_adhesion_holds_what_it_can(part: float, stays: bool, iterations: int, sweeps: int) -> None:
     """Two points that touch, 1 kg each; a force pulls one away at a part of the acceleration with which they cling."""
-    scene = lone_points([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]], adhesion=5.0)
+    scene = lone_points([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]], adhesion=5.0, iterations=iterations, sweeps=sweeps)
     with opened(scene) as simulation:
         simulation.poke(1, (5.0 * part, 0.0, 0.0))
         simulation.advance(60)

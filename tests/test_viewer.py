@@ -89,7 +89,7 @@ def test_a_scene_without_springs_says_so() -> None:
     with Demo([Scene({"grid": GRID, "gravity": {}})]) as demo:
         demo.change_stiffness(1)
         demo.frame()
-        assert demo.message == "this scene has no springs" and demo.world.step == 10
+        assert demo.message == "this scene has no springs that give" and demo.world.step == 10
 
 
 def test_pause_holds_the_state(demo: Demo) -> None:

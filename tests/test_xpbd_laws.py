@@ -16,6 +16,7 @@ from model.build import build
 from model.energy import spring_strain
 from model.scene import Scene, load_scene
 from model.simulation import State
+from model.xpbd_plan import xpbd_parts
 
 G = 9.81
 FRAME = 1 / 60
@@ -83,6 +84,21 @@ def test_a_rigid_rope_is_too_long_by_h_squared(stepped: Run, ordering: str) -> N
         rest = build(scene).position
         state = stepped(scene, 1500, rest * (1 + constant * G * h * h / n))
         assert -state.position[-1, 1] - n == pytest.approx(constant * G * h * h, rel=1e-6)
+
+
+def test_a_link_that_did_not_give_takes_a_live_stiffness(opened: Any) -> None:
+    """At rest by m g / k longer; damped critically, so that 5 s are 50 of its times. Where the stiffness is not live, nothing
+    of compliance is compiled in."""
+    scene = chain(1, 1.0, 0.0, gravity={}, damping={"coefficient": 0.2})
+    assert "structural-compliance" not in xpbd_parts(scene) and "structural-compliance" in xpbd_parts(
+        scene, frozenset({"stiffness"})
+    )
+    with opened(scene, kernel="stages", live=("stiffness",)) as simulation:
+        simulation.advance(60)
+        assert simulation.read("position")[1, 1] == pytest.approx(-1.0, abs=1e-12)
+        simulation.set("springs.stiffness", 1.0)
+        simulation.advance(300)
+        assert simulation.read("position")[1, 1] == pytest.approx(-1 - 0.01 * G, abs=1e-12)
 
 
 @pytest.mark.parametrize(

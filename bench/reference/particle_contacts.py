@@ -32,7 +32,8 @@ class Contacts:
         rest = np.linalg.norm(crowd.position[:, None] - crowd.position, axis=2)
         self.meets |= mine & itself[:, None] & (rest >= REST * self.distance)
         np.fill_diagonal(self.meets, False)
-        self.pull = np.where(mine, 0.0, np.maximum(sticky[:, None], sticky)) * self.h**2
+        projections = scene.method.iterations * part.sweeps
+        self.pull = np.where(mine, 0.0, np.maximum(sticky[:, None], sticky)) * self.h**2 / projections
         self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
         self.gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self.pairs = np.zeros((0, 2), np.int64)

@@ -15,9 +15,9 @@ def make(real, compiled=plain):
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
     @compiled
-    def instant(step, dt):
-        """Time [s] at which the step of that number begins."""
-        return real(step) * dt
+    def instant(step, dt, first_step, first_time):
+        """Time [s] at which the step of that number begins; step number `first_step` begins at `first_time` [s]."""
+        return first_time + (real(step) - first_step) * dt
 
     @compiled
     def moved(point, velocity, time):

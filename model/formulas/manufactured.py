@@ -53,8 +53,8 @@ def make(real, compiled=plain):
         return ax, ay
 
     @compiled
-    def stage_time(step, offset, dt):
-        """Time [s] of a stage: (step + offset) dt."""
-        return real(step) * dt + offset * dt
+    def stage_time(step, offset, dt, first_step, first_time):
+        """Time [s] of a stage `offset` steps into the step of that number; `first_step` begins at `first_time` [s]."""
+        return first_time + ((real(step) - first_step) * dt + offset * dt)
 
     return manufactured_acceleration, stage_time

@@ -81,8 +81,8 @@ def make(real, compiled=plain):
         return px, py, pz, qx, qy, qz
 
     @compiled
-    def middle(step, dt):
-        """Time [s] half-way through the step of that number."""
-        return (real(step) + half) * dt
+    def middle(step, dt, first_step, first_time):
+        """Time [s] half-way through the step of that number; step number `first_step` begins at `first_time` [s]."""
+        return first_time + ((real(step) - first_step) + half) * dt
 
     return SimpleNamespace(sine_cosine=sine_cosine, turn=turn, placed=placed, middle=middle)

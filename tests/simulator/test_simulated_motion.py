@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +18,21 @@ from gpu_backend.cloth_pins import STILL, pin_marks
 from model.build import build
 from model.cloth_record import P_MOTION, body_rows
 from model.errors import SceneError
-from model.scene import Scene
+from model.scene import Scene, load_scene
 from model.simulation import State
 
 
 def end_state(scene: Scene, backend: str, kernel: str, **options: Any) -> State:
-    """After five steps, in one of which `jerk` begins; the state is read and loaded after three."""
+    """After five steps, in one of which `jerk` begins; after three the state is read and loaded, and dt is changed."""
     with open_simulation(
-        scene, backend, math="exact", kernel=kernel, live=("poke",), allow_unstable=True, **options
+        scene, backend, math="exact", kernel=kernel, live=("poke", "dt"), allow_unstable=True, **options
     ) as simulation:
         simulation.poke(*POKE)
         simulation.advance(3)
         simulation.load(simulation.state())
+        simulation.set("method.dt", 0.75 * scene.method.dt)
         simulation.advance(2)
+        simulation.load(simulation.state())
         return simulation.state()
 
 
@@ -50,6 +53,32 @@ def test_pins_that_move_give_the_bits_of_the_cpu(name: str, integrator: str, pre
         state = end_state(scene, "gpu", kernel, precision=precision)
         assert np.array_equal(state.position, expected.position), kernel
         assert np.array_equal(state.velocity, expected.velocity), kernel
+
+
+def manufactured() -> Scene:
+    return load_scene("manufactured").replace({"grid.rows": 4, "grid.columns": 5})
+
+
+def moving() -> Scene:
+    """Pins, colliders and gusts; not the random force, which steps have by their number."""
+    scene = cloth_scene("everything moving", "velocity-verlet").as_dict()
+    del scene["external"]
+    return Scene(scene)
+
+
+@pytest.mark.parametrize("kernel", ["launch", "stages"])
+@pytest.mark.parametrize("scene", [moving(), manufactured()], ids=["moving", "manufactured"])
+def test_what_happens_depends_on_the_time_and_not_on_the_step(scene: Scene, kernel: str) -> None:
+    """To the bit: a state of 9 steps goes on as one of none or of a thousand at that time; and otherwise at another time."""
+    ends = []
+    for step, time in ((9, 0.0047), (0, 0.0047), (1000, 0.0047), (9, 0.0051)):
+        with open_simulation(scene, "gpu", math="exact", kernel=kernel, allow_unstable=True) as simulation:
+            simulation.load(replace(simulation.state(), step=step, time=time))
+            simulation.advance(2)
+            ends.append(simulation.state())
+    assert all(np.array_equal(end.position, ends[0].position) for end in ends[1:3])
+    assert all(np.array_equal(end.velocity, ends[0].velocity) for end in ends[1:3])
+    assert not np.array_equal(ends[3].position, ends[0].position)
 
 
 def test_marks_tell_free_still_and_moving_masses_apart() -> None:
