@@ -32,7 +32,6 @@ from app.command_line import (
     usage_status,
 )
 from bench.commands import measuring
-from bench.took import Timed
 from model.errors import SoftlabError
 
 app = typer.Typer(
@@ -196,7 +195,7 @@ def labbook(
     out.print(str(make_labbook(store, pdf)), markup=False)
 
 
-@app.command(cls=Timed, epilog="Example: softlab lab --quick")
+@app.command(epilog="Example: softlab lab --quick")
 def lab(
     quick: Annotated[bool, typer.Option("--quick", help="Everything in under three minutes on two cores.")] = False,
     store: StorePath = DEFAULT_STORE,

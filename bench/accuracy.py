@@ -124,7 +124,7 @@ def run_accuracy(
     begin = time.perf_counter()
     effort = QUICK if quick else FULL
     names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
-    accurate = chosen(precisions, list(PRECISIONS), "--precision")
+    accurate = chosen(precisions, list(PRECISIONS), "--precision") if precisions else None
     here, revision = backends_here(backends), source_revision()
     summary = AccuracySummary(enter_machine(store))
     labels = scenes or (*SCENES, *([] if quick else CLOTHS))

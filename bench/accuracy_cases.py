@@ -9,7 +9,7 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.accuracy_points import CLOTHS, SCENES, SIZES, end_of
-from bench.methods import OF_CLOTHS, WRONG, XPBD, changes, fits, position_based
+from bench.methods import OF_CLOTHS, QUICK_FLOAT32, WRONG, XPBD, changes, fits, position_based
 from bench.reference import cache
 from bench.results import configuration
 from bench.sweep import host_of, source_hash
@@ -67,7 +67,8 @@ def cases(
     """Each scene x backend x precision x method x step size (x iterations), in the order they are measured (None: all).
 
     `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE; and, where no methods are named, all
-    orderings of xpbd and all ITERATIONS. Methods that a scene's sheet does not take are left out of it;
+    orderings of xpbd and all ITERATIONS; else, where neither methods nor precisions are named, no more kernels than the lab
+    book's sentences need. Methods that a scene's sheet does not take are left out of it;
     what converges to something else, of cloths, in float32.
     """
     found = []
@@ -89,9 +90,17 @@ def cases(
             for precision in precisions or PRECISIONS
             for method in used
             if not (label in CLOTHS and method in WRONG and precision == "float32")
+            if wide or methods or precisions or _quick(label, method, precision)
             for change in _variants(label, method, iterations)
         ]
     return found
+
+
+def _quick(label: str, method: str, precision: str) -> bool:
+    """Whether a quick run has it: all integrators in float64, few in float32; a position-based method on one scene."""
+    if position_based(method):
+        return label == "S1" and precision == "float64"
+    return precision == "float64" or method in QUICK_FLOAT32
 
 
 def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[str, Any]]:

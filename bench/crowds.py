@@ -194,7 +194,7 @@ def points(held: Iterable[Measure]) -> list[CrowdPoint]:
         if not {STEP, RATE, KIND} <= set(told):
             continue
         description: dict[str, Any] = told[RATE].description
-        scene, step, rate = Scene(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0
+        scene, step, rate = Scene.stored(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0
         method = scene.method
         found.append(
             CrowdPoint(

@@ -275,6 +275,7 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
             picture = folder / f"{'-'.join(words)}.png"
+            assert outcome.end is not None  # only such are drawn
             render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1
 

@@ -26,6 +26,9 @@ def position_based(name: str) -> bool:
     return name in XPBD
 
 
+QUICK_FLOAT32 = ("lab", "velocity-verlet")  # if quick, the others run in float64 alone: each is machine code of its own
+
+
 def fits(scene: Scene, name: str) -> bool:
     """Whether the scene's sheet can be stepped by a method of that name: implicit Euler takes a cloth, a load xpbd."""
     if scene.loads and not position_based(name):

@@ -17,7 +17,7 @@ from typing import Any
 from bench.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
 from bench.published import NEWTON_ITERATION, PUBLISHED
 from bench.results import Measure
-from bench.store import Store
+from bench.store import Store, canonical
 from bench.sweep import backends_here
 from model.errors import SceneError
 from model.scene import Scene, load_scene
@@ -162,14 +162,14 @@ def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
         if not {STEP, RATE} <= set(told):
             continue
         description = told[RATE].description
-        scene = Scene(description["scene"])
+        scene = Scene.stored(description["scene"])
         kinds, method = scene.cloth_springs, scene.method
         kernel = told[KERNEL].reason if KERNEL in told else None
         found.append(
             ProjectionPoint(
                 owner, description["backend"], description["precision"], kernel or "", scene.grid.rows,
                 scene.grid.columns, 4 * len(kinds), method.ordering, method.substeps, method.iterations,
-                scene.canonical(), told[STEP].value or 0.0, told[RATE].value or 0.0,
+                canonical(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0,
             )
         )  # fmt: skip
     return sorted(found, key=lambda p: (p.rows * p.columns, p.backend, p.neighbours, p.ordering, -p.iterations))
@@ -179,8 +179,7 @@ def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, Projec
     """(published, ours of one backend and machine) for every published scene that was timed here."""
     pairs = []
     for entry in PUBLISHED:
-        text = entry.ours().canonical()
-        pairs += [(entry, point) for point in found if point.scene == text]
+        pairs += [(entry, point) for point in found if point.scene == entry.text]
     return pairs
 
 

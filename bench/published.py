@@ -8,6 +8,7 @@ told with them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from model.scene import Scene, load_scene
@@ -26,6 +27,11 @@ class Published:
 
     def ours(self) -> Scene:
         return load_scene(self.scene).replace(self.changes)
+
+    @cached_property
+    def text(self) -> str:
+        """What the store holds of ours."""
+        return self.ours().canonical()
 
 
 XPBD_2016 = "XPBD 2016, table 1"  # Macklin, Mueller, Chentanez, MIG 2016

@@ -41,6 +41,7 @@ __all__ = [
 ]
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
+NOTES = ("error", "kernel")  # measures that are told with a timing
 ITEM_BYTES = {"float32": 4, "float64": 8}
 
 
@@ -176,11 +177,11 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
         {"name": name, "machine": machine},
     )
     newest: dict[tuple[str, str, str], Measure] = {}
-    for owner, key, sources, run, description, measure, value, unit, reason in rows:
+    descriptions: dict[str, dict[str, Any]] = {}  # read once, shared by the measures of a configuration
+    for owner, key, sources, run, text, measure, value, unit, reason in rows:
+        description = descriptions.get(key) or descriptions.setdefault(key, json.loads(text))
         newest.pop((owner, key, measure), None)  # so that the order, too, is that of the newest
-        newest[owner, key, measure] = Measure(
-            owner, key, sources, run, json.loads(description), measure, value, unit, reason
-        )
+        newest[owner, key, measure] = Measure(owner, key, sources, run, description, measure, value, unit, reason)
     return list(newest.values())
 
 
@@ -202,11 +203,11 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
         of_sources[sources] = [*of_sources.pop(sources, []), tuple(sample)]  # the newest sources end up last
     descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
     cores = {entry.key: entry.record.get("cores") for entry in machines(store)}
-    notes = {(m.machine, m.configuration, m.name): m for m in measures(store, machine=machine)}
+    notes = {(m.machine, m.configuration, name): m for name in NOTES for m in measures(store, name, machine)}
     result = []
     for (owner, key, stage_name), of_sources in groups.items():
         sources, samples = list(of_sources.items())[-1]
-        error, kernel = (notes.get((owner, key, name)) for name in ("error", "kernel"))
+        error, kernel = (notes.get((owner, key, name)) for name in NOTES)
         result.append(
             _timing((owner, key, stage_name, sources), samples, descriptions[key], cores.get(owner), error, kernel)
         )
@@ -281,6 +282,6 @@ def _facts(scene_text: str, precision: str) -> tuple[dict[str, Any], dict[str, A
     grid = {"rows": 0, "columns": 0} | kinds.get("grid", {})
     method = {"integrator": "", "dt": 0.0} | kinds.get("method", {})
     try:
-        return grid, method, scene_plan(Scene(data)).bytes(ITEM_BYTES[precision])
+        return grid, method, scene_plan(Scene.stored(data)).bytes(ITEM_BYTES[precision])
     except (SoftlabError, KeyError):  # a scene of another lab version: its times stay readable
         return grid, method, None

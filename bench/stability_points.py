@@ -84,7 +84,7 @@ def place_of(description: Mapping[str, Any]) -> Place:
 
 @lru_cache(maxsize=16384)  # figures, tables and claims all ask
 def _place(scene_text: str, backend: str, precision: str) -> Place:
-    scene = Scene(json.loads(scene_text))
+    scene = Scene.stored(json.loads(scene_text))
     assert scene.springs is not None
     return Place(
         scene.method.integrator,

@@ -3,9 +3,9 @@
 Small and cheap first, so that an interrupted sweep is useful. What the store holds already of this machine and these
 sources is not measured again; every sample is on disk as soon as it is finished.
 
-`quick`: squares from 16 to 512 masses a side at 3 samples of 20 ms (drawn up to 256), a 1:4, a 4:1 and a size that no
-block divides, in at most a minute or so. Otherwise: squares from 16 on, 1:4 and 4:1 at the mass counts of four of them,
-five odd sizes, 5 samples of 100 ms, as far as memory and `max_seconds` allow.
+`quick`: squares from 16 to 512 masses a side at 3 samples of 20 ms (drawn up to 256; float64 on 1x threads alone), a 1:4,
+a 4:1 and a size that no block divides, in a quarter of a minute. Otherwise: squares from 16 on, 1:4 and 4:1 at the mass
+counts of four of them, five odd sizes, 5 samples of 100 ms, as far as memory and `max_seconds` allow.
 """
 
 from __future__ import annotations
@@ -115,6 +115,17 @@ def cases_of(
     return list(cases.values())
 
 
+def _quick_cases(
+    scene: Scene, backends: Sequence[str], threads: Sequence[str | int], precisions: Sequence[str], graphics: bool
+) -> list[Case]:
+    """What of a grid a quick sweep times: the first precision on all threads, drawn where it is in QUICK_DRAWN; the others,
+    of squares, on the first number of threads."""
+    shape = scene.grid.rows, scene.grid.columns
+    drawn = (False, True) if graphics and shape in QUICK_DRAWN else (False,)
+    found = cases_of(scene, backends, threads, precisions[:1], drawn)
+    return found + (cases_of(scene, backends, threads[:1], precisions[1:], (False,)) if shape[0] == shape[1] else [])
+
+
 def choose_effort(
     quick: bool,
     max_seconds: float | None = None,
@@ -175,10 +186,11 @@ def run_sweep(
     work: Work = []
     for rows, columns in chosen_shapes:
         sized = base.replace({"grid.rows": rows, "grid.columns": columns})
-        trimmed = quick and sizes is None and (rows, columns) not in QUICK_DRAWN
-        drawn = (False,) if trimmed or not graphics else (False, True)
-        chosen_precisions = precisions[:1] if trimmed and rows != columns else precisions
-        work.append((sized, cases_of(sized, chosen_backends, threads, chosen_precisions, drawn)))
+        if quick and sizes is None:
+            work.append((sized, _quick_cases(sized, chosen_backends, threads, precisions, graphics)))
+        else:
+            drawn = (False, True) if graphics else (False,)
+            work.append((sized, cases_of(sized, chosen_backends, threads, precisions, drawn)))
     try:
         if pending := sweep.pending(work):
             summary.run = store.start_run(summary.machine, command, revision)

@@ -18,6 +18,7 @@ import csv
 import json
 import sqlite3
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -165,19 +166,20 @@ def _flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     for key, value in data.items():
         if isinstance(value, dict) and value and all(name and "." not in name for name in value):
             cells |= _flatten(value, f"{prefix}{key}.")
-        elif isinstance(value, str) and value and not _is_json(value):
+        elif isinstance(value, str) and value and _value(value) == value:
             cells[prefix + key] = value
         else:
             cells[prefix + key] = json.dumps(value, sort_keys=True)
     return cells
 
 
-def _is_json(text: str) -> bool:
+@lru_cache(maxsize=4096)  # most cells of a column are the same
+def _value(cell: str) -> Any:
+    """What a cell says: JSON, or else its text."""
     try:
-        json.loads(text)
+        return json.loads(cell)
     except ValueError:
-        return False
-    return True
+        return cell
 
 
 # ---------------------------------------------------------------------- reading text
@@ -198,7 +200,7 @@ def _unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
         table = data
         for parent in parents:
             table = table.setdefault(parent, {})
-        table[key] = json.loads(cell) if _is_json(cell) else cell
+        table[key] = _value(cell)
     return data
 
 

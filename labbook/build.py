@@ -41,7 +41,8 @@ from labbook.tables import error_tables, fastest_tables, machine_table, pareto_t
 from model.errors import BackendUnavailable, InputError
 from model.files import replacing
 from plots.data import Origin, Results, is_suspect, load
-from plots.draw import draw_figures
+from plots.draw import FigureFiles, draw_figures
+from plots.style import without_footer
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
@@ -82,26 +83,40 @@ def build(
     own: Origin | Sequence[Origin] | None,
     out_pdf: str | Path,
     committed: Iterable[str | Path] | None = None,
+    helped: bool = False,
 ) -> Path:
     """Build the lab book from the user's own store(s) and the committed measurements; the path of the PDF.
 
     `own`: open stores or paths (.sqlite, .csv); None: the committed measurements alone. `committed`: text exports (None:
-    those in labbook/data/). Written to a temporary name and renamed, so that an earlier book survives a failure. Raises
-    InputError (a store or the output cannot be used, nothing was measured), BackendUnavailable (typst is missing).
+    those in labbook/data/). `helped`: see plots/draw.py. Written to a temporary name and renamed, so that an earlier book
+    survives a failure. Raises InputError (a store or the output cannot be used, nothing was measured), BackendUnavailable
+    (typst is missing).
     """
+    path = _target(out_pdf)
+    return write_book(load(own, committed_data() if committed is None else committed), path, helped=helped)
+
+
+def _target(out_pdf: str | Path) -> Path:
     path = Path(out_pdf)
     if path.suffix.lower() != ".pdf":
         raise InputError(f"{path}: the lab book is a .pdf file; name it so")
     if path.is_dir() or not path.parent.is_dir():
         what = "is a folder" if path.is_dir() else f"{path.parent}: no such folder"
         raise InputError(f"{path} {what}; give another path for the lab book")
-    results = load(own, committed_data() if committed is None else committed)
+    return path
+
+
+def write_book(
+    results: Results, out_pdf: str | Path, drawn: Sequence[FigureFiles] | None = None, helped: bool = False
+) -> Path:
+    """As `build`, of results that are loaded already; `drawn`: their figures (None: draw them)."""
+    path = _target(out_pdf)
     if not results.sources:
         raise InputError("there are no measurements to write about; measure first (softlab sweep)")
     try:
         with tempfile.TemporaryDirectory(prefix="softlab-labbook-") as work:
             folder = Path(work)
-            write_sources(results, folder)
+            write_sources(results, folder, drawn, helped)
             _compile(folder, path)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}; check permissions and space") from None
@@ -164,7 +179,9 @@ def notices(results: Results) -> list[str]:
     return found
 
 
-def write_sources(results: Results, folder: Path) -> None:
+def write_sources(
+    results: Results, folder: Path, drawn: Sequence[FigureFiles] | None = None, helped: bool = False
+) -> None:
     """Template, entries, figures and data.json into an empty folder: what typst compiles."""
     for name in ("labbook.typ", "template.typ"):
         shutil.copyfile(FOLDER / name, folder / name)
@@ -173,6 +190,13 @@ def write_sources(results: Results, folder: Path) -> None:
     for name in CHAPTERS:
         shutil.copyfile(FOLDER / "entries" / f"{name}.typ", folder / "entries" / f"{name}.typ")
     data = book_data(results)
+    figures = folder / "figures"
+    if drawn is None:
+        drawn = draw_figures(results, figures, footer=False, suffixes=("svg",), helped=helped)
+    else:
+        for path, height in ((figure.paths[0], figure.footer) for figure in drawn if figure.paths):
+            text = without_footer(path.read_text(encoding="utf-8"), height)
+            (figures / path.name).write_text(text, encoding="utf-8")
     data["figures"] = {
         figure.name: {
             "file": figure.paths[0].name if figure.paths else None,
@@ -180,7 +204,7 @@ def write_sources(results: Results, folder: Path) -> None:
             "caption": figure.caption,
             "reason": figure.reason,
         }
-        for figure in draw_figures(results, folder / "figures", footer=False, suffixes=("svg",))
+        for figure in drawn
     }
     (folder / "data.json").write_text(json.dumps(data), encoding="utf-8")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,12 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from bench.progress import Whole, keep_seconds, last_seconds, progress_bar
 from bench.store import DEFAULT_PATH
-from labbook.build import build, committed_data
+from labbook.build import build, committed_data, write_book
 from model.errors import InputError, SoftlabError
-from plots.draw import draw_all
+from plots.data import Results, load
+from plots.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from plots.energies import draw_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes that `softlab lab` asks what they need
@@ -34,7 +35,18 @@ def make_figures(store: Path, folder: Path, trajectory: Path | None = None) -> l
     if trajectory is not None:
         target = folder if folder.suffix else folder / f"{trajectory.stem}-energies.png"
         return [draw_energies(trajectory, target)]
-    return draw_all(store, folder, committed_data())
+    return [path for figure in _drawn(load(store, committed_data()), folder) for path in figure.paths]
+
+
+def _drawn(results: Results, folder: Path) -> list[FigureFiles]:
+    """The figures of the results, with a bar."""
+    target = figures_folder(folder)
+    with progress_bar(True) as bar:
+        task = bar.add_task("figures", total=len(FIGURES))
+        return draw_figures(
+            results, target, helped=True,
+            tell=lambda name: bar.update(task, description=f"figure: {name}", advance=1),
+        )  # fmt: skip
 
 
 def make_labbook(store: Path, pdf: Path) -> Path:
@@ -45,7 +57,7 @@ def make_labbook(store: Path, pdf: Path) -> Path:
     if not store.exists() and store != DEFAULT_PATH:
         raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
     _prepare(pdf.parent)
-    return build(store if store.exists() else None, pdf)
+    return build(store if store.exists() else None, pdf, helped=True)
 
 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
@@ -55,6 +67,47 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     """
     from app.doctor import examine
     from app.tables import print_findings
+    from bench.machine import enter_machine
+    from bench.store import Store
+    from bench.tables import print_fastest
+
+    kind = "lab --quick" if quick else "lab"
+    last = last_seconds(kind)
+    if last:
+        console.print(f"last time this took {sum(last.values()):.0f} s on this machine")
+    folder = store_path.parent
+    figures, book = folder / "figures", folder / "labbook.pdf"
+    made: list[tuple[str, Any]] = [("store", store_path)]
+
+    def draw_and_write() -> None:
+        results = load(store_path, committed_data())
+        drawn = _attempt(console, lambda: _drawn(results, figures))
+        if drawn is not None:
+            made.append(("figures", figures))
+        if _attempt(console, lambda: write_book(results, book, drawn)):
+            made.append(("lab book", book))
+
+    with Store(store_path) as store:
+        parts = {"doctor": lambda: print_findings(console, examine())}
+        parts |= _measurements(console, store, quick, command)
+        parts["figures and lab book"] = draw_and_write
+        whole = Whole("lab", {name: last.get(name, 1.0) for name in parts})
+        for name, job in parts.items():
+            console.rule(name)
+            with whole.part(name):
+                job()
+        print_fastest(console, store, enter_machine(store))
+    table = Table("made", "where", box=None)
+    for name, path in made:
+        table.add_row(name, str(path))
+    console.print(table)
+    keep_seconds(kind, whole.seconds)
+    slowest = ", ".join(f"{name.partition(':')[0]} {taken:.0f} s" for name, taken in whole.seconds.items())
+    console.print(f"{sum(whole.seconds.values()):.0f} s in all: {slowest}", soft_wrap=True)
+
+
+def _measurements(console: Console, store: Any, quick: bool, command: str) -> dict[str, Callable[[], Any]]:
+    """What `softlab lab` measures, by name, in order; each prints what it found."""
     from bench.ablate import ablate
     from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
@@ -68,49 +121,35 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from bench.hard_results import print_hard
     from bench.projections import run_projections
     from bench.stability import run_stability
-    from bench.store import Store
     from bench.sweep import run_sweep
-    from bench.tables import print_fastest, print_sweep
+    from bench.tables import print_sweep
     from model.scene import load_scene
 
-    begin = time.perf_counter()
-    folder = store_path.parent
-    console.rule("doctor")
-    print_findings(console, examine())
-    with Store(store_path) as store:
-        console.rule("sweep: time per step")
-        _told(console, run_sweep(store, quick=quick, command=command), print_sweep)
-        console.rule("accuracy: speed against error")
-        judged = _told(console, run_accuracy(store, quick=quick, command=command))
-        if not quick:
-            console.rule("findings: the small experiments")
-            _told(console, run_findings(store, command=command))
-            _told(console, run_costs(store, command=command))
-            _told(console, run_convergence(store, command=command))
-            _told(console, run_projections(store, command=command))
-            _told(console, run_crowds(store, command=command))
-            _told(console, run_busy(store, command=command))
-            _told(console, run_bar(store, command=command))
-        console.rule("stability: where it breaks")
-        _told(console, run_stability(store, quick=quick, command=command))
-        if not quick:
-            console.rule("hard cases: what each integrator makes of them")
-            _told(console, run_hard(store, pictures=False, command=command), print_hard)
-            console.rule("what the scenes need")
-            for name in ABLATED:
-                _told(console, ablate(store, load_scene(name), command=command), print_ablation)
-    console.rule("figures and lab book")
-    figures = folder / "figures"
-    made: list[tuple[str, Any]] = [("store", store_path)]
-    made += _attempt(console, "figures", lambda: make_figures(store_path, figures) and figures)
-    made += _attempt(console, "lab book", lambda: make_labbook(store_path, folder / "labbook.pdf"))
-    with Store(store_path, readonly=True) as store:
-        print_fastest(console, store, judged.machine)
-    table = Table("made", "where", box=None)
-    for name, path in made:
-        table.add_row(name, str(path))
-    console.print(table)
-    console.print(f"{time.perf_counter() - begin:.0f} s in all")
+    def told(
+        run: Callable[..., Any], show: Callable[[Console, Any], None] | None = None, **how: Any
+    ) -> Callable[[], Any]:
+        return lambda: _told(console, run(store, command=command, **how), show)
+
+    small = (run_findings, run_costs, run_convergence, run_projections, run_crowds, run_busy, run_bar)
+
+    def findings() -> None:
+        for run in small:
+            told(run)()
+
+    def needs() -> None:
+        for name in ABLATED:
+            _told(console, ablate(store, load_scene(name), command=command), print_ablation)
+
+    parts: dict[str, Callable[[], Any]] = {
+        "sweep: time per step": told(run_sweep, print_sweep, quick=quick),
+        "accuracy: speed against error": told(run_accuracy, quick=quick),
+        "findings: the small experiments": findings,
+        "stability: where it breaks": told(run_stability, quick=quick),
+        "hard cases: what each integrator makes of them": told(run_hard, print_hard, pictures=False),
+        "what the scenes need": needs,
+    }
+    wanted = [name for name in parts if not quick or name.startswith(("sweep", "accuracy", "stability"))]
+    return {name: parts[name] for name in wanted}
 
 
 def _told(console: Console, summary: Any, show: Callable[[Console, Any], None] | None = None) -> Any:
@@ -124,10 +163,10 @@ def _told(console: Console, summary: Any, show: Callable[[Console, Any], None] |
     return summary
 
 
-def _attempt(console: Console, name: str, job: Callable[[], Any]) -> list[tuple[str, Any]]:
-    """The job's result under its name; where the machine cannot do it, the reason is printed and nothing is lost."""
+def _attempt(console: Console, job: Callable[[], Any]) -> Any:
+    """What the job returns; where the machine cannot do it, the reason is printed, None returned and nothing lost."""
     try:
-        return [(name, job())]
+        return job()
     except SoftlabError as error:
-        console.print(f"{name}: {error}", markup=False, soft_wrap=True)
-        return []
+        console.print(str(error), markup=False, soft_wrap=True)
+        return None

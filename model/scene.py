@@ -87,6 +87,35 @@ class Scene:
         self.title = tables.pop("title", name)
         if not isinstance(self.title, str):
             raise SceneError("title", self.title, "a text")
+        self._read(tables)
+        for kind in KINDS:
+            if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
+                raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
+        sheets = [n for n, k in self.kinds.items() if k in SHEETS]
+        if len(sheets) != 1 and not (self.bodies and not sheets):
+            raise SceneError(
+                "grid",
+                sheets or None,
+                "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
+                "or bodies: soft_body, soft_sheet, rigid_body",
+            )
+        check_fit(self)
+        if self.one("method") is None:
+            self.parts["method"], self.kinds["method"] = Method(), "method"
+        check_solver(self)
+
+    @classmethod
+    def stored(cls, tables: Mapping[str, Any]) -> Scene:
+        """A scene to read from, of the tables that `canonical` wrote when it was measured: its parts alone. What does not go
+        together was refused then and is not looked for again, and no body is made. Raises SceneError for a part that this
+        version does not know."""
+        scene = cls.__new__(cls)
+        scene.name = scene.title = "scene"
+        scene._read(tables)
+        return scene
+
+    def _read(self, tables: Mapping[str, Any]) -> None:
+        """The parts and their kinds, each checked by itself."""
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
         for part_name, table in tables.items():
@@ -108,21 +137,6 @@ class Scene:
             except TypeError:  # a key that is not even a name
                 raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
             self.kinds[part_name] = kind
-        for kind in KINDS:
-            if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
-                raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
-        sheets = [n for n, k in self.kinds.items() if k in SHEETS]
-        if len(sheets) != 1 and not (self.bodies and not sheets):
-            raise SceneError(
-                "grid",
-                sheets or None,
-                "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
-                "or bodies: soft_body, soft_sheet, rigid_body",
-            )
-        check_fit(self)
-        if self.one("method") is None:
-            self.parts["method"], self.kinds["method"] = Method(), "method"
-        check_solver(self)
 
     def one(self, kind: str) -> Any:
         """The part of a kind of which a scene has one at most, or None."""

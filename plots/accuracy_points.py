@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from bench.accuracy_points import (
@@ -72,13 +73,17 @@ class Point:
 
 def points(source: Source, scene: str | None = None, math: str = "fast") -> list[Point]:
     """The accuracy runs of one machine in one math, of one scene (`S1`, `S2`, `S1-16`) or all, largest step first."""
+    return [p for p in _points(source) if scene in (None, p.scene) and p.math == math]
+
+
+@lru_cache(maxsize=16)  # every claim, figure and table asks
+def _points(source: Source) -> list[Point]:
     gathered: dict[str, dict[str, Measure]] = {}
     for measure in source.measures:
         if measure.name in (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER):
             gathered.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [_point(source, named) for named in gathered.values() if ERROR in named]
-    result = [p for p in found if p is not None and scene in (None, p.scene) and p.math == math]
-    return sorted(result, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
+    found = [point for named in gathered.values() if ERROR in named and (point := _point(source, named))]
+    return sorted(found, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
 
 
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:

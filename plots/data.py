@@ -7,10 +7,11 @@ Committed sources beside own ones are `background`: drawn lightly, and labelled.
 
 from __future__ import annotations
 
+import gc
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ class Run:
     command: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Source:
     """What one machine measured. `own`: by the user, else committed with the lab. `timings`: of the sweep, by the
     kernels the lab chose itself, with one threading layer and wait policy (`threading`, the most measured one).
@@ -121,9 +122,9 @@ class Source:
         return any(timing.backend == "gpu" for timing in self.timings)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Results:
-    """All sources, the user's own first."""
+    """All sources, the user's own first. What is found in them is kept with them (functools.lru_cache)."""
 
     sources: tuple[Source, ...]
 
@@ -174,11 +175,23 @@ def is_suspect(timing: Timing) -> bool:
     return bool(timing.suspect) or timing.error is None
 
 
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """While a hundred thousand small tables are made that all stay, looking for garbage takes a third of the time."""
+    wanted = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if wanted:
+            gc.enable()
+
+
 def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] = ()) -> Results:
     """Read the user's own store(s) (None: there are none) and the committed text exports. Raises InputError."""
     origins: list[Origin] = [] if own is None else [own] if isinstance(own, Store | str | Path) else list(own)
     found: list[Source] = []
-    with ExitStack() as stack:
+    with uncollected(), ExitStack() as stack:
         for origin in origins:
             store = origin if isinstance(origin, Store) else stack.enter_context(open_readonly(origin))
             found += _sources(store, own=True)

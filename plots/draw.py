@@ -6,9 +6,15 @@
 
 from __future__ import annotations
 
+import gc
+import multiprocessing
+import signal
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from model.errors import InputError
 from plots import (
@@ -115,20 +121,32 @@ TITLES = {
 
 @dataclass(frozen=True)
 class FigureFiles:
-    """A figure on disk: `paths` (.svg, .png) and `caption`; where the data do not hold it, no paths but a `reason`."""
+    """A figure on disk: `paths` (.svg, .png) and `caption`; where the data do not hold it, no paths but a `reason`.
+    `footer`: points at its top that tell machine, commit and date."""
 
     name: str
     title: str
     paths: tuple[Path, ...]
     caption: str
     reason: str | None = None
+    footer: float = 0.0
+
+
+Tell = Callable[[str], None]
 
 
 def draw_figures(
-    results: Results, out_dir: str | Path, *, footer: bool = True, suffixes: Sequence[str] = SUFFIXES
+    results: Results,
+    out_dir: str | Path,
+    *,
+    footer: bool = True,
+    suffixes: Sequence[str] = SUFFIXES,
+    helped: bool = False,
+    tell: Tell = lambda name: None,
 ) -> list[FigureFiles]:
     """Draw what the results hold into an existing folder. `footer`: machine, commit and date on the figure itself;
-    `suffixes`: the formats.
+    `suffixes`: the formats; `helped`: by a second process (for programs whose main module may be imported again); `tell`
+    hears of each figure that is done.
 
     A figure that the data do not hold is left out, with its reason; an older file of its name is removed then, so that
     the folder never mixes two states. Raises InputError where the folder cannot be written.
@@ -136,18 +154,72 @@ def draw_figures(
     folder = Path(out_dir)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
-    made = []
+    made: dict[str, FigureFiles] = {}
+    gc.freeze()  # a hundred thousand measures stay: to look through them for garbage takes as long as half of the figures
+    try:
+        with settings(), Helper(results if helped else None, folder, footer, suffixes) as helper:
+            for name in reversed(FIGURES):  # from the end on, until it meets the helper
+                made[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
+                tell(name)
+    finally:
+        gc.unfreeze()
+    return [made[name] for name in FIGURES]
+
+
+def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Sequence[str]) -> FigureFiles:
+    drawing = FIGURES[name](results)
+    if isinstance(drawing, str):
+        for suffix in suffixes:
+            _remove(folder / f"{name}.{suffix}")
+        return FigureFiles(name, TITLES[name], (), "", drawing)
+    paths = save(drawing, folder, name, footer=footer, suffixes=suffixes)
+    height = drawing.footer_height if footer else 0.0
+    return FigureFiles(name, drawing.title, tuple(paths), drawing.caption, None, height)
+
+
+class Helper:
+    """A second process that draws figures, from the first one on; a context manager. Of None results: nobody helps."""
+
+    def __init__(self, results: Results | None, *how: Any):
+        self.results, self.how = results, how
+        self.begun: dict[str, Future[FigureFiles]] = {}
+
+    def __enter__(self) -> Helper:
+        if self.results is None:
+            return self
+        with suppress(OSError, ImportError):  # a machine without semaphores: one process draws all
+            context = multiprocessing.get_context("spawn")  # a fork would take over locks of threads that it lacks
+            self.pool = ProcessPoolExecutor(1, context, _begin_helping, (self.results,))
+            self.begun = {name: self.pool.submit(_help, name, *self.how) for name in FIGURES}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.begun:
+            self.pool.shutdown(cancel_futures=True)
+
+    def result(self, name: str) -> FigureFiles | None:
+        """What the helper made of a figure; None for one that it had not begun, or failed at, and will not touch now."""
+        if name not in self.begun or self.begun[name].cancel():
+            return None
+        try:
+            return self.begun[name].result()
+        except Exception:  # whatever it was shows itself when the figure is drawn here
+            return None
+
+
+_given: list[Results] = []  # what the helper draws
+
+
+def _begin_helping(results: Results) -> None:
+    """In the helper's process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who is helped
+    gc.freeze()
+    _given.append(results)
+
+
+def _help(name: str, *how: Any) -> FigureFiles:
     with settings():
-        for name, draw in FIGURES.items():
-            drawing = draw(results)
-            if isinstance(drawing, str):
-                for suffix in suffixes:
-                    _remove(folder / f"{name}.{suffix}")
-                made.append(FigureFiles(name, TITLES[name], (), "", drawing))
-                continue
-            paths = save(drawing, folder, name, footer=footer, suffixes=suffixes)
-            made.append(FigureFiles(name, drawing.title, tuple(paths), drawing.caption))
-    return made
+        return _draw(_given[0], name, *how)
 
 
 def draw_all(
@@ -160,6 +232,11 @@ def draw_all(
     its parent exists. Raises InputError.
     """
     results = load(store_or_paths, committed)
+    return [path for figure in draw_figures(results, figures_folder(out_dir)) for path in figure.paths]
+
+
+def figures_folder(out_dir: str | Path) -> Path:
+    """The folder, made where its parent exists. Raises InputError."""
     folder = Path(out_dir)
     try:
         folder.mkdir(exist_ok=True)
@@ -167,7 +244,7 @@ def draw_all(
         raise InputError(
             f"{folder} cannot be made: {error.strerror or error}; give another path for the figures"
         ) from None
-    return [path for figure in draw_figures(results, folder) for path in figure.paths]
+    return folder
 
 
 def _remove(path: Path) -> None:

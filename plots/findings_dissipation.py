@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import log
 
 import numpy as np
@@ -22,11 +23,16 @@ def theory(scheme: str, dt: float) -> float:
 
     Of the oscillator of bench/findings.py, from the step's matrix (model/integrators.py).
     """
-    scene = oscillator(scheme, dt)
-    assert scene.springs is not None
-    w = (scene.springs.stiffness / scene.grid.mass) ** 0.5
-    matrix = amplification_matrix(scheme, dt, w, 0.0)
+    matrix = amplification_matrix(scheme, dt, _frequency(), 0.0)
     return -log(float(np.abs(np.linalg.eigvals(matrix)).max())) / dt
+
+
+@cache
+def _frequency() -> float:
+    """Of the oscillator [1/s], which is one of the same mass and spring under every scheme."""
+    scene = oscillator("lab", 0.01)
+    assert scene.springs is not None
+    return float((scene.springs.stiffness / scene.grid.mass) ** 0.5)
 
 
 def draw(results: Results) -> Drawing | str:

@@ -63,9 +63,9 @@ def roofs(source: Source, backend: str, precision: str = "float32") -> Roofs | N
         return None
     try:
         grid = {"rows": sample.rows, "columns": sample.columns}
-        scene = Scene({name: {**table, **(grid if name == "grid" else {})} for name, table in source.scene.items()})
+        scene = Scene.stored({name: table | (grid if name == "grid" else {}) for name, table in source.scene.items()})
         operations = scene_plan(scene).operations
-    except (SoftlabError, TypeError):  # a scene of another lab version
+    except SoftlabError:  # a scene of another lab version
         return None
     rates = source.machine.record.get("gpu_arithmetic" if backend == "gpu" else "arithmetic") or {}
     return Roofs(sample.bytes_per_step / sample.particles, operations, bandwidth, rates.get(precision))

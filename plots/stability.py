@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ def draw_damping(results: Results) -> Drawing | str:
     return _draw(results, "damping")
 
 
+@lru_cache(maxsize=4)  # every claim and table asks
 def stability_runs(results: Results) -> tuple[list[MapPoint], list[Edge], tuple[Source, ...]]:
     """The map, the edges and their sources: featured ones first, of each backend one machine's."""
     found, sources = judgements(results, lambda measure: measure.name in NAMES)

@@ -92,9 +92,9 @@ def small_run(tmp_path_factory):
     patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "rk4", "taylor"))
     patch.setattr(accuracy_cases, "QUICK_XPBD", ())
     patch.setattr(accuracy_cases, "STEP_SIZES", (0.02, 0.01))
-    patch.setattr(accuracy, "PRECISIONS", ("float32",))
     with Store(tmp_path_factory.mktemp("accuracy") / "results.sqlite") as store:
-        runs = [run_accuracy(store, quick=True, backends=["cpu"], scenes=["S1"], progress=False) for _ in range(2)]
+        how = {"quick": True, "backends": ["cpu"], "precisions": ["float32"], "scenes": ["S1"], "progress": False}
+        runs = [run_accuracy(store, **how) for _ in range(2)]
         yield (*runs, measures(store))
     patch.undo()
 
@@ -125,8 +125,9 @@ def test_points_of_a_run(small_run):
 
 
 def test_the_wide_grid():
-    """Beside what quick has: exact math and other sizes, of S1 and of what holds at these step sizes; labels differ."""
-    quick, wide = (accuracy.cases(["S1", "S2"], ["cpu"], wide=wide) for wide in (False, True))
+    """Beside what has no need of another size: exact math and other sizes, of S1 and of what holds at these step sizes."""
+    wide = accuracy.cases(["S1", "S2"], ["cpu"], wide=True)
+    quick = accuracy.cases(["S1", "S2"], ["cpu"], precisions=["float32", "float64"])
     held = {str(case.description) for case in quick}
     more = [case for case in wide if str(case.description) not in held and case.scene.method.solver == "mass-spring"]
     assert {c.label for c in quick} == {"S1", "S2"}
@@ -134,6 +135,20 @@ def test_the_wide_grid():
     assert {c.scene.method.integrator for c in more} == set(accuracy_cases.WIDE)
     assert {c.scene.grid.rows for c in more if c.label == "S1-64"} == {64}
     assert len({str(c.description) for c in wide}) == len(wide)
+
+
+def test_the_quick_grid():
+    """Every integrator in float64, with its order; what float32 costs of two that the sweep or the advice is about; a
+    position-based method on one scene: no more kernels than the sentences need. All of it is part of the whole."""
+    quick, wide = (accuracy.cases(["S1", "S2"], ["cpu"], wide=wide) for wide in (False, True))
+    assert {str(case.description) for case in quick} < {str(case.description) for case in wide}
+    explicit = [case for case in quick if case.scene.method.solver == "mass-spring"]
+    for label in ("S1", "S2"):
+        mine = {(case.scene.method.integrator, case.precision) for case in explicit if case.label == label}
+        assert mine == {(name, "float64") for name in accuracy_cases.INTEGRATORS} | {
+            ("lab", "float32"), ("velocity-verlet", "float32"),
+        }  # fmt: skip
+    assert {(c.label, c.precision) for c in quick if c not in explicit} == {("S1", "float64")}
 
 
 def test_nothing_is_measured_twice(small_run):
@@ -166,10 +181,10 @@ def cloth_run(tmp_path_factory):
     patch.setattr(accuracy_cases, "QUICK_XPBD", ())
     patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
     patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.002))
-    patch.setattr(accuracy, "PRECISIONS", ("float64",))
     patch.setattr("plots.accuracy_points.CLOTH_SCENES", {"S4": small.as_dict()})
     with Store(folder / "results.sqlite") as store:
-        summary = run_accuracy(store, quick=True, backends=["cpu"], scenes=["S4"], progress=False)
+        how = {"quick": True, "backends": ["cpu"], "precisions": ["float64"], "scenes": ["S4"], "progress": False}
+        summary = run_accuracy(store, **how)
         yield summary, points(load(store).featured[0]), measures(store)
     patch.undo()
 

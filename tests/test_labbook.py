@@ -300,7 +300,9 @@ def test_an_earlier_book_survives_a_failure(folder: Path, tmp_path: Path, monkey
 
     monkeypatch.setattr("labbook.build.os.replace", full)
     monkeypatch.setattr("labbook.build.draw_figures", lambda *_, **__: [])
-    monkeypatch.setattr("labbook.build.write_sources", lambda _, folder: (folder / "labbook.typ").write_text("short"))
+    monkeypatch.setattr(
+        "labbook.build.write_sources", lambda _, folder, *__: (folder / "labbook.typ").write_text("short")
+    )
     with pytest.raises(InputError, match="No space left"):
         build(folder / "cpu.csv", out, [])
     assert out.read_text() == "the earlier book"
