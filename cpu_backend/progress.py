@@ -219,6 +219,11 @@ def _no_time(looks: int, spins: int) -> None:
     pass
 
 
+@in_python(new_team)
+def _team(members: int) -> np.ndarray:
+    return new_team.py_func(members)  # as it stands: element types of arrays are no conversions
+
+
 @in_python(shares)
 def _all_parts(team: np.ndarray, member: int, count: int) -> Iterator[int]:
     """Members run one after the other: the first does every part, the others find them done."""
