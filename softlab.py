@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
-import os
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -13,22 +14,28 @@ import typer
 from app.command_line import (
     DEFAULT_STORE,
     Backend,
+    Commands,
     Math,
     Precision,
     SceneName,
     Settings,
     StorePath,
     Threads,
+    UsageError,
     compilations_told,
+    drop_output,
     errors,
     out,
     scene_of,
+    told,
     typed,
+    usage_status,
 )
 from bench.commands import measuring
 from model.errors import SoftlabError
 
 app = typer.Typer(
+    cls=Commands,
     help="A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was.",
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -42,16 +49,28 @@ DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
     try:
-        app()
+        with warnings.catch_warnings():
+            # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene
+            warnings.simplefilter("ignore", RuntimeWarning)
+            status = app(standalone_mode=False) or 0
+        sys.stdout.flush()  # here, where a full disk can still be told of
     except SoftlabError as error:
-        errors.print(f"softlab: {error}", markup=False)
-        sys.exit(error.exit_status)
+        status = told(str(error), error.exit_status)
+    except UsageError as error:
+        status = usage_status(error)
     except KeyboardInterrupt:
-        errors.print("softlab: stopped")
-        sys.exit(130)
+        status = told("stopped", 130)
     except BrokenPipeError:  # the reader (head, less) has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+        drop_output()
+        status = 0
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        drop_output()
+        status = told(f"{error.filename or 'what is printed'} cannot be written: {error.strerror}; make room", 2)
+    except MemoryError as error:
+        status = told(f"the memory of this machine does not do ({error or 'nothing is left'}); use a smaller scene", 2)
+    sys.exit(status)
 
 
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --backend gpu --set grid.rows=256 --json")

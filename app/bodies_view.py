@@ -11,12 +11,12 @@ import numpy as np
 
 from app import body_shaders, colours, shaders3d
 from app.camera3d import Camera3D
+from app.detail import FINE, Detail
 from app.opengl import shader_program
 from app.particle_colours import COLOURINGS, cluster_colours, particle_colours
 from app.scenery import KEY, Lit
 from app.skinning import ClusterFrames
 from app.skins import ClusterTexture, Skins
-from app.smooth_target import SAMPLES
 from app.space_view import SpaceView
 from app.vertex_arrays import POSITION, delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
 from model.scene import Scene
@@ -35,8 +35,8 @@ class BodiesView(SpaceView):
     skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
     colours, of COLOURINGS."""
 
-    def __init__(self, scene: Scene, samples: int = SAMPLES):
-        super().__init__(scene, samples)
+    def __init__(self, scene: Scene, detail: Detail = FINE):
+        super().__init__(scene, detail)
         crowd = scene.crowd
         self.particles, self.skin, self.clusters, self.links = False, True, False, False
         self.colouring = COLOURINGS[0]
@@ -119,7 +119,6 @@ class BodiesView(SpaceView):
         program = self._lit_spheres.program
         program.use()
         program["shine"] = PARTICLE_SHINE
-        program["least"] = 0.0 if self._target.samples > 1 else 0.5
         program.stop()
         side = np.cross(KEY, (0.0, 0.0, 1.0))
         side /= np.linalg.norm(side)
@@ -233,6 +232,7 @@ class BodiesView(SpaceView):
         smooth, program = self._target.samples > 1, self._lit_spheres.program
         self._lit_spheres.use(camera)
         program["upward"] = tuple(camera.axes[1].tolist())
+        program["least"] = 0.0 if smooth else 0.5
         if smooth:
             gl.glEnable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
         if self.particles:

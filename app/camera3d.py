@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import cos, exp, hypot, log, pi, sin, tan
+from math import acos, atan2, cos, exp, hypot, log, pi, sin, tan
 
 import numpy as np
 
@@ -19,6 +19,7 @@ MOST_PITCH = 0.49 * pi  # straight from above, "up" would have no direction
 TURN = 0.008  # rad per pixel of dragging
 NEAREST, FARTHEST = 0.02, 60.0  # times the distance: the planes between which is drawn
 LEAST_DISTANCE, MOST_DISTANCE = 1e-4, 1e7  # m
+LEAST_FLOOR = 0.5  # cosine between the vertical and the normal of what the eye must stay above
 CENTRING = 8  # steps of Newton's method, which mostly ends after three
 BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
 
@@ -121,6 +122,24 @@ class Camera3D:
         """Turn what is seen about the target as a drag by (dx, dy) pixels would turn a ball."""
         self.yaw -= TURN * dx
         self.pitch = min(max(self.pitch - TURN * dy, -MOST_PITCH), MOST_PITCH)
+
+    def keep_above(self, point: np.ndarray, normal: np.ndarray) -> None:
+        """Turn up, and where that is not enough move up, until the eye is above the plane through `point` [m] of this
+        `normal` (3,), a unit vector, by as much as the nearest that is drawn is away. A wall or ceiling changes nothing.
+
+        The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's part
+        toward the viewer along the horizon: r cos(pitch - steepest), which must reach `wanted`.
+        """
+        if normal[1] < LEAST_FLOOR:
+            return
+        wanted = NEAREST + float(normal @ (point - self.target)) / self.distance
+        toward = float(normal[0] * sin(self.yaw) + normal[2] * cos(self.yaw))
+        reach, steepest = hypot(normal[1], toward), atan2(normal[1], toward)
+        least = steepest - acos(min(max(wanted / reach, -1.0), 1.0))
+        self.pitch = min(max(self.pitch, least), MOST_PITCH)
+        missing = wanted - float(self.axes[2] @ normal)
+        if missing > 0:
+            self._aim(self.target + missing * self.distance * np.asarray(normal))
 
     def pan(self, dx: float, dy: float) -> None:
         """Move what is seen at the target's depth by (dx, dy) pixels."""

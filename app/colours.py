@@ -10,6 +10,7 @@ import numpy as np
 
 BACKGROUND = (1.0, 1.0, 1.0)
 INK = (0.10, 0.12, 0.15)
+FAINT = (0.38, 0.41, 0.46)  # what is read last
 PIN = (0.05, 0.05, 0.05)
 SELECTED = (0.93, 0.55, 0.00)  # orange: on neither side of the map
 POKE = (0.00, 0.47, 0.36)  # green with a strong luminance step to both red and grey

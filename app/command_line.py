@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperGroup
+
+from model.errors import SoftlabError
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False)
 
+# what every complaint about a command line is; typer exports only some of them
+UsageError: type[Exception] = typer.BadParameter.mro()[2]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable."),
 ]
 Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
-Threads = Annotated[str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, or a number.")]
+Threads = Annotated[
+    str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, a number, or auto: 1x, or 1 where that is quicker now.")
+]
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
 StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
@@ -33,6 +41,52 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     from model.scene_reader import parse_settings
 
     return load_scene(name).replace(parse_settings(settings))
+
+
+class _Left(Exception):
+    """What ended a command, on its way through typer."""
+
+
+class Commands(TyperGroup):
+    """The sub-commands. Ctrl-C and a reader that has gone reach `main` of softlab.py as they are: typer would make of them
+    what its version makes of them (1 or 130, and always 1)."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, BrokenPipeError) as error:
+            raise _Left from error
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        try:
+            return super().main(*arguments, **options)
+        except _Left as left:
+            raise left.__cause__ or left from None
+
+
+def told(line: str, status: int) -> int:
+    """`status`, once the line is on standard error, if that can be written at all."""
+    with suppress(OSError):
+        errors.print(f"softlab: {line}", markup=False)
+    return status
+
+
+def usage_line(error: Any) -> str:
+    """What is wrong with a command line, in one line."""
+    command = error.ctx.command_path if getattr(error, "ctx", None) else "softlab"
+    return str(SoftlabError(f"{' '.join(error.format_message().split())} (see {command} --help)"))
+
+
+def usage_status(error: Any) -> int:
+    """The exit status of a complaint about the command line, once it is told; without words, the help was printed."""
+    status = int(error.exit_code)
+    return told(usage_line(error), status) if error.format_message() else status
+
+
+def drop_output() -> None:
+    """Nothing more can be printed: what waits to be is dropped, so that the end of the process does not trip over it."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
@@ -31,9 +32,11 @@ KEYS = (
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
+DETAIL_KEY = ("V", "fine, plain, quick picture")
 SPACE_KEYS = (
     *KEYS[:8],
     ("L", "surface, springs"),
+    DETAIL_KEY,
     *KEYS[8:11],
     ("left", "drag beside it: turn (middle)"),
     *KEYS[11:],
@@ -44,11 +47,12 @@ BODY_KEYS = (  # without springs there is no stiffness to change
     ("P K C I", "particles, skin, clusters, links"),
     ("L", "particles or skin"),
     ("O", "colour by body, group, cluster"),
+    DETAIL_KEY,
     ("D X", "drop a body, take one out"),
     ("mouse", "drag a body: pull it"),
     ("arrows", "select a particle"),
     ("Enter", "push its body (down, or arrow)"),
-    *SPACE_KEYS[12:],
+    *SPACE_KEYS[13:],
 )
 WORLDS_KEY = ("Tab", "change one world alone, all")
 TWO_COLUMNS_FROM = 760  # pixels of window width
@@ -93,7 +97,7 @@ class Controls:
         self.viewer, self.demo, self.window = viewer, viewer.demo, viewer.window
         self.mouse = SpaceMouse(viewer) if viewer.space else PlaneMouse(viewer)
         self.key = viewer.pyglet.window.key
-        key, demo = self.key, self.demo
+        key, demo, looks = self.key, self.demo, viewer.looks
         self._key_actions: dict[int, Callable[[], object]] = {
             key.TAB: demo.next_world,
             key.G: demo.toggle_gravity,
@@ -106,12 +110,13 @@ class Controls:
             key.M: viewer.overlay.toggle_graph,
             key.N: viewer.overlay.toggle_numbers,
             key.F: viewer.frame_everything,
-            key.L: viewer.toggle_lines,
-            key.P: viewer.toggle_particles,
-            key.K: viewer.toggle_skin,
-            key.C: viewer.toggle_clusters,
-            key.I: viewer.toggle_links,
-            key.O: viewer.next_colouring,
+            key.L: looks.toggle_lines,
+            key.V: looks.next_detail,
+            key.P: partial(looks.toggle, "particles"),
+            key.K: partial(looks.toggle, "skin"),
+            key.C: partial(looks.toggle, "clusters"),
+            key.I: partial(looks.toggle, "links"),
+            key.O: looks.next_colouring,
             key.D: self._drop_body,
             key.X: demo.remove_body,
             key.DELETE: demo.remove_body,
@@ -181,8 +186,7 @@ class Controls:
             x, y = self._pixels(*self._pointer)
             pane = viewer.panes[viewer.world_at(x, y)]
             place = x - pane.left, y - pane.bottom
-        if viewer.space:
-            self.demo.drop_body(viewer.drop_place(*place))
+        self.demo.drop_body(viewer.drop_place(*place) if viewer.space else ())
 
     def _mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
         self._pointer = x, y

@@ -19,6 +19,7 @@ from model.errors import SoftlabError
 from model.simulation import Simulation
 
 THREAD_WORDS = ("1x", "2x", "4x")
+NO_BODIES = "there are no bodies here"
 FACTOR = 1.25  # one press of [ ] { }
 
 
@@ -201,6 +202,9 @@ class Demo(Worlds):
         """D: a body that waits comes in above `place` [m]; of several parts each in turn."""
         if self._blocked():
             return
+        if not self.world.scene.bodies:
+            self.say(NO_BODIES)
+            return
 
         def bring() -> None:
             for world in self.changed:
@@ -220,7 +224,7 @@ class Demo(Worlds):
             return
         selected, crowd = self.hand.selected, self.world.scene.crowd if self.world.scene.bodies else None
         if selected is None or crowd is None:
-            self.say("first select a body: press it, or an arrow" if crowd is not None else "there are no bodies here")
+            self.say("first select a body: press it, or an arrow" if crowd is not None else NO_BODIES)
             return
         copy = crowd.copies[crowd.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):

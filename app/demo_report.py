@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,14 @@ from app.camera3d import Camera3D
 from app.demo import Demo
 from app.panes import Pane
 from app.worlds import stiffness_paths
+from model.files import replacing
 from model.scene import Scene
 from model.spare import counts, present
 
 
 def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
-    """Lines about speed, state and settings. `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how a state comes
-    to the drawing, where there is more than one."""
+    """Three lines, the most important first: when and how fast; what is set and what comes of it; who computes and draws.
+    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one."""
     world, scene = demo.world, demo.world.scene
     speed = 1 / max(frame_seconds, 1e-6)
     running = not (demo.paused or demo.frozen)
@@ -32,17 +32,17 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     springs = f"stiffness {stiffness} N/m   " if stiffness else ""
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
     gravity = "on" if demo.gravity else "off"
+    way = f" ({way})" if way else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
     steps = demo.steps_of(world)
     physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
     return "\n".join(
         (
-            f"{speed:.0f} frames/s   a frame: physics {physics:.2f} ms, drawing {drawing:.2f} ms{way}, "
-            f"{steps} step{'s' * (steps != 1)}   {speed * steps * running:.0f} steps/s",
-            f"{whose}{world.backend}   {threads}   {world.options.precision}   "
-            f"{masses_text(scene, world.body.inverse_mass)}   {springs}gravity {gravity}",
-            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   time {world.time:.2f} s   "
-            f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}{state}",
+            f"{whose}time {world.time:.2f} s   {speed:.0f} frames/s   {speed * steps * running:.0f} steps/s{state}",
+            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   gravity {gravity}   {springs}"
+            f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}",
+            f"{world.backend}, {threads}, {world.options.precision}   {masses_text(scene, world.body.inverse_mass)}   "
+            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics:.3g} ms, drawing {drawing:.3g} ms{way}",
         )
     )
 
@@ -148,6 +148,5 @@ def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
     """Replace the JSON file `path`, so that a reader never sees half of it."""
-    temporary = path.with_name(f".{path.name}.new")
-    temporary.write_text(json.dumps(state), encoding="utf-8")
-    os.replace(temporary, path)
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(state), encoding="utf-8")

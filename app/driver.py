@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from app.auto_threads import AUTO, open_quickest
 from model.diagnosis import refusal
 from model.errors import SceneError
 from model.scene import Scene, load_scene
@@ -27,7 +28,8 @@ def open_simulation(
 ) -> Simulation:
     """Open a scene on a backend; use it as a context manager.
 
-    `scene`: a Scene, a catalogue name or a TOML file. `threads` (cpu): `1x`, `2x`, `4x` the cores, or a number. `live`:
+    `scene`: a Scene, a catalogue name or a TOML file. `threads` (cpu): `1x`, `2x`, `4x` the cores, a number, or `auto`: as
+    many as cores or one, whichever is quicker now (`threads_reason` says why). `live`:
     what may change while running, of gravity, poke, dt, stiffness, damping; only those parts are compiled to be
     changeable. `initial`: start from a state.
 
@@ -46,7 +48,12 @@ def open_simulation(
         raise refused
     if backend not in BACKENDS:
         raise SceneError("--backend", backend, f"must be one of {', '.join(BACKENDS)}")
-    simulation = _open(scene, backend, options, threads)
+    if backend == "cpu" and threads == AUTO:
+        from cpu_backend.threads import core_count
+
+        simulation = open_quickest(lambda count: _open(scene, backend, options, count), core_count())
+    else:
+        simulation = _open(scene, backend, options, threads)
     if initial is not None:
         try:
             simulation.load(initial)

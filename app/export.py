@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from app.pictures import check_target, replacing
 from app.pieces import Piece, collider_pieces, pieces_of
 from app.skinning import ClusterFrames
 from model.errors import InputError, SceneError
+from model.files import check_target, replacing
 from model.simulation import Simulation
 from model.spare import present
 
@@ -46,6 +46,8 @@ def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) 
     """Where `--export NAME --export-every SECONDS` is to write, with steps of `dt` [s]; a time that is rounded to whole steps
     is told in `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
     path = Path(name)
+    if not path.name:
+        raise InputError(f"--export {name}: is a folder; name a file in it, such as body.ply")
     numbered = len(NUMBER.findall(path.name)) == 1
     if "{" in name or "}" in name:
         rest = str(path.with_name(NUMBER.sub("", path.name)))

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from app.pictures import check_target, replacing
 from model.build import build
 from model.clock import START, Clock
 from model.errors import InputError
+from model.files import check_target, read_archive, replacing
 from model.scene import Scene
 from model.simulation import State
 
@@ -48,20 +47,7 @@ def read_state(path: Path | str, scene: Scene) -> State:
     Raises InputError for a file that is missing, unreadable, no .npz, or holds no position; what the arrays hold is
     checked where they are loaded.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise InputError(f"{path} is not a .npz file; it needs named arrays, position among them")
-            arrays = {name: archive[name] for name in archive.files}
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a directory; a state is a .npz file") from None
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise InputError(f"{path} cannot be read as a .npz file: {reason}") from None
-    except AttributeError:
-        raise InputError(f"{path} is not a .npz file; it needs named arrays, position among them") from None
+    arrays = read_archive(path, "a state is a .npz file with named arrays, position among them")
     if "position" not in arrays:
         raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
     position = arrays["position"]

@@ -14,11 +14,12 @@ from app import colours
 from app.camera import finite_bounds, joined_bounds
 from app.framing import seen_points, seen_radius
 from app.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from app.pictures import check_target, write_png
+from app.pictures import write_png
 from app.surface import drawn_strain
 from app.views import camera_of, view_of
 from model.build import rest_positions
 from model.errors import InputError, SoftlabError
+from model.files import check_target
 from model.scene import Scene
 from model.spare import present
 
@@ -38,7 +39,7 @@ class OffscreenRenderer:
     """
 
     def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
-        from app.panels import Panel, legend_of
+        from app.panels import Panel, Style, legend_of
 
         for name, value in (("width", width), ("height", height)):
             if not LEAST_SIZE <= value <= MOST_SIZE:
@@ -56,7 +57,7 @@ class OffscreenRenderer:
             self._legend, self._panel = None, None
             if legend:
                 with drawing_text():
-                    self._panel = Panel("top-left", 11, monospaced=False)
+                    self._panel = Panel("top-left", Style(11, monospaced=False))
                     if not self._space or self._view.lines:  # a surface has no colours of strain
                         self._legend = legend_of(scene)
         except BaseException:

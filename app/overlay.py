@@ -13,11 +13,13 @@ from app.controls import hint, keys_text
 from app.demo_report import numbers_text, title_text
 from app.frame_times import FrameGraph, FrameTimes
 from app.opengl import drawing_text
-from app.panels import Arrow, Panel, legend_of
+from app.panels import Arrow, Panel, Style, legend_of
 
 if TYPE_CHECKING:
     from app.viewer import Viewer
 
+NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
+TITLE = Style(11, bold=True), Style(10)
 MESSAGE_SECONDS = 8.0
 TEXT_INTERVAL = 0.1  # s between two renewals of the numbers: faster cannot be read
 
@@ -30,13 +32,14 @@ class Overlay:
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
             self._legend = legend_of(self.demo.world.scene)
-            self._numbers, self._keys = Panel("top-left", 10), Panel("centre", 11)
-            self._hint = Panel("bottom-left", 9, monospaced=False)
-            self._notice, self._warning = Panel("top-left", 10), Panel("top-left", 11, warning=True)
+            self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
+            self._hint = Panel("bottom-left", Style(9, monospaced=False))
+            self._notice = Panel("top-left")
+            self._warning = Panel("top-left", Style(11, colour=colours.WARNING), edge=colours.WARNING)
             self._arrow, self._graph = Arrow(), FrameGraph()
             several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
-            self._titles = [Panel("top-left", 10) for _ in range(several)]
-            self._chosen = [Panel("top-left", 10, edge=colours.SELECTED) for _ in range(several)]
+            self._titles = [Panel("top-left", *TITLE) for _ in range(several)]
+            self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
         self.times = FrameTimes()
         self.show_keys, self.show_numbers, self.show_graph = False, True, False
         self._keys_seen = False
@@ -91,7 +94,10 @@ class Overlay:
         viewer = self.viewer
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
-            way = f" ({viewer.views[self.demo.current].vertices.way})" if viewer.space else ""
+            view = viewer.views[self.demo.current]
+            way = f"{view.detail.name}{viewer.drawn_by}" if viewer.space else ""
+            if viewer.space and self.demo.world.backend == "gpu":  # of a CPU there is one way
+                way += f", {view.vertices.way}"
             text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, way)
             self._numbers.place(text, viewer.width, viewer.height)
         self._numbers.draw()
@@ -129,7 +135,8 @@ class Overlay:
             end = start + 70 * way / (np.hypot(*way) or 1.0)
         if np.isfinite([start, end]).all():
             corner = np.array([pane.left, pane.bottom])
-            self._arrow.draw(tuple(start + corner), tuple(end + corner), force_text(math.hypot(*force)))
+            window = self.viewer.width, self.viewer.height
+            self._arrow.draw(tuple(start + corner), tuple(end + corner), force_text(math.hypot(*force)), window)
 
 
 def force_text(newtons: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ MONOSPACED = ["DejaVu Sans Mono", "Menlo", "Consolas", "Courier New"]
 MINUS = "\N{MINUS SIGN}"
 STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"
 ZERO_REST_TITLE = "strain of a spring: length / spacing"
+Pair = tuple[float, float]
+TIP_GAP = 18.0  # pixels from an arrow's tip, where the pointer is, to its label
 EDGE = (0.75, 0.77, 0.80)
 LEGEND_WIDTH, LEGEND_HEIGHT, LEGEND_PARTS = 260, 14, 64  # pixels, pixels, rectangles
 
@@ -85,36 +88,36 @@ def legend_of(scene: Scene) -> Legend | None:
     return Legend(len(pinned_indices(scene.grid)) > 0, title)
 
 
-class Panel:
-    """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left` or `centre`."""
+@dataclass(frozen=True)
+class Style:
+    """How text looks: its size in points, its colour."""
 
-    def __init__(
-        self,
-        corner: str,
-        size: int = 10,
-        monospaced: bool = True,
-        warning: bool = False,
-        edge: tuple[float, float, float] = EDGE,
-    ) -> None:
+    size: int = 10
+    bold: bool = False
+    monospaced: bool = True
+    colour: tuple[float, float, float] = colours.INK
+
+
+class Panel:
+    """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left` or `centre`. `styles`: of the
+    first line, the next ...; all lines that are left over have the last."""
+
+    def __init__(self, corner: str, *styles: Style, edge: tuple[float, float, float] = EDGE) -> None:
         import pyglet
 
         self.corner = corner
         self._batch = pyglet.graphics.Batch()
-        edge = colours.WARNING if warning else edge
         self._back = pyglet.shapes.BorderedRectangle(
             0, 0, 10, 10, border=1, color=(255, 255, 255, 232), border_color=rgba(edge, 232), batch=self._batch
         )
-        self._label = pyglet.text.Label(
-            "",
-            font_name=MONOSPACED if monospaced else FONTS,
-            font_size=size,
-            color=rgba(colours.WARNING if warning else colours.INK),
-            multiline=True,
-            width=100,
-            anchor_x="left",
-            anchor_y="top",
-            batch=self._batch,
-        )
+        self._labels = [
+            pyglet.text.Label(
+                "", font_name=MONOSPACED if style.monospaced else FONTS, font_size=style.size, color=rgba(style.colour),
+                weight="bold" if style.bold else "normal", multiline=True, width=100, anchor_x="left", anchor_y="top",
+                batch=self._batch,
+            )
+            for style in styles or (Style(),)
+        ]  # fmt: skip
         self._shown: tuple[str, int, int, int] | None = None
         self.height = 0
 
@@ -124,11 +127,13 @@ class Panel:
         if self._shown == (text, width, height - below, beside):
             return
         self._shown = (text, width, height - below, beside)
-        self._label.begin_update()
-        self._label.width = max(width - 40, 80)  # longer lines are wrapped
-        self._label.text = text
-        self._label.end_update()
-        wide, high = self._label.content_width, self._label.content_height
+        for label, part in zip(self._labels, divided(text, len(self._labels)), strict=True):
+            label.begin_update()
+            label.width = max(width - 40, 80)  # longer lines are wrapped
+            label.text = part
+            label.end_update()
+        heights = [label.content_height if label.text else 0 for label in self._labels]
+        wide, high = max(label.content_width for label in self._labels), sum(heights)
         left = 8 if self.corner.endswith("left") else (width - wide) // 2 - 8  # whole pixels, or its border blurs
         if self.corner == "bottom-left":
             top = high + 20
@@ -139,12 +144,37 @@ class Panel:
         left += beside
         self._back.position = (left, top - high - 12)
         self._back.width, self._back.height = wide + 16, high + 12
-        self._label.position = (left + 8, top - 6, 0)
+        for number, label in enumerate(self._labels):
+            label.position = (left + 8, top - 6 - sum(heights[:number]), 0)
         self.height = int(high + 12)
 
     def draw(self) -> None:
         """Draw it."""
         self._batch.draw()
+
+
+def divided(text: str, parts: int) -> list[str]:
+    """Its lines, one a part, all that are left over in the last."""
+    lines = text.split("\n", parts - 1)
+    return lines + [""] * (parts - len(lines))
+
+
+def beside_tip(start: Pair, end: Pair, size: Pair, window: Pair) -> Pair:
+    """The lower left corner of a label of `size` for an arrow from `start` to `end` in a `window` (all pixels): beyond the
+    tip, clear of it and of the pointer there; where that is outside of the window, beside the arrow, behind its tip; inside
+    of it in any case."""
+    half, middle = np.asarray(size) / 2, np.asarray(end, dtype=float)
+    along = np.subtract(end, start) / max(float(np.hypot(*np.subtract(end, start))), 1e-9)
+    across = np.array([-along[1], along[0]])
+    ahead, aside = (float(np.abs(way) @ half) for way in (along, across))  # how far the label reaches from its middle
+    beside = [-ahead * along + side * (TIP_GAP + aside) * across for side in (1, -1)]
+    places: list[Pair] = []
+    for away in ((TIP_GAP + ahead) * along, *beside):
+        x, y = (middle + away - half).tolist()
+        places.append((x, y))
+    inside = (p for p in places if all(0 <= p[k] <= window[k] - size[k] for k in (0, 1)))
+    left, bottom = (min(max(places[1][k], 0.0), window[k] - size[k]) for k in (0, 1))
+    return next(inside, (left, bottom))
 
 
 class Arrow:
@@ -158,11 +188,11 @@ class Arrow:
         self._line = pyglet.shapes.Line(0, 0, 1, 1, 3, colour, batch=self._batch)
         self._head = pyglet.shapes.Triangle(0, 0, 1, 0, 0, 1, colour, batch=self._batch)
         self._label = pyglet.text.Label(
-            "", font_name=FONTS, font_size=10, color=colour, batch=self._batch, weight="bold"
+            "", font_name=FONTS, font_size=10, color=colour, batch=self._batch, weight="bold", anchor_y="bottom"
         )
 
-    def draw(self, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
-        """Draw it from `start` to `end` (pixels)."""
+    def draw(self, start: Pair, end: Pair, text: str, window: Pair) -> None:
+        """Draw it from `start` to `end` in a `window` (pixels)."""
         along = np.subtract(end, start)
         size = float(np.hypot(*along))
         if not 1 < size < 1e5:
@@ -178,5 +208,6 @@ class Arrow:
         self._head.x3, self._head.y3 = tips[2]
         if self._label.text != text:
             self._label.text = text
-        self._label.position = (end[0] + 12, end[1] + 6, 0)
+        text_size = self._label.content_width, self._label.content_height
+        self._label.position = (*beside_tip(start, end, text_size, window), 0)
         self._batch.draw()

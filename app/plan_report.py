@@ -17,8 +17,9 @@ import numpy as np
 from app.driver import BACKENDS
 from app.plan_grid import grid_on_cpu, grid_on_gpu
 from app.plan_passes import BackendPlan
+from model.energy import spring_count
 from model.errors import SceneError
-from model.frequency import frequency_lines, scene_net
+from model.frequency import frequency_lines
 from model.integrators import integrators_for, stability_limit
 from model.mesh_constraints import families
 from model.plan import Node, Plan, Stage
@@ -66,7 +67,8 @@ class PlanReport:
         if self.scene.mesh:
             return sum(len(family.corners) for family in families(self.scene))
         if self.scene.cloth:
-            return len(scene_net(self.scene).ends)
+            grid = self.scene.grid
+            return sum(spring_count(grid.rows, grid.columns, kind) for kind in self.scene.cloth_springs)
         return self.scene.grid.spring_count if self.scene.springs else 0
 
     @property

@@ -17,7 +17,7 @@ from app.export import Exporter, Target, check_export
 from app.files import check_state_target, read_state, write_state, write_trajectory
 from app.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
 from app.video import check_render, render
-from cpu_backend.threads import core_count
+from cpu_backend.threads import core_count, wait_policy
 from model.divergence import LEAST_INTERVAL
 from model.energy import energies, spring_strain
 from model.errors import Diverged, InputError, SceneError
@@ -148,17 +148,17 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         _write_results(result, request, recorder, simulation, start, clip)
         if diverged is not None:
             notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
-        if simulation.backend == "cpu" and simulation.threads > 1 and not _yields() and _crowded():
+        if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
             notes.append(
                 "other programs use the cores, and threads that wait for one another lose most then: "
-                "set OMP_WAIT_POLICY=passive, or use --threads 1"
+                "leave OMP_WAIT_POLICY and GOMP_SPINCOUNT to softlab, or use --threads auto"
             )
     return result
 
 
-def _yields() -> bool:
-    """Whether idle threads leave their cores to others already."""
-    return os.environ.get("OMP_WAIT_POLICY", "").lower() == "passive"
+def _spins() -> bool:
+    """Whether idle threads keep their cores from others for long."""
+    return wait_policy() not in ("brief", "passive")
 
 
 def _crowded() -> bool:
@@ -249,6 +249,7 @@ def _report(
         "backend": simulation.backend,
         "device": simulation.device,
         "threads": simulation.threads,
+        "threads_reason": simulation.threads_reason,
         "precision": simulation.options.precision,
         "math": simulation.options.math,
         "kernel": simulation.kernel,

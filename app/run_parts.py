@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from model.nearby import close_pairs
+from model.nearby import TooMany, close_pairs
 from model.particle_contact_record import G_DISTANCE, kinds_of_particles, pair_rows
 from model.scene import Scene
 from model.simulation import Simulation, State
@@ -65,7 +65,10 @@ def _caught(scene: Scene, state: State) -> tuple[int, float | None]:
     if len(there) > MOST_LOOKED_AT or not np.isfinite(state.position).all():
         return 0, None
     rows, kind = pair_rows(scene)[:, :, G_DISTANCE], kinds_of_particles(scene)[there]
-    one, other, distance = close_pairs(state.position[there].astype(np.float64), float(rows.max()))
+    try:
+        one, other, distance = close_pairs(state.position[there].astype(np.float64), float(rows.max()))
+    except TooMany:
+        return 0, None
     kept = np.where(crowd.body[there][one] != crowd.body[there][other], rows[kind[one], kind[other]], 0.0)
     meets = kept > distance
     part = distance[meets] / kept[meets]

@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from app.pictures import check_target, replacing
 from model.errors import InputError
+from model.files import check_target, replacing
 from model.scene import Scene
 
 SUFFIX = ".toml"

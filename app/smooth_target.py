@@ -1,29 +1,28 @@
 """A picture with smooth edges and depth, drawn beside the window and copied into it when it is complete.
 
 A frame buffer of our own with several samples a pixel, and not the window's: what is drawn in two dimensions keeps the
-window it has, and off-screen pictures get the same edges.
+window it has, and off-screen pictures get the same edges. It may also be smaller than where it is copied to.
 """
 
 from __future__ import annotations
 
+from app.detail import Detail
 from model.errors import BackendUnavailable
-
-SAMPLES = 4  # a pixel, or as many as the driver has
 
 
 class SmoothTarget:
-    """`begin(width, height)` turns all drawing to it, `finish()` shows it where drawing went before, at the lower left corner
-    of the viewport there; `delete()` frees it.
+    """`begin(width, height)` turns all drawing to it, `finish()` shows it where drawing went before, in the viewport that was
+    set there; `delete()` frees it.
 
     Needs a current OpenGL 3.3 context, the same in every call. Raises BackendUnavailable where the driver refuses it.
     """
 
-    def __init__(self, samples: int = SAMPLES) -> None:
+    def __init__(self, detail: Detail) -> None:
         from pyglet import gl
 
         most = gl.GLint()
         gl.glGetIntegerv(gl.GL_MAX_SAMPLES, most)
-        self.samples = min(samples, max(int(most.value), 0))
+        self.samples = min(detail.samples, max(int(most.value), 0))
         self._size = (0, 0)
         self._before, self._box = 0, (gl.GLint * 4)()
         self._frames = (gl.GLuint * 2)()  # with samples, and resolved: the window's own format may be another
@@ -73,14 +72,22 @@ class SmoothTarget:
         from pyglet import gl
 
         width, height = self._size
-        resolved, before = (self._frames[1], 0, 0), (self._before, *self._box[:2])
-        for source, (goal, left, bottom) in ((self._frames[0], resolved), (self._frames[1], before)):
-            gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, source)
-            gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, goal)
-            box = (left, bottom, left + width, bottom + height)
-            gl.glBlitFramebuffer(0, 0, width, height, *box, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
+        left, bottom, wide, high = self._box
+        frame = self._frames[0]
+        if self.samples:  # the window's format may be another, into which samples cannot be resolved
+            self._copy(frame, (width, height), self._frames[1], (0, 0, width, height))
+            frame = self._frames[1]
+        self._copy(frame, (width, height), self._before, (left, bottom, left + wide, bottom + high))
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._before)
         gl.glViewport(*self._box)
+
+    @staticmethod
+    def _copy(source: int, size: tuple[int, int], goal: int, box: tuple[int, int, int, int]) -> None:
+        from pyglet import gl
+
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, source)
+        gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, goal)
+        gl.glBlitFramebuffer(0, 0, *size, *box, gl.GL_COLOR_BUFFER_BIT, gl.GL_NEAREST)
 
     def delete(self) -> None:
         """Free it."""

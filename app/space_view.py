@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from app import colours, shaders3d
 from app.camera3d import Camera3D
+from app.collider_shapes import Ground, grounds
 from app.cuda_vertices import CudaVertices
+from app.detail import FINE, Detail
 from app.opengl import shader_program
 from app.scenery import Lit, Scenery
 from app.shaders import POINT_FRAGMENT
-from app.smooth_target import SAMPLES, SmoothTarget
+from app.smooth_target import SmoothTarget
 from app.vertex_arrays import uniform_matrix
 from model.build import rest_positions
 from model.scene import Scene
@@ -26,20 +29,25 @@ class SpaceView(ABC):
     """`scene` on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
 
     `upload(position)` sends a state, `upload_from(simulation)` a simulation's; `draw(camera, ...)` draws it; `delete()` frees
-    the buffers. `samples` a pixel smooth its edges. `lines`: shown as what holds it together, and not as its surface (a
-    change needs a new upload). Raises BackendUnavailable.
+    the buffers. `detail`: how much goes into it. `lines`: shown as what holds it together, and not as its surface (a change
+    needs a new upload). Raises BackendUnavailable.
     """
 
     lines = False
 
-    def __init__(self, scene: Scene, samples: int = SAMPLES):
+    def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene = scene
         self.vertices = CudaVertices(scene)
         self.lowest = float(rest_positions(scene.grid)[:, 1].min())  # of all that was shown: the ground lies below it
-        self._target = SmoothTarget(samples)
+        self.detail, self._target = detail, SmoothTarget(detail)
         self._scenery = Scenery(scene)
         self._lit = Lit()
         self._point_program = shader_program(shaders3d.VERTEX, POINT_FRAGMENT)
+
+    def show_in(self, detail: Detail) -> None:
+        """Draw in this detail from now on."""
+        self._target.delete()
+        self.detail, self._target = detail, SmoothTarget(detail)
 
     @abstractmethod
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
@@ -58,11 +66,17 @@ class SpaceView(ABC):
         if np.isfinite(lowest):
             self.lowest = min(self.lowest, lowest)
 
+    def grounds(self, time: float) -> list[Ground]:
+        """What is drawn to stand on, at `time` [s]."""
+        return grounds(self.scene, time, self.lowest)
+
     def draw(self, camera: Camera3D, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
         """Draw what was uploaded last, with the colliders where they are at `time` [s]. `strain_range`: the strain at both
         ends of the colour map."""
         from pyglet import gl
 
+        coarse = self.detail.coarse
+        camera = replace(camera, width=-(-camera.width // coarse), height=-(-camera.height // coarse))
         self._target.begin(camera.width, camera.height)
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
@@ -73,7 +87,8 @@ class SpaceView(ABC):
         self._scenery.draw_colliders(self._lit, time)
         self._lit.program.stop()
         self._draw_solid(camera, strain_range)
-        self._draw_shadows(camera, time)
+        if self.detail.shadows:
+            self._draw_shadows(camera, time)
         gl.glEnable(gl.GL_BLEND)
         gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
         gl.glDepthMask(gl.GL_FALSE)
@@ -108,8 +123,9 @@ class SpaceView(ABC):
     def _style(
         self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
     ) -> None:
+        """`size`: pixels of the window."""
         program = self._point_program
-        program["point_size"], program["toward"] = size, toward
+        program["point_size"], program["toward"] = size / self.detail.coarse, toward
         program["fill"], program["rim"] = fill, rim
         program["square"], program["hollow"] = int(square), int(hollow)
 

@@ -14,13 +14,12 @@ GAP = 0.1  # of a body's longest side: between it and what it is dropped on
 
 
 def next_spare(world: Simulation, last: str | None) -> str:
-    """The part of which a copy is brought in next: of those that one waits of the first after `last`, in turn. Raises
-    SceneError where none waits."""
+    """The part of which a copy is brought in next, in a scene with bodies: of those that one waits of the first
+    after `last`, in turn. Raises SceneError where none waits."""
     scene = world.scene
     names = list(scene.bodies)
     if not any(part.spare for part in scene.bodies.values()):
-        wanted = f"no body of this scene waits; spare = 5 in its [{names[0]}] keeps five" if names else "no bodies here"
-        raise SceneError("spare", 0, wanted)
+        raise SceneError("spare", 0, f"no body of this scene waits; spare = 5 in its [{names[0]}] keeps five")
     there = copies_there(scene, world.body.inverse_mass)
     waiting = {copy.name for copy in scene.crowd.copies if not there[copy.number]}
     if not waiting:

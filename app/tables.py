@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -69,9 +70,9 @@ def print_scenes(console: Console) -> None:
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
         size = str(counts(scene).particles) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
-        table.add_row(
-            name, size, str(grid.pinned), method.name, f"{method.dt:.4g}", f"{stability_limit(scene):.4g}"
-        )  # fmt: skip
+        limit = stability_limit(scene)
+        told = "none" if isinf(limit) else f"{limit:.4g}"
+        table.add_row(name, size, str(grid.pinned), method.name, f"{method.dt:.4g}", told)
     console.print(table)
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from app.offscreen import OffscreenRenderer, render_frame
-from app.pictures import check_target, replacing
 from model.errors import BackendUnavailable, InputError
+from model.files import check_target, replacing
 from model.scene import Scene
 from model.simulation import Simulation
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from app import colours, shaders3d
 from app.camera3d import Camera3D
+from app.detail import FINE, Detail
 from app.opengl import shader_program
 from app.scene_view import PIN_SIZE, POINTS_FROM, WIDE_UP_TO
 from app.scenery import Drawn
-from app.smooth_target import SAMPLES
 from app.space_view import SpaceView
 from app.surface import drawn_lines
 from app.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
@@ -25,10 +25,10 @@ PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show o
 class View3D(SpaceView):
     """See SpaceView; `lines`: as springs and not as a surface."""
 
-    def __init__(self, scene: Scene, samples: int = SAMPLES):
+    def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
 
-        super().__init__(scene, samples)
+        super().__init__(scene, detail)
         lines = drawn_lines(scene)
         self.springs = sum(len(pairs) for pairs, _ in lines)
         self._wide = self.springs <= WIDE_UP_TO
@@ -92,14 +92,14 @@ class View3D(SpaceView):
     def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
         from pyglet import gl
 
-        apart = camera.scale * self.scene.grid.spacing  # pixels
+        apart = self.detail.coarse * camera.scale * self.scene.grid.spacing  # pixels of the window
         size = min(max(0.2 * apart, 3.0), 12.0)
         self._use_points(camera, self._pins[0])
         if self.lines and (apart >= POINTS_FROM or not self.springs):
             self._style(size, colours.INK, colours.BACKGROUND if size > 5 else colours.INK, MASS_TOWARD)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
         if self._pins[2]:
-            rim = colours.BACKGROUND if apart > PIN_SIZE else colours.PIN
+            rim = colours.BACKGROUND if apart > PIN_SIZE * self.detail.coarse else colours.PIN
             self._style(PIN_SIZE, colours.PIN, rim, PIN_TOWARD, square=True)
             draw_elements(*self._pins)
         if selected is not None:

@@ -5,8 +5,6 @@ pyglet is imported inside functions: this module can be imported where there is 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,7 +16,9 @@ from app.camera import Margins, joined_bounds
 from app.controls import Controls
 from app.demo import Demo
 from app.demo_report import demo_state, write_state
-from app.opengl import load_pyglet, open_window
+from app.detail import by_software
+from app.looks import Looks
+from app.opengl import load_pyglet, open_window, renderer_name
 from app.panels import EDGE
 from app.panes import GAP, IN_A_ROW, Pane, check_alike, panes
 from app.pictures import write_png
@@ -51,6 +51,8 @@ class Viewer:
         try:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
+            self.drawn_by = ", by software" if by_software(renderer_name()) else ""
+            self.looks = Looks(demo, self.views)
             self.overlay = Overlay(self)
         except BaseException:
             self.window.close()
@@ -73,50 +75,6 @@ class Viewer:
         self.demo.refresh(force=True)
         self.follow = True
         self._approach_everything(1.0)
-
-    def toggle_lines(self) -> None:
-        """L: a cloth as a surface or as springs, bodies as skins or as particles; a grid is springs anyway."""
-        if self.bodies:
-            self._show(lambda view: view.toggle_lines())
-        elif self.space:
-            shown = [view.toggle_lines() for view in self.views]
-            self.demo.say("springs, coloured by strain" if shown[0] else "surface")
-
-    def toggle_particles(self) -> None:
-        """P: particles of bodies."""
-        if self.bodies:
-            self._show(lambda view: view.toggle_particles())
-
-    def toggle_skin(self) -> None:
-        """K: skins of bodies."""
-        if self.bodies:
-            self._show(lambda view: view.toggle_skin())
-
-    def toggle_clusters(self) -> None:
-        """C: the middles of the clusters of bodies."""
-        if self.bodies:
-            self._show(lambda view: view.toggle_clusters())
-
-    def toggle_links(self) -> None:
-        """I: the links of bodies."""
-        if self.bodies:
-            self._show(lambda view: view.toggle_links())
-            if not any(len(copy.baked.links) for copy in self.demo.world.scene.crowd.copies):
-                self.demo.say("these bodies have no links")
-
-    def next_colouring(self) -> None:
-        """O: particles coloured by body, by group, by cluster."""
-        if self.bodies:
-            for view in self.views:
-                view.next_colouring()
-            hidden = "" if self.views[0].particles else " (P shows them)"
-            self.demo.say(f"particles coloured by {self.views[0].colouring}{hidden}")
-
-    def _show(self, change: Callable[[Any], object]) -> None:
-        for view in self.views:
-            change(view)
-        inside = " and ".join(name for name in ("particles", "clusters", "links") if getattr(self.views[0], name))
-        self.demo.say(" behind the ".join(word for word in (inside, "skin" if self.views[0].skin else "") if word))
 
     def ask_for_screenshot(self) -> None:
         """S: save the next frame, which is then complete."""
@@ -170,6 +128,12 @@ class Viewer:
         spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
         self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
 
+    def _stay_above_ground(self) -> None:
+        if self.space:
+            for view, world in zip(self.views, self.demo.worlds, strict=True):
+                for ground in view.grounds(world.time):
+                    self.camera.keep_above(ground.point, ground.normal)
+
     def _margins(self) -> Margins:
         """Of a pane."""
         if len(self.panes) == 1:
@@ -203,6 +167,7 @@ class Viewer:
         demo.frame()
         if self.follow:
             self._approach_everything(FOLLOW_SHARE)
+        self._stay_above_ground()
         start = perf_counter()
         gl.glClearColor(*EDGE, 1.0)  # what is seen between panes
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
@@ -304,7 +269,5 @@ def run_demo(
     """
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled
-    # Idle threads that spin between frames would take the processor away from the drawing.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     with Demo(scenes, backend=backend, threads=threads, precision=precision, math=math) as demo:
         Viewer(demo, state_file, frames).run()

@@ -8,26 +8,25 @@ from typing import Any
 from app.camera import Camera
 from app.camera3d import Camera3D
 from app.collider_shapes import with_colliders
+from app.detail import FINE, usual_detail
 from app.opengl import renderer_name
 from model.scene import Scene
-
-SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # drivers that halve their frames by smoothing
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
     """A SceneView or, for a cloth, a View3D, for bodies a BodiesView, in the current OpenGL context. Raises
     BackendUnavailable.
 
-    `quick`: frames matter more than edges, which are left unsmoothed where a processor does the drawing.
+    `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
     from app.bodies_view import BodiesView
     from app.scene_view import SceneView
-    from app.view3d import SAMPLES, View3D
+    from app.view3d import View3D
 
     if scene.dimensions == 2:
         return SceneView(scene)
-    software = any(word in renderer_name().lower() for word in SOFTWARE)
-    return (BodiesView if scene.bodies else View3D)(scene, 0 if quick and software else SAMPLES)
+    detail = usual_detail(renderer_name()) if quick else FINE
+    return (BodiesView if scene.bodies else View3D)(scene, detail)
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:

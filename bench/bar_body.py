@@ -26,6 +26,7 @@ from bench.bar_strip import (
     REST_FRAMES,
     REST_RATE,
     SAG,
+    SHARED,
     SPEED,
     SWING,
     WEIGHT,
@@ -77,7 +78,7 @@ def bar(layers: int, overlap: float, substeps: int, stand: bool = False) -> Scen
     stiffness = (SPEED / reach(layers, overlap)[0]) ** 2
     spacing = LENGTH / layers
     turned = {"angle": 90.0, "axis": [0.0, 0.0, 1.0], "origin": [0.0, LENGTH / 2, 0.0]} if stand else {}
-    away = 0.0 if stand else -1e3  # the same parts, so that nothing is compiled twice
+    away = 0.0 if stand else -1e3  # the same parts (see SHARED), so that nothing is compiled twice
     return Scene(
         {
             "title": "Jelly bar",
@@ -117,7 +118,7 @@ def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
         shape = np.zeros_like(at)
         shape[:, 0] = np.sin(pi * at[:, 0] / LENGTH)
         begin = State(at + SWING * shape, np.zeros_like(at), 1 / scene.crowd.clusters.mass, 0.0, 0)
-        with open_simulation(scene, backend, initial=begin, **OPTIONS) as simulation:
+        with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
             frequency, decay = swing_of(follow(simulation, shape, FRAMES // 2), FRAME)
         arm, held = reach(layers, overlap)
         return {

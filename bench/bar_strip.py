@@ -37,6 +37,7 @@ FRAMES = 96  # that a swing is followed, some three periods
 REST_FRAMES, ACROSS_FRAMES = 600, 3600  # to rest: by e^-30, and of a pendulum as long by e^-19
 REST_RATE, ACROSS_RATE = 6.0, 0.63  # 1/s: of the dampers that bring it there, none of them over what is critical
 OPTIONS: dict[str, Any] = {"precision": "float64", "math": "exact"}
+SHARED = ("gravity", "damping")  # live, so that what has neither shares kernels with what has both: they add zeros
 
 SAG, FREQUENCY, DECAY, ACROSS = "bar_sag", "bar_frequency", "bar_decay", "bar_across"  # m; 1/s; 1/s; m
 REFUSED = "refused"  # how the reason of a missing number begins
@@ -171,7 +172,7 @@ def swing(scene: Scene, backend: str) -> Measures:
         shape = np.zeros_like(rest)
         shape[:, 1] = -np.sin(pi * place / (2 * links + 1))
         begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
-        with open_simulation(scene, backend, initial=begin, **OPTIONS) as simulation:
+        with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
             frequency, decay = swing_of(follow(simulation, shape, FRAMES), FRAME)
         return {FREQUENCY: (frequency, "1/s", f"rod: {rod_frequency():.6g}"), DECAY: (decay, "1/s", None)}
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from app.driver import open_simulation
-from bench.bar_strip import FRAME, OPTIONS, told
+from bench.bar_strip import FRAME, OPTIONS, SHARED, told
 from bench.findings import Measures
 from model.scene import Scene
 
@@ -84,7 +84,7 @@ def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Me
     def measure() -> Measures:
         crowd, steps = scene.crowd, round(SECONDS[law] / scene.method.dt)
         mass = crowd.clusters.mass
-        with open_simulation(scene, backend, **OPTIONS | {"precision": precision}) as simulation:
+        with open_simulation(scene, backend, live=SHARED[:1], **OPTIONS | {"precision": precision}) as simulation:
             simulation.advance(steps)
             state = simulation.state()
         position, velocity = (np.asarray(array, dtype=np.float64) for array in (state.position, state.velocity))

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from app.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+from bench.took import Timed
 from model.errors import SceneError
 
 measuring = typer.Typer()
@@ -33,7 +34,7 @@ def _tell(summary: Any) -> None:
         raise typer.Exit(130)
 
 
-@measuring.command(epilog="Example: softlab sweep --quick --backend cpu")
+@measuring.command(cls=Timed, epilog="Example: softlab sweep --quick --backend cpu")
 def sweep(
     quick: Annotated[bool, typer.Option("--quick", help="Small sizes, a quarter of a minute.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -90,7 +91,9 @@ def sweep(
         raise typer.Exit(130)
 
 
-@measuring.command(epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)")
+@measuring.command(
+    cls=Timed, epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)"
+)
 def accuracy(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer repeats, methods and float32; neither exact math nor other sizes.")
@@ -126,7 +129,7 @@ def accuracy(
             _tell(run(opened, **how))
 
 
-@measuring.command(epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
+@measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
 def stability(
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges, little of float32.")] = False,
     integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
@@ -145,9 +148,15 @@ def stability(
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
+@measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
 def hard(
-    quick: Annotated[bool, typer.Option("--quick", help="The hand-out's step and velocity Verlet alone.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="The hand-out's step and velocity Verlet in float64 alone, no bodies: under a minute on two cores.",
+        ),
+    ] = False,
     case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
     integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -173,9 +182,17 @@ def hard(
         raise typer.Exit(1)
 
 
-@measuring.command(epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)")
+@measuring.command(
+    cls=Timed, epilog="Example: softlab projections --quick   (softlab projections --backend cpu --size 256)"
+)
 def projections(
-    quick: Annotated[bool, typer.Option("--quick", help="Two sizes, fewer repeats, nothing published.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Two sizes, ten iterations, fewer neighbours and repeats, nothing published: under a minute on two cores.",
+        ),
+    ] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
@@ -193,30 +210,57 @@ def projections(
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab crowds --quick   (softlab crowds --backend cpu --kind heap)")
+@measuring.command(cls=Timed, epilog="Example: softlab crowds --quick   (softlab crowds --backend cpu --kind heap)")
 def crowds(
-    quick: Annotated[bool, typer.Option("--quick", help="Fifty bodies, the smallest grid, fewer repeats.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick", help="Fifty bodies, the smallest grid, no lattice, fewer repeats: under a minute on two cores."
+        ),
+    ] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    kind: Annotated[list[str] | None, typer.Option(help="Only soft, rigid, heap or grid. Repeatable.")] = None,
+    kind: Annotated[list[str] | None, typer.Option(help="Only soft, rigid, heap, grid or lattice. Repeatable.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time bodies: how many particles a second, soft, rigid, in a heap that collides, and the grid as jelly."""
-    from bench.crowds import KINDS, print_crowds, run_crowds
+    """Time bodies: how many particles a second, soft, rigid, in a heap that collides, the grid and a cube as jelly."""
+    from bench.crowds import print_crowds, run_crowds
     from bench.store import Store
 
     with Store(store) as opened:
         summary = run_crowds(
-            opened, quick=quick, backends=backend, kinds=kind or KINDS, precisions=_precisions(precision, "float32"),
+            opened, quick=quick, backends=backend, kinds=kind, precisions=_precisions(precision, "float32"),
             command=typed(),
         )  # fmt: skip
         print_crowds(out, opened, summary.machine)
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
+@measuring.command(cls=Timed, epilog="Example: softlab busy --quick   (softlab busy --scene soft-pile)")
+def busy(
+    quick: Annotated[bool, typer.Option("--quick", help="Two scenes, fewer and shorter samples.")] = False,
+    scene: Annotated[list[str] | None, typer.Option(help="Only this scene. Repeatable.")] = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time CPU threads beside another program: on one thread and on one a core, alone, beside a niced and a busy one."""
+    from bench.busy import print_busy, run_busy
+    from bench.store import Store
+
+    with Store(store) as opened:
+        summary = run_busy(opened, quick=quick, scenes=scene or (), command=typed())
+        print_busy(out, opened, summary.machine)
+        _tell(summary)
+
+
+@measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
 def bar(
-    quick: Annotated[bool, typer.Option("--quick", help="Few spacings, substeps and sizes of clusters.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Few spacings, substeps and clusters, no bending, laws in float64 alone: under a minute on two cores.",
+        ),
+    ] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
@@ -230,7 +274,7 @@ def bar(
         _tell(summary)
 
 
-@measuring.command(epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
+@measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
 def advise(
     scene: SceneName,
     error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
@@ -274,7 +318,7 @@ def advise(
         out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
 
 
-@measuring.command(epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
+@measuring.command(cls=Timed, epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
 def ablate(
     scene: SceneName,
     time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,

@@ -52,6 +52,7 @@ from model.simulation import PRECISIONS
 
 SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
 QUICK = ("lab", "velocity-verlet")
+QUICK_PRECISIONS = ("float64",)
 DRAWN = (
     "lab",
     "velocity-verlet",
@@ -72,7 +73,7 @@ class Outcome:
     time: float = 0.0
 
 
-OF_BODIES = ("gravity",)  # live, so that scenes of bodies without weight share kernels with the others
+LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
 LAWS = (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd)  # modules by which a case is judged
 BODY_LAWS = (
     body_laws, body_scenes, clusters_by_hand, hard_bodies, hard_body_cases, hard_piles, hard_rotations, hard_trial, rotations,
@@ -95,8 +96,7 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
 def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
     """Run one case and judge it. `how`: options of a Trial. Never raises but for Ctrl-C: a crash is a verdict, too."""
     scene, note = case_scene(case, method)
-    shared = {"live": OF_BODIES} if case.of_bodies else {}
-    trial = Trial(scene, backend, precision, **(shared | how))
+    trial = Trial(scene, backend, precision, **({"live": LIVE} | how))
 
     def outcome(verdict: str, diagnosis: str, checks: Sequence[Check] = ()) -> Outcome:
         known = case.known_failure(method, precision)
@@ -188,16 +188,16 @@ def run_hard(
 ) -> HardSummary:
     """Judge what the store lacks of the hard cases, and return all verdicts.
 
-    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all. `quick`: of them the hand-out's step and
-    velocity Verlet alone. `backends`: cpu, gpu
-    (None: all that are here). `pictures`: end states as PNG into the folder `hard` beside the store, where OpenGL is.
+    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step and velocity
+    Verlet. `precisions`: None: both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are here). `pictures`: end
+    states as PNG into the folder `hard` beside the store, where OpenGL is.
 
     Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
     """
     begin = time.perf_counter()
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
     names = chosen(integrators or (QUICK if quick else None), (*METHODS, MATCHING), "--integrator", rows=True)
-    accurate = chosen(precisions, list(PRECISIONS), "--precision")
+    accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
     here, revision = backends_here(backends), source_revision()
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
     summary = HardSummary(enter_machine(store))
@@ -275,6 +275,7 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
             picture = folder / f"{'-'.join(words)}.png"
+            assert outcome.end is not None  # only such are drawn
             render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1
 

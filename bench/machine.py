@@ -13,6 +13,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -94,8 +95,11 @@ def measured_limits() -> dict[str, Any]:
     None where it cannot be had.
     """
     size = copy_bytes()
+    bandwidth = None
+    with suppress(MemoryError):  # of a machine that has none left, a limit is not known, and all else is
+        bandwidth = copy_bandwidth(size)
     limits: dict[str, Any] = {
-        "copy_bandwidth": copy_bandwidth(size),
+        "copy_bandwidth": bandwidth,
         "copy_bytes": 2 * size,
         "region_seconds": region_costs(),
     }

@@ -19,6 +19,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import sqlite3
 import uuid
 from collections.abc import Iterator, Mapping
@@ -27,7 +28,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from model.errors import InputError
+from model.errors import InputError, shown
+from model.files import check_source
 
 DEFAULT_PATH = Path("softlab-results") / "results.sqlite"
 SCHEMA_VERSION = 1
@@ -40,6 +42,10 @@ TABLES = {  # table -> its columns, in the order of the text export
     "sample": ("configuration", "run", "sources", "stage", "repeat", "seconds", "steps", "joules", "suspect"),
     "measure": ("configuration", "run", "sources", "name", "value", "unit", "reason"),
 }
+TYPES = {  # of the columns that are no texts, as SQLite names them
+    "repeat": "'integer'", "seconds": "'real', 'integer'", "steps": "'integer'", "joules": "'real', 'integer', 'null'",
+    "value": "'real', 'integer', 'null'", **dict.fromkeys(("commit_hash", "suspect", "reason"), "'text', 'null'"),
+}  # fmt: skip
 SCHEMA = f"""
 CREATE TABLE schema_version (version INTEGER NOT NULL);
 INSERT INTO schema_version VALUES ({SCHEMA_VERSION});
@@ -72,7 +78,8 @@ def configuration_hash(description: Mapping[str, Any]) -> str:
 class Store:
     """One store, open for reading and writing; a context manager.
 
-    `path` is made where it does not exist yet (its folder only for the default path). Raises InputError, with what to
+    `path` is made where it does not exist yet (its folder only for the default path), once there is something to write.
+    Raises InputError, with what to
     do, for a store that is locked, damaged, no SQLite file, of another schema version, or that cannot be written;
     nothing on disk is changed then.
     """
@@ -80,43 +87,60 @@ class Store:
     def __init__(self, path: str | Path = DEFAULT_PATH, *, readonly: bool = False, busy_seconds: float = BUSY_SECONDS):
         self.path = str(path)
         self.readonly = readonly
+        self._busy_seconds = busy_seconds
         memory = self.path == ":memory:"
-        file = Path(path)
-        if not memory:
-            self._look_at(file)
-        target = ":memory:" if memory else file.absolute().as_uri() + ("?mode=ro" if readonly else "?mode=rwc")
-        with self._explained():
-            self.connection = sqlite3.connect(target, uri=not memory, timeout=busy_seconds, isolation_level=None)
-        try:
-            with self._explained():
-                self._prepare(memory)
-        except BaseException:
-            self.connection.close()
-            raise
+        self.new = not memory and not self._look_at(Path(path))  # a file that the first thing written makes
+        self.connection = self._opened(memory or self.new)
 
-    def _look_at(self, file: Path) -> None:
-        """Refuse what cannot be a store before SQLite gets to touch it."""
+    def _opened(self, memory: bool) -> sqlite3.Connection:
+        """A connection to the store's file, or to a store in main memory, with all tables."""
+        mode = "?mode=ro" if self.readonly else "?mode=rwc"
+        target = ":memory:" if memory else Path(self.path).absolute().as_uri() + mode
+        with self._explained():
+            connection = sqlite3.connect(target, uri=not memory, timeout=self._busy_seconds, isolation_level=None)
+            try:
+                self._prepare(connection, memory)
+            except BaseException:
+                connection.close()
+                raise
+        return connection
+
+    def _look_at(self, file: Path) -> bool:
+        """Whether the file is there; refuse what cannot be a store before SQLite gets to touch it."""
         try:
             if file.is_dir():
                 raise InputError(f"{file} is a folder; the store is a file, such as {DEFAULT_PATH}")
             if file.exists():
-                with file.open("rb") as opened:
+                with check_source(file, f"the store is a file, such as {DEFAULT_PATH}").open("rb") as opened:
                     head = opened.read(16)
                 if head and head != b"SQLite format 3\0":
                     raise InputError(f"{file} is not a SQLite file; give another path (text exports: softlab merge)")
-                return
+                return True
             if self.readonly:
                 raise InputError(f"{file}: no such store; measure first (softlab sweep), or give another path")
-            if file == DEFAULT_PATH:
-                file.parent.mkdir(exist_ok=True)
-            if not file.parent.is_dir():
-                raise InputError(f"{file.parent}: no such folder; make it first, or give another path for the store")
+            folder = Path() if file == DEFAULT_PATH and not file.parent.exists() else file.parent
+            if not folder.is_dir():
+                raise InputError(f"{folder}: no such folder; make it first, or give another path for the store")
+            if not os.access(folder, os.W_OK):
+                raise InputError(f"{file} cannot be made: its folder cannot be written; check the permissions")
         except OSError as error:
             raise InputError(f"{file} cannot be used: {error.strerror or error}; check its permissions") from None
+        return False
 
-    def _prepare(self, memory: bool) -> None:
+    def _make(self) -> None:
+        """Turn to the file, now that there is something to write: what was refused before has left none."""
+        file = Path(self.path)
+        if file == DEFAULT_PATH:
+            try:
+                file.parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise InputError(f"{file.parent} cannot be made: {error.strerror or error}") from None
+        connection = self._opened(False)
+        self.connection.close()
+        self.connection, self.new = connection, False
+
+    def _prepare(self, connection: sqlite3.Connection, memory: bool) -> None:
         """Check before anything is written, then make the tables of a new store, in one transaction."""
-        connection = self.connection
         connection.execute("PRAGMA foreign_keys = ON")
         names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if names and "schema_version" not in names:
@@ -142,9 +166,31 @@ class Store:
         (finding,) = connection.execute("PRAGMA quick_check(1)").fetchone()
         if finding != "ok":
             raise sqlite3.DatabaseError(finding)
+        if not memory:
+            self._check_rows(connection)
         if not self.readonly and not memory:
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")  # safe under kill -9, if not a power cut
+
+    def _check_rows(self, connection: sqlite3.Connection) -> None:
+        """Refuse rows that no lab wrote: SQLite takes any type in any column."""
+        damaged = "this lab wrote no such row; restore a copy, or merge its last export into another store"
+        for table, columns in TABLES.items():
+            for column in columns:
+                types = TYPES.get(column, "'text'")
+                found = connection.execute(
+                    f"SELECT rowid, {column} FROM {table} WHERE typeof({column}) NOT IN ({types}) LIMIT 1"
+                ).fetchone()
+                if found:
+                    raise InputError(f"{self.path}: {table}.{column} = {shown(found[1])} in row {found[0]}: {damaged}")
+        for table, column in (("machine", "record"), ("configuration", "description")):
+            for row, text in connection.execute(f"SELECT rowid, {column} FROM {table}"):
+                try:
+                    good = isinstance(json.loads(text), dict)
+                except (ValueError, RecursionError):
+                    good = False
+                if not good:
+                    raise InputError(f"{self.path}: {table}.{column} = {shown(text)} in row {row}: {damaged}")
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -164,10 +210,16 @@ class Store:
             else:
                 remedy = "the store is damaged; move it away (or restore a copy) and merge its last export"
             raise InputError(f"{self.path}: {text}: {remedy}") from None
+        except UnicodeDecodeError:
+            raise InputError(
+                f"{self.path}: holds text that is none: the store is damaged; move it away (or restore a copy)"
+            ) from None
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """One transaction: all of it is stored, or nothing. A transaction inside one joins it."""
+        if self.new:
+            self._make()
         with self._explained():
             if self.connection.in_transaction:
                 yield self.connection

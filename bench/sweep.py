@@ -60,7 +60,7 @@ def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shap
         chosen = [(size, size) if isinstance(size, int) else (int(size[0]), int(size[1])) for size in sizes]
         for shape in chosen:
             if min(shape) < 1:
-                raise SceneError("sizes", shape, "a grid has at least 1 x 1 masses")
+                raise SceneError("--size", shape, "a grid has at least 1 x 1 masses")
     elif quick:
         chosen = [*((n, n) for n in QUICK_SQUARES), *QUICK_OTHERS]
     else:

@@ -16,16 +16,16 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import sqlite3
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from functools import lru_cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from bench.store import TABLES, Store, canonical, configuration_hash
-from model.errors import InputError
+from model.errors import InputError, shortened
+from model.files import check_source, check_target, replacing
 
 MAGIC = "softlab-results"
 TEXT_VERSION = 1
@@ -40,27 +40,17 @@ def export(store: Store, path: str | Path, machine: str | None = None) -> Path:
     """
     file = Path(path)
     suffix = file.suffix.lower()
-    if suffix not in (".csv", ".sqlite"):
-        raise InputError(f"{file}: an export is a .csv or a .sqlite file; name it so")
-    if not file.parent.is_dir():
-        raise InputError(f"{file.parent}: no such folder; make it first, or give another path for the export")
+    check_target(file, (".csv", ".sqlite"), "an export")
     if file.exists() and not (suffix == ".csv" and _is_text_export(file)):
         raise InputError(f"{file} exists and would be overwritten; delete it first, or give another path")
     rows = _rows_of(store, machine)
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
+    with replacing(file) as temporary:
         if suffix == ".csv":
             temporary.write_text(_text(rows), encoding="utf-8", newline="")
         else:
             with Store(temporary) as target:
-                _insert(target, rows)
+                _insert(target, rows, store.path)
                 target.connection.execute("PRAGMA journal_mode = DELETE")  # one file, without its -wal beside it
-        os.replace(temporary, file)
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror or error}; check permissions and space") from None
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
     return file
 
 
@@ -75,14 +65,17 @@ def merge(store: Store, other: str | Path) -> dict[str, int]:
     else:
         with Store(file, readonly=True) as source:
             rows = _rows_of(source)
-    return _insert(store, rows)
+    if store.new:  # what does not fit together must not leave an empty store
+        with Store(":memory:") as trial:
+            _insert(trial, rows, file)
+    return _insert(store, rows, file)
 
 
 def load_text(paths: Iterable[str | Path]) -> Store:
     """An in-memory store of what the text exports hold, such as those in labbook/data/. Raises InputError."""
     store = Store(":memory:")
     for path in paths:
-        _insert(store, _read_text(Path(path)))
+        _insert(store, _read_text(Path(path)), path)
     return store
 
 
@@ -107,7 +100,8 @@ def _rows_of(store: Store, machine: str | None = None) -> Rows:
     }
 
 
-def _insert(store: Store, rows: Rows) -> dict[str, int]:
+def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
+    """How many of the rows of `origin` were new in each table. Raises InputError."""
     added = dict.fromkeys(TABLES, 0)
     try:
         with store.transaction() as connection:
@@ -119,8 +113,10 @@ def _insert(store: Store, rows: Rows) -> dict[str, int]:
                 before = connection.total_changes
                 connection.executemany(f"INSERT INTO {table} VALUES ({marks}) ON CONFLICT DO NOTHING", rows[table])
                 added[table] = connection.total_changes - before
-    except sqlite3.IntegrityError as error:
-        raise InputError(f"the results do not fit together ({error}); nothing was merged; export them anew") from None
+    except (sqlite3.IntegrityError, OverflowError) as error:
+        raise InputError(
+            f"{origin}: the results do not fit together ({error}); nothing was taken; export them anew"
+        ) from None
     return added
 
 
@@ -210,12 +206,13 @@ def _unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
 
 def _read_text(file: Path) -> Rows:
     """The rows of a text export. Raises InputError with the line that is wrong."""
+    check_source(file, "a text export is a .csv file")
     try:
         with file.open(encoding="utf-8", newline="") as opened:
             reader = csv.reader(opened, strict=True)
             try:
                 return _parse(reader, file)
-            except (ValueError, LookupError, AttributeError, TypeError, csv.Error) as error:
+            except (ValueError, LookupError, AttributeError, TypeError, RecursionError, csv.Error) as error:
                 raise InputError(
                     f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it anew"
                 ) from None
@@ -280,10 +277,17 @@ def _samples(row: Mapping[str, str]) -> list[tuple[Any, ...]]:
             row["sources"],
             row["stage"],
             int(repeat),
-            float(second),
+            _seconds(second),
             int(row["steps"]),
             None if joule == "-" else float(joule),
             row["suspect"] or None,
         )
         for repeat, second, joule in zip(repeats, seconds, joules, strict=True)
     ]
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not (isfinite(seconds) and seconds >= 0):
+        raise ValueError(f"a sample took {shortened(text, 40)} s")
+    return seconds

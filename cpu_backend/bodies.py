@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numba import prange
 
-from cpu_backend.bodies_bounce import make_bodies_bounce
+from cpu_backend.bodies_bounce import make_bodies_bounce_stage
 from cpu_backend.bodies_damping import at_damping, make_damping_stage
 from cpu_backend.bodies_kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.bodies_layout import layout_of
@@ -25,11 +25,11 @@ from cpu_backend.bodies_material import ClusterArrays
 from cpu_backend.bodies_rebound import at_rebound, make_rebound_stages
 from cpu_backend.bodies_together import make_bodies_together
 from cpu_backend.compile import Compiler
-from cpu_backend.lattice import make_lattice_matching
+from cpu_backend.lattice import make_lattice_stages
 from cpu_backend.lattice_layout import Lattices
 from cpu_backend.layout import aligned_zeros
 from cpu_backend.mass_spring import processor_name
-from cpu_backend.particle_contacts import ParticleContacts
+from cpu_backend.particle_contacts import NO_CONTACTS, ParticleContacts
 from cpu_backend.particle_contacts_project import PACES, make_settle_stage
 from cpu_backend.threads import thread_count
 from model.cloth_parts import COLLIDER_KINDS
@@ -157,8 +157,8 @@ class Bodies(Simulation):
         else:
             make_bodies_together(*variant)(
                 self._bands, *times, self._even, self._odd, *middle, self._links, *own, *last,
-                self.contacts.arrays if self.contacts else (),
-                (self._lattices.arrays, self._lattices.frames) if self._lattices.copies else (),
+                self.contacts.arrays if self.contacts else NO_CONTACTS,
+                *(self._lattices.arrays, self._lattices.frames) if self._lattices.copies else ((), ()),
             )  # fmt: skip
         if steps * method.substeps % 2:
             self._even, self._odd = self._odd, self._even
@@ -172,7 +172,7 @@ class Bodies(Simulation):
         ends, values, multipliers, starts = self._links
         contacts: Any = self.contacts
         settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
-        bounce_bodies = make_bodies_bounce(self.real, self.options.math, at_rebound(self.plan.parts))
+        bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math, at_rebound(self.plan.parts))
         whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
         project_links = make_link_stage(self.real, self.options.math)
         now = {
@@ -189,7 +189,7 @@ class Bodies(Simulation):
         def move(step: int, offset: float) -> None:
             goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
             if self._lattices.copies:
-                make_lattice_matching(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
+                make_lattice_stages(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
 
         def collide(step: int, offset: float) -> None:
             number = step * substeps + now["substep"]
@@ -217,9 +217,9 @@ class Bodies(Simulation):
             if "rigid-bounce" not in self.plan.parts:
                 contacts.bounce(position, velocity, self._weights)
                 return
-            record, _, _, _, searched, touching, old = contacts.arrays
+            (record, *_), _, _, _, neighbours, touching, (old,) = contacts.arrays
             bounce_bodies(
-                bands, position, old, velocity, self._weights, record, searched[3], touching, self._material.steps,
+                bands, position, old, velocity, self._weights, record, neighbours, touching, self._material.steps,
                 self._scratch, SCRATCH * LANES,
             )  # fmt: skip
 
@@ -261,7 +261,7 @@ class Bodies(Simulation):
             self._scratch,
         )  # fmt: skip
         if self._lattices.copies:
-            make_lattice_matching(self.real, self.options.math).match(
+            make_lattice_stages(self.real, self.options.math).match(
                 self._bands,
                 self._even,
                 self.layout.count,

@@ -14,16 +14,17 @@ from cpu_backend.bodies_rebound import AXES, make_rebound
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
 from cpu_backend.particle_contacts_bounce import make_passes
+from cpu_backend.progress import new_team, shares
 from model.formulas import rebound
 from model.formulas.pace import MOTION
 
 
 @cache
 def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
-    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch): as
-    `make_bounce` of particle_contacts_bounce.py; `arrays` of clusters, from `place` on those of `make_rebound`, and a
-    scale of each particle; `pitch`: numbers of a band's scratch."""
-    compiler = Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math)
+    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    what a member of a team does (progress.py), as `make_bounce` of particle_contacts_bounce.py; `arrays` of clusters, from
+    `place` on those of `make_rebound`, and a scale of each particle; `pitch`: numbers of a band's scratch."""
+    compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
     formulas = rebound.make(real, compiler.compiled)
     rigid, joined = formulas.rigid, formulas.joined
     damping, answer = make_damping(compiler, real, True, place), make_rebound(compiler, real, True, place).answer
@@ -69,53 +70,73 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
                 joined(velocity[z], c),
             )
 
-    def bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    @compiler.compiled
+    def bounce_all(
+        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
+    ):  # fmt: skip
         who, numbers, entries, pairs, begins, active, _ = neighbours
         acting, met, ways = contacts
         motions, limits, struck, scales = arrays[at_motions], arrays[at_limits], arrays[at_struck], arrays[at_scales]
         count, clusters = weights.size, limits.size
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                 if limits[c] != zero:
                     gather(c, position, velocity, count, arrays, room)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
             slow(low, high, position, velocity, count, arrays)
             for axis in range(AXES):
                 for k in range(axis * count + low, axis * count + high):
                     struck[k] = zero
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first = begins[band]
             last = first + active[band]
             tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first = begins[band]
             last = first + active[band]
             push(
                 first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, scales
             )  # fmt: skip
             strike(first, last, count, who, met, ways, struck)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                 motions[MOTION * c] = answer(c, position, count, arrays, room)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             spread(count * band // bands, count * (band + 1) // bands, arrays, scales)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first = begins[band]
             last = first + active[band]
             push_scaled(
                 first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, scales
             )  # fmt: skip
             strike(first, last, count, who, met, ways, struck)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                 if limits[c] != zero:
                     gather(c, position, struck, count, arrays, room)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
             join(low, high, position, velocity, count, arrays, struck)
 
-    return compiler.kernel(bounce)
+    return bounce_all
+
+
+@cache
+def make_bodies_bounce_stage(real: Any, math: str, place: int) -> Any:
+    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch): see
+    make_bodies_bounce."""
+    bounce_all = make_bodies_bounce(real, math, place)
+
+    def bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+        team = new_team(bands)
+        for member in prange(bands):
+            bounce_all(
+                team, np.int64(member), bands, position, old, velocity, weights, record, neighbours, contacts, arrays,
+                scratch, pitch,
+            )  # fmt: skip
+
+    return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math).kernel(bounce)

@@ -1,4 +1,5 @@
-"""The steps of bodies on CPU threads that share every body: few or large ones, and such as meet; a parallel loop a pass."""
+"""The steps of bodies on CPU threads that share every body: few or large ones, and such as meet; one team for all
+passes (progress.py)."""
 
 from __future__ import annotations
 
@@ -20,6 +21,7 @@ from cpu_backend.layout import row_at
 from cpu_backend.particle_contacts_bounce import make_bounce
 from cpu_backend.particle_contacts_find import make_find
 from cpu_backend.particle_contacts_project import PACES, make_project, make_settle
+from cpu_backend.progress import new_team, shares
 from model.cloth_parts import COLLIDER_KINDS
 from model.cluster_tables import shaping
 from model.formulas.cluster import LANES
@@ -28,9 +30,9 @@ from model.formulas.cluster import LANES
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
-    rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices): as bodies_loops.make_bodies_apart, over
-    clusters, then over particles, with the velocities of a substep and the predictions of the next. `contacts`:
-    ParticleContacts.arrays, or empty; `lattices`: (Lattices.arrays, frames), or empty."""
+    rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames): as
+    bodies_loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
+    of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
     damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
@@ -51,38 +53,44 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     rates_apart = has_pace or bounces or has_rigid or has_damping  # of what others look at before colliders
     at_once = not (has_contacts or has_damping or has_lattices)  # particles end with the last way to their goals
 
-    def advance(
-        bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors, rotation,
-        frames, scratch, record, poked, bodies, kinds, contacts, lattices,
+    @compiler.compiled
+    def run(
+        team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
+        own_factors, rotation, frames, scratch, record, poked, bodies, kinds, numbers, of_particle, tables, in_order,
+        neighbours, touching, olds, lattices, lattice_frames,
     ):  # fmt: skip
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             begin(first, last, count, even, odd, velocity, weights, record, poked)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
             if has_contacts:
-                constants, reach, many, sweeps, searched, touching, old = contacts
-                find(bands, after, weights, constants, reach, many, *searched)
+                constants, reach, many, sweeps = numbers
+                find(
+                    team, member, bands, after, weights, constants, reach, many, of_particle, tables, in_order, neighbours
+                )  # fmt: skip
             for iteration in range(iterations):
                 if has_links:
                     ends, values, multipliers, starts = links
                     for colour in range(starts.size - 1):
                         begins, size = starts[colour], starts[colour + 1] - starts[colour]
-                        for band in prange(bands):
+                        for band in shares(team, member, bands):
                             low, high = begins + size * band // bands, begins + size * (band + 1) // bands
                             project(low, high, after, weights, ends, values, multipliers, iteration == 0)
                 if clusters > 0:
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                         stop = clusters * (band + 1) // bands
                         for c in range(clusters * band // bands, stop, LANES):
                             match(c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, room)
                 if has_lattices:
-                    match_windows(bands, after, count, lattices[0], lattices[0][6], lattices[1], False)
+                    match_windows(
+                        team, member, bands, after, count, lattices, lattices[6], lattice_frames, False
+                    )  # fmt: skip
                 if clusters > 0 or at_once:
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                         move(first, last, after, count, own, own_factors, frames)
                         if at_once and iteration == iterations - 1:
@@ -95,33 +103,33 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                             if n < passes - 1:
                                 begin(first, last, count, after, before, velocity, weights, record, poked)
                 if has_lattices:
-                    move_windows(bands, after, count, lattices[0])
+                    move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
-                    take_out(bands, sweeps, before, after, weights, constants, searched[3], touching)
+                    take_out(team, member, bands, sweeps, before, after, weights, constants, neighbours, touching)
             if not at_once:
                 if rates_apart:
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                         if has_pace:
                             settle(first, last, count, before, after, constants)
                         if bounces:
                             for axis in range(AXES):
                                 for k in range(axis * count + first, axis * count + last):
-                                    old[k] = velocity[k]
+                                    olds[0][k] = velocity[k]
                         rate(first, last, count, before, after, velocity, weights, record)
                 if has_rigid:
                     bounce_bodies(
-                        bands, after, old, velocity, weights, constants, searched[3], touching, arrays, scratch,
-                        SCRATCH * LANES,
+                        team, member, bands, after, olds[0], velocity, weights, constants, neighbours, touching, arrays,
+                        scratch, SCRATCH * LANES,
                     )  # fmt: skip
                 elif bounces:
-                    bounce(bands, after, old, velocity, weights, constants, searched[3], touching)
+                    bounce(team, member, bands, after, olds[0], velocity, weights, constants, neighbours, touching)
                 if has_damping:
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                         for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                             gather(c, after, velocity, count, arrays, room)
-                for band in prange(bands):
+                for band in shares(team, member, bands):
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     if not rates_apart:
                         rate(first, last, count, before, after, velocity, weights, record)
@@ -137,14 +145,27 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     if n < passes - 1 and not rebounds:
                         begin(first, last, count, after, before, velocity, weights, record, poked)
                 if rebounds:
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                         for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                             answer(c, after, count, arrays, room)
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                         go(first, last, after, velocity, count, arrays)
                         if n < passes - 1:
                             begin(first, last, count, after, before, velocity, weights, record, poked)
+
+    def advance(
+        bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors, rotation,
+        frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames,
+    ):  # fmt: skip
+        team = new_team(bands)
+        numbers, of_particle, tables, in_order, neighbours, touching, olds = contacts  # parallel loops take flat tuples
+        for member in prange(bands):
+            run(
+                team, np.int64(member), bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays,
+                links, own, own_factors, rotation, frames, scratch, record, poked, bodies, kinds, numbers, of_particle,
+                tables, in_order, neighbours, touching, olds, lattices, lattice_frames,
+            )  # fmt: skip
 
     return compiler.kernel(advance)

@@ -37,8 +37,6 @@ TEAM_LAYER = "omp"  # gives each band a thread of its own; tbb does not, workque
 TILED_BYTES = 24e6  # both states: from here on they come from memory, not from a cache, every step
 LEVELS = 12  # passes in flight in `tiled`: 8 took 1.1 times as long, 4 1.3 times, 16 the same
 TILE_BYTES = 4032  # of a row of a tile: 2 KiB took 1.2 times as long, 8 KiB the same with twice the cache
-SPINS = 1000  # looks at a neighbour's flag before the processor is offered to others: about 20 us
-SPINS_CROWDED = 0  # with more bands than cores, whose neighbour likely waits for the core that looks
 
 
 @dataclass(frozen=True)

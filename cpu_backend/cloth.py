@@ -103,11 +103,11 @@ class ClothMassSpring(CpuSimulation):
 
     def _advance_fused(self, step: int, steps: int) -> None:
         arguments = self._passes(step, steps)
-        self._kernel(*arguments)
+        self._kernel(self._bands, *arguments)
         self._current = (self._current + arguments[0]) % 2
 
     def _advance_rk4(self, step: int, steps: int) -> None:
-        self._kernel(steps, step, self._states, *self._given())
+        self._kernel(self._bands, steps, step, self._states, *self._given())
 
     def _parameters_changed(self) -> None:
         super()._parameters_changed()

@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
 from cpu_backend.cloth_kernels import PLANES
@@ -18,6 +17,7 @@ from cpu_backend.cloth_scratch import AXES, REACH, cloth_variant, triples_of
 from cpu_backend.cloth_sums import make_sums_over_masses
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
+from cpu_backend.progress import shares
 from model.cloth_record import C_DT, C_FIRST_STEP, C_FIRST_TIME
 from model.formulas import cloth, implicit
 from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
@@ -33,6 +33,8 @@ from model.implicit_record import (
     without_dampers,
 )  # fmt: skip
 
+N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # of `control`: what the next pass is, steps done, what the formulas count (three)
+VALUES = 7  # numbers that the formulas keep from pass to pass
 COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
 
 
@@ -121,11 +123,13 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """advance(steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start, pin_column,
-    scratches, lanes, sums, tree, done): `steps` steps, ping-pong between the two states of `states` (see layout.py).
+    """advance(bands, steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start,
+    pin_column, scratches, lanes, sums, tree, done, control, values): `steps` steps, ping-pong between the two states of
+    `states` (see layout.py).
 
     `work`: WORK_PLANES planes; `system`: model/implicit_record.py; `lanes` (bands, LANES), `sums` and `tree`: scratch;
-    `done` (len(COUNTS),) is added to. With `linear` a step ends after its first matrix.
+    `done` (len(COUNTS),) is added to; `control` (N_COUNTS + 3,), `values` (VALUES,): what the next pass is, 0 at first. With
+    `linear` a step ends after its first matrix.
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
@@ -133,48 +137,57 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     after_residual, after_product = control.after_residual, control.after_product
     zero = real(0)
 
+    @compiler.compiled
+    def go_on(control, values, count, system, sums, tree, done):
+        """What follows the pass that was done, from the sums that it left."""
+        kind = control[N_KIND]
+        counts = control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2]
+        old = values[0], values[1], values[2], values[3], values[4], values[5], values[6]
+        new, later = old, RESIDUAL
+        if kind == RESIDUAL:
+            found = (
+                total(sums, count, tree), total(row_at(sums, count), count, tree),
+                total(row_at(sums, 2 * count), count, tree),
+            )  # fmt: skip
+            later, counts, new = after_residual(counts, old, found, system[S_SPRINGS], system[S_ROUNDOFF])
+            done[3] += later == RETREAT
+        elif kind == PRODUCT:
+            squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
+            later, counts, new = after_product(counts, old, squared, curvature)
+            done[2] += later == UPDATE
+            done[1] += later != UPDATE
+        elif kind == UPDATE:
+            later = PRODUCT
+        elif kind == MOVE and linear:
+            later = FINISH
+        elif kind == FINISH:
+            later, counts, new = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
+            done[0] += 1
+            control[N_STEPS] += 1
+        control[N_KIND] = later
+        for n in range(VALUES):
+            values[n] = new[n]
+        control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2] = counts
+
     def advance(
-        steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start, pin_column,
-        scratches, lanes, sums, tree, done,
+        team, member, bands, steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start,
+        pin_column, scratches, lanes, sums, tree, done, control, values,
     ):  # fmt: skip
         size = PLANES * layout[L_PLANE]
-        bands, columns = scratches.shape[0], layout[L_COLUMNS]
-        count = layout[L_ROWS] * ((columns + SEGMENT - 1) // SEGMENT)
-        for k in range(steps):
-            now = (current + k) % 2
-            source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
-            kind, counts, values = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
-            running = True
-            while running:
-                first_iteration, alpha, beta = counts[2] == 1, values[5], values[6]
-                for band in prange(bands):
-                    pass_band(
-                        np.int64(band), kind, first_iteration, step + k, alpha, beta, source, work, target, layout, record,
-                        system, integers, bodies, kinds, pin_start, pin_column, scratches, lanes, sums,
-                    )  # fmt: skip
-                if kind == RESIDUAL:
-                    found = (
-                        total(sums, count, tree), total(row_at(sums, count), count, tree),
-                        total(row_at(sums, 2 * count), count, tree),
-                    )  # fmt: skip
-                    kind, counts, values = after_residual(counts, values, found, system[S_SPRINGS], system[S_ROUNDOFF])
-                    done[3] += kind == RETREAT
-                elif kind == PRODUCT:
-                    squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
-                    kind, counts, values = after_product(counts, values, squared, curvature)
-                    done[2] += kind == UPDATE
-                    done[1] += kind != UPDATE
-                elif kind == UPDATE:
-                    kind = PRODUCT
-                elif kind == FINISH:
-                    running = False
-                elif kind == MOVE and linear:
-                    kind = FINISH
-                else:
-                    kind = RESIDUAL
-            done[0] += 1
+        count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
+        while control[N_STEPS] < steps:  # it only grows: who comes late sees that all is done
+            for band in shares(team, member, bands):
+                now = (current + control[N_STEPS]) % 2
+                source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
+                pass_band(
+                    band, control[N_KIND], control[N_COUNTS + 2] == 1, step + control[N_STEPS], values[5], values[6],
+                    source, work, target, layout, record, system, integers, bodies, kinds, pin_start, pin_column, scratches,
+                    lanes, sums,
+                )  # fmt: skip
+            for _ in shares(team, member, 1):
+                go_on(control, values, count, system, sums, tree, done)
 
-    return compiler.kernel(advance)
+    return compiler.team(advance)
 
 
 class ImplicitSteps:
@@ -192,6 +205,7 @@ class ImplicitSteps:
         self._sums = np.zeros(SUMS * segments_of(body.rows, body.columns), real)
         self._tree = aligned_zeros(TREE, real)
         self.done = np.zeros(len(COUNTS), np.int64)
+        self._control, self._values = np.zeros(N_COUNTS + 3, np.int64), np.zeros(VALUES, real)
         linear = scene.method.integrator == "implicit-euler-linear"
         parts = without_dampers(simulation.plan.parts)
         self._kernel = make_cloth_implicit(real, simulation.options.math, linear, parts)
@@ -204,8 +218,9 @@ class ImplicitSteps:
     def advance(self, step: int, steps: int) -> None:
         sim = self.simulation
         layout, record, *rest = sim._given()
+        self._control[:], self._values[:] = START, 0
         self._kernel(
-            steps, step, sim._states, sim._current, self._work, layout, record, self._system, *rest, self._lanes,
-            self._sums, self._tree, self.done,
+            sim._bands, steps, step, sim._states, sim._current, self._work, layout, record, self._system, *rest, self._lanes,
+            self._sums, self._tree, self.done, self._control, self._values,
         )  # fmt: skip
         sim._current = (sim._current + steps) % 2

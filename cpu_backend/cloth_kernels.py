@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_colliders import make_collide_row
 from cpu_backend.cloth_pins import make_follow
@@ -19,6 +18,7 @@ from cpu_backend.cloth_rows import make_cloth_forces
 from cpu_backend.cloth_scratch import AXES, cloth_variant, triples_of
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.progress import shares
 from cpu_backend.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_plan import kicks_meet
@@ -84,7 +84,7 @@ def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: froz
 def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
     """The kernel of a variant, for one-force integrators and velocity Verlet:
 
-    advance(passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
     pin_column, scratches) does `passes` passes over the sheet, ping-pong between the two states that the flat array
     `states` holds one after the other (see layout.py), the first reading from number `current`. Where velocity Verlet's
     kicks cannot meet (model/cloth_plan.kicks_meet) passes open and close steps in turn. `bodies`, `kinds`: the colliders;
@@ -138,18 +138,17 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
     def advance(
-        passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
-        pin_column, scratches,
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds,
+        pin_start, pin_column, scratches,
     ):  # fmt: skip
-        bands = scratches.shape[0]
         for k in range(passes):
             kind, begun = kind_of(k, passes, first_kind, last_kind), k
             if in_turn:
                 kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 advance_band(
                     np.int64(band), kind, step + begun, states, (current + k) % 2, layout, record, integers, bodies,
                     kinds, pin_start, pin_column, scratches,
                 )  # fmt: skip
 
-    return compiler.kernel(advance)
+    return compiler.team(advance)

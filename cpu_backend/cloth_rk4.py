@@ -6,13 +6,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_kernels import PLANES, make_settle
 from cpu_backend.cloth_rows import make_cloth_forces
 from cpu_backend.cloth_scratch import AXES, cloth_variant, triples_of
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.progress import shares
 from cpu_backend.rk4_kernels import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
 from model.cloth_record import C_DAMPING, C_DT, C_FIRST_STEP, C_FIRST_TIME
 from model.formulas import cloth, motion, springs
@@ -20,7 +20,7 @@ from model.formulas import cloth, motion, springs
 
 @cache
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches).
+    """advance(bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches).
 
     `states` holds what that of rk4_kernels.py holds; the rest is as in cloth_kernels.py. The fourth pass writes a row to
     a stage that nothing reads any more, since colliders need to know where the mass was, and then moves it to the state.
@@ -102,13 +102,27 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                     copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
-    def advance(steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches):
-        bands = scratches.shape[0]
+    def advance(
+        team,
+        member,
+        bands,
+        steps,
+        step,
+        states,
+        layout,
+        record,
+        integers,
+        bodies,
+        kinds,
+        pin_start,
+        pin_column,
+        scratches,
+    ):
         for k in range(4 * steps):
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 stage_band(
                     np.int64(band), k % 4, step + k // 4, states, layout, record, integers, bodies, kinds, pin_start,
                     pin_column, scratches,
                 )  # fmt: skip
 
-    return compiler.kernel(advance)
+    return compiler.team(advance)

@@ -12,9 +12,12 @@ from functools import cache
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler import Compiler as NumbaCompiler
 
+import cpu_backend.plain  # noqa: F401  # which the environment may switch on
+from cpu_backend.progress import new_team
 from model.digest import content_digest, file_name
 from model.kernel_cache import Kept, NamedByContent, Place, keep
 
@@ -79,6 +82,20 @@ class Compiler:
         dispatcher = numba.njit(parallel=True, **self.options)(function)
         keep(dispatcher, _KernelCache, label)
         return dispatcher
+
+    def team(self, function: Callable) -> Any:
+        """A parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member, bands, ...): see
+        progress.shares. Arguments are numbers and arrays, no tuples."""
+        name = function.__name__
+        run = self.compiled(function)
+
+        def team(bands, *given):
+            flags = new_team(bands)
+            for member in numba.prange(bands):
+                run(flags, np.int64(member), bands, *given)
+
+        team.__name__ = f"team_{name}"
+        return self.kernel(team)
 
     def _made_once(self, function: Callable, **options: Any) -> Any:
         content = content_digest(function, self.options, options)

@@ -29,7 +29,7 @@ class Contacts:
         self.sweeps = part.sweeps
         self.weights = np.ascontiguousarray(weights, real)
         self.change(scene)
-        bands = np.zeros(threads, np.int64)
+        self._bands, bands = threads, np.zeros(threads, np.int64)
         self._begin, move = np.zeros((masses, 3), real), np.zeros((masses, 3), real)
         boxes, keys = np.zeros((cells, 6), real), np.zeros(cells, np.int64)
         buckets, largest = np.zeros(cells, np.int32), np.zeros(max(1, body.rows - 1), real)
@@ -54,22 +54,21 @@ class Contacts:
         """Both (3, rows, columns) [m], views of any strides."""
         if min(self.rows, self.columns) < 2:
             return
-        self._find.hash_cells(before, predicted, self.record, *self._hashed)
+        self._find.hash_cells(self._bands, before, predicted, self.record, *self._hashed)
         self._find.find_contacts(
             self.rows, self.columns, self.record, *self._searched, self.triangles, self.corners, self.values, self.found
         )
         self._empty = not self.found.any()
         if not self._empty:
             self.lost += int(np.maximum(self.found - MOST_CONTACTS, 0).sum())
-            self._project.link_contacts(self.found, self.corners, *self._links)
+            self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
 
     def project(self, position: np.ndarray) -> None:
         """All sweeps over the contacts of the substep, on (3, rows, columns) [m]."""
         if self._empty:
             return
         starts, _, links = self._links
-        for _ in range(self.sweeps):
-            self._project.project_contacts(
-                position, self._begin, self.found, self.corners, self.values, starts, links, self.weights, self.record,
-                *self._scratch,
-            )  # fmt: skip
+        self._project.project_contacts(
+            self._bands, self.sweeps, position, self._begin, self.found, self.corners, self.values, starts, links,
+            self.weights, self.record, *self._scratch,
+        )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.compile import Compiler
+from cpu_backend.progress import shares
 from model.contact_record import (
     MOST_CONTACTS,
     S_COINCIDENT,
@@ -140,36 +141,40 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
             or z < boxes[q, 2] - own or z > boxes[q, 5] + own
         )  # fmt: skip
 
-    def hash_cells(before, predicted, record, begin, move, boxes, keys, buckets, largest, starts, totals, sorted_cells):
+    def hash_cells(
+        team, member, bands, before, predicted, record, begin, move, boxes, keys, buckets, largest, starts, totals,
+        sorted_cells,
+    ):  # fmt: skip
         """The state before and the predicted one (3, rows, columns) put side by side, and the sheet's cells sorted into
         buckets: those of bucket b are sorted_cells[starts[b] : starts[b + 1]], in ascending order. A thread owns a range of
         buckets and reads all cells."""
         rows, columns = before.shape[1], before.shape[2]
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                for axis in range(3):
-                    begin[i * columns + j, axis] = before[axis, i, j]
-                    move[i * columns + j, axis] = predicted[axis, i, j] - before[axis, i, j]
+        for band in shares(team, member, bands):
+            for i in range(rows * band // bands, rows * (band + 1) // bands):
+                for j in range(columns):
+                    for axis in range(3):
+                        begin[i * columns + j, axis] = before[axis, i, j]
+                        move[i * columns + j, axis] = predicted[axis, i, j] - before[axis, i, j]
         mask, cells = np.int64(starts.size - 2), (rows - 1) * (columns - 1)
         reference = (rows // 2) * columns + columns // 2
-        for row in prange(rows - 1):
-            i, most = np.int64(row), zero
-            for j in range(columns - 1):
-                q = i * (columns - 1) + j
-                a = i * columns + j
-                center = (
-                    center_of(a, columns, begin, 0), center_of(a, columns, begin, 1), center_of(a, columns, begin, 2)
-                )  # fmt: skip
-                most = max(most, enclose(q, a, columns, begin, move, reference, boxes, center))
-                x = floor(scaled(center[0], record[S_INVERSE_CELL]))
-                y = floor(scaled(center[1], record[S_INVERSE_CELL]))
-                z = floor(scaled(center[2], record[S_INVERSE_CELL]))
-                keys[q], buckets[q] = key_of(x, y, z), bucket_of(x, y, z, mask)
-            largest[i] = most
-        bands, table = totals.size, mask + 1
-        for band in prange(bands):
-            low, high = table * np.int64(band) // bands, table * (np.int64(band) + 1) // bands
+        for band in shares(team, member, bands):
+            for i in range((rows - 1) * band // bands, (rows - 1) * (band + 1) // bands):
+                most = zero
+                for j in range(columns - 1):
+                    q = i * (columns - 1) + j
+                    a = i * columns + j
+                    center = (
+                        center_of(a, columns, begin, 0), center_of(a, columns, begin, 1), center_of(a, columns, begin, 2)
+                    )  # fmt: skip
+                    most = max(most, enclose(q, a, columns, begin, move, reference, boxes, center))
+                    x = floor(scaled(center[0], record[S_INVERSE_CELL]))
+                    y = floor(scaled(center[1], record[S_INVERSE_CELL]))
+                    z = floor(scaled(center[2], record[S_INVERSE_CELL]))
+                    keys[q], buckets[q] = key_of(x, y, z), bucket_of(x, y, z, mask)
+                largest[i] = most
+        table = mask + 1
+        for band in shares(team, member, bands):
+            low, high = table * band // bands, table * (band + 1) // bands
             starts[low:high] = 0
             inside = 0
             for q in range(cells):
@@ -177,12 +182,13 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                     starts[buckets[q]] += 1
                     inside += 1
             totals[band] = inside
-        starts[table] = cells
-        for band in prange(bands):
-            low, high = table * np.int64(band) // bands, table * (np.int64(band) + 1) // bands
+        for band in shares(team, member, bands):
+            low, high = table * band // bands, table * (band + 1) // bands
             end = np.int64(0)
-            for before_it in range(np.int64(band)):
+            for before_it in range(band):
                 end += totals[before_it]
+            if band == bands - 1:
+                starts[table] = cells
             for bucket in range(low, high):
                 end += starts[bucket]
                 starts[bucket] = end
@@ -231,4 +237,4 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                                 )  # fmt: skip
                 found[k] = count
 
-    return SimpleNamespace(hash_cells=compiler.kernel(hash_cells), find_contacts=compiler.kernel(find_contacts))
+    return SimpleNamespace(hash_cells=compiler.team(hash_cells), find_contacts=compiler.kernel(find_contacts))

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.contacts_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
+from cpu_backend.progress import shares
 from model.contact_record import MOST_CONTACTS, S_DYNAMIC, S_STATIC
 from model.formulas import contact
 
@@ -100,12 +100,24 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                 z = taken(z, part, forces[slot, F_Z])
         return x, y, z
 
-    def link_contacts(found, corners, starts, totals, links):
+    @compiler.compiled
+    def load_of(k, found, values, starts, links, forces):
+        """How many contacts ask something of mass k, those of its triangles by its part in them."""
+        load = zero
+        for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+            if forces[slot, F_DEPTH] > zero:
+                load += one
+        for place in range(starts[k], starts[k + 1]):
+            if forces[links[place] // 3, F_DEPTH] > zero:
+                load += share(values, links[place])
+        return load
+
+    def link_contacts(team, member, bands, found, corners, starts, totals, links):
         """Of mass m the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]], ascending. A
         thread owns a range of masses and reads all contacts; a counting sort."""
-        masses, bands = found.size, totals.size
-        for band in prange(bands):
-            low, high = masses * np.int64(band) // bands, masses * (np.int64(band) + 1) // bands
+        masses = found.size
+        for band in shares(team, member, bands):
+            low, high = masses * band // bands, masses * (band + 1) // bands
             starts[low:high] = 0
             inside = 0
             for k in range(masses):
@@ -117,15 +129,13 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                             starts[m] += 1
                             inside += 1
             totals[band] = inside
-        count = 0
-        for band in range(bands):
-            count += totals[band]
-        starts[masses] = count
-        for band in prange(bands):
-            low, high = masses * np.int64(band) // bands, masses * (np.int64(band) + 1) // bands
+        for band in shares(team, member, bands):
+            low, high = masses * band // bands, masses * (band + 1) // bands
             end = np.int64(0)
-            for before_it in range(np.int64(band)):
+            for before_it in range(band):
                 end += totals[before_it]
+            if band == bands - 1:
+                starts[masses] = end + totals[band]
             for m in range(low, high):
                 end += starts[m]
                 starts[m] = end
@@ -141,44 +151,37 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                             links[starts[m]] = 3 * slot + corner
 
     def project_contacts(
-        position, begin, found, corners, values, starts, links, weights, record, points, loads, forces
+        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, record, points, loads,
+        forces,
     ):  # fmt: skip
-        """One sweep over all contacts at once, from `position` (3, rows, columns) and into it."""
+        """Sweeps, each over all contacts at once, from `position` (3, rows, columns) and into it."""
         rows, columns = position.shape[1], position.shape[2]
         masses = rows * columns
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                for axis in range(3):
-                    points[i * columns + j, axis] = position[axis, i, j]
-        for mass in prange(masses):
-            k = np.int64(mass)
-            for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
-                forces[slot, F_DEPTH] = depth_of(slot, k, points, corners, values)
-        for mass in prange(masses):
-            k, load = np.int64(mass), zero
-            for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
-                if forces[slot, F_DEPTH] > zero:
-                    load += one
-            for place in range(starts[k], starts[k + 1]):
-                if forces[links[place] // 3, F_DEPTH] > zero:
-                    load += share(values, links[place])
-            loads[k] = load
-        for mass in prange(masses):
-            k = np.int64(mass)
-            for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
-                if forces[slot, F_DEPTH] > zero:
-                    push(slot, k, points, begin, corners, values, weights, loads, record, forces)
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                k = i * columns + j
-                if loads[k] > zero and weights[k] > zero:
-                    x, y, z = gather(k, found, values, starts, links, forces)
-                    position[0, i, j] = shifted(points[k, 0], weights[k], x)
-                    position[1, i, j] = shifted(points[k, 1], weights[k], y)
-                    position[2, i, j] = shifted(points[k, 2], weights[k], z)
+        for _ in range(sweeps):
+            for band in shares(team, member, bands):
+                for i in range(rows * band // bands, rows * (band + 1) // bands):
+                    for j in range(columns):
+                        for axis in range(3):
+                            points[i * columns + j, axis] = position[axis, i, j]
+            for band in shares(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+                        forces[slot, F_DEPTH] = depth_of(slot, k, points, corners, values)
+            for band in shares(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    loads[k] = load_of(k, found, values, starts, links, forces)
+            for band in shares(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+                        if forces[slot, F_DEPTH] > zero:
+                            push(slot, k, points, begin, corners, values, weights, loads, record, forces)
+            for band in shares(team, member, bands):
+                for k in range(rows * band // bands * columns, rows * (band + 1) // bands * columns):
+                    if loads[k] > zero and weights[k] > zero:
+                        i, j = k // columns, k % columns
+                        x, y, z = gather(k, found, values, starts, links, forces)
+                        position[0, i, j] = shifted(points[k, 0], weights[k], x)
+                        position[1, i, j] = shifted(points[k, 1], weights[k], y)
+                        position[2, i, j] = shifted(points[k, 2], weights[k], z)
 
-    return SimpleNamespace(
-        link_contacts=compiler.kernel(link_contacts), project_contacts=compiler.kernel(project_contacts)
-    )
+    return SimpleNamespace(link_contacts=compiler.team(link_contacts), project_contacts=compiler.team(project_contacts))

@@ -18,6 +18,7 @@ from cpu_backend.compile import Compiler
 from cpu_backend.lattice_layout import FRAME, QUATERNION
 from cpu_backend.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_lattice_rows
 from cpu_backend.layout import row_at
+from cpu_backend.progress import new_team, shares
 from model.formulas import lattice, rotation
 from model.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN, VALUES
 
@@ -294,25 +295,48 @@ def make_lattice_passes(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 @cache
 def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
-    """`match(bands, position, count, arrays, turned, frames, look)` and `move(bands, position, count, arrays)`: all lattices,
-    as Lattices.arrays has them, in parallel loops over `bands` parts."""
+    """`match(team, member, bands, position, count, arrays, turned, frames, look)` and `move(team, member, bands, position,
+    count, arrays)`: what a member of a team does (progress.py) of all lattices, as Lattices.arrays has them."""
     compiler = Compiler(f"lattice_{np.dtype(real).name}_{math}", math)
     made = make_lattice_passes(compiler, real)
     slice_up, turn, move_slice = made.slice_up, made.turn, made.move
 
-    def match(bands, position, count, arrays, turned, frames, look):
+    @compiler.compiled
+    def match_all(team, member, bands, position, count, arrays, turned, frames, look):
         slices, pencils, scratch, room = arrays[1].shape[0], arrays[2].shape[0], arrays[7], arrays[8]
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             for unit in range(slices * band // bands, slices * (band + 1) // bands):
                 slice_up(unit, position, count, arrays, row_at(scratch, np.int64(room * band)))
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             for unit in range(pencils * band // bands, pencils * (band + 1) // bands):
                 turn(unit, position, count, arrays, turned, frames, look, row_at(scratch, np.int64(room * band)))
 
-    def move(bands, position, count, arrays):
+    @compiler.compiled
+    def move_all(team, member, bands, position, count, arrays):
         slices, scratch, room = arrays[1].shape[0], arrays[7], arrays[8]
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             for unit in range(slices * band // bands, slices * (band + 1) // bands):
                 move_slice(unit, position, count, arrays, row_at(scratch, np.int64(room * band)))
 
+    return SimpleNamespace(match=match_all, move=move_all)
+
+
+@cache
+def make_lattice_stages(real: Any, math: str) -> SimpleNamespace:
+    """`match(bands, position, count, arrays, turned, frames, look)`, `move(bands, position, count, arrays)`: see
+    make_lattice_matching."""
+    made = make_lattice_matching(real, math)
+    match_all, move_all = made.match, made.move
+
+    def match(bands, position, count, arrays, turned, frames, look):
+        team = new_team(bands)
+        for member in prange(bands):
+            match_all(team, np.int64(member), bands, position, count, arrays, turned, frames, look)
+
+    def move(bands, position, count, arrays):
+        team = new_team(bands)
+        for member in prange(bands):
+            move_all(team, np.int64(member), bands, position, count, arrays)
+
+    compiler = Compiler(f"lattice_stages_{np.dtype(real).name}_{math}", math)
     return SimpleNamespace(match=compiler.kernel(match), move=compiler.kernel(move))

@@ -17,6 +17,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from cpu_backend.plain import in_python
+
 LINE = 64  # bytes of a cache line, and of the widest vectors
 PAGE = 4096  # bytes after which places in the first cache repeat
 SHIFT = 320  # bytes by which neighbouring planes are shifted in it
@@ -107,3 +109,8 @@ def row_at(typing_context, array, offset):
         return part._getvalue()
 
     return view(array, types.int64), build
+
+
+@in_python(row_at)
+def _row_at(array: np.ndarray, offset: Any) -> np.ndarray:
+    return array[offset:]

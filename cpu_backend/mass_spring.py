@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.choice import SPINS, SPINS_CROWDED, choose_kernel, tiling
+from cpu_backend.choice import choose_kernel, tiling
 from cpu_backend.layout import aligned_zeros, padded, plain
 from cpu_backend.mass_spring_kernels import SCRATCH_ROWS, make_advance
 from cpu_backend.mass_spring_stages import bind_stages
-from cpu_backend.progress import GATE_FLAGS, GO, new_flags
+from cpu_backend.progress import new_flags
 from cpu_backend.rk4_kernels import make_advance_rk4
 from cpu_backend.row_step import CLOSING, MIDDLE, OPENING
 from cpu_backend.simulation import CpuSimulation
-from cpu_backend.team_kernel import TEAM_SCRATCH_ROWS, make_team_advance
-from cpu_backend.threads import core_count, thread_count
+from cpu_backend.team_kernel import TEAM_FLAGS, TEAM_SCRATCH_ROWS, make_team_advance
+from cpu_backend.threads import thread_count
 from cpu_backend.tiled_kernel import make_tiled_advance
 from model.plan import Executor, mass_spring_plan
 from model.scene import Scene
@@ -74,8 +74,7 @@ class MassSpring(CpuSimulation):
         variant = self.real, self.options.math, self.scene.method.integrator, self.plan.parts
         scratch = bands * width * (TEAM_SCRATCH_ROWS if self.kernel == "team" else SCRATCH_ROWS)
         if self.kernel == "team":
-            self._progress, self._gate = new_flags(bands), new_flags(GATE_FLAGS)
-            self._spins = SPINS if bands <= core_count() else SPINS_CROWDED
+            self._progress = new_flags(TEAM_FLAGS * bands)
         elif self.kernel == "tiled":
             self._tiling = tiling(self.real, self._layout.columns)
             scratch = bands * self._tiling.scratch
@@ -98,31 +97,23 @@ class MassSpring(CpuSimulation):
 
     def _advance_fused(self, step: int, steps: int) -> None:
         arguments = self._passes(step, steps)
-        self._kernel(*arguments)
+        self._kernel(self._bands, *arguments)
         self._current = (self._current + arguments[0]) % 2
 
     def _advance_team(self, step: int, steps: int) -> None:
         arguments = self._passes(step, steps)
-        passes = arguments[0]
-        if passes > 1:
-            self._progress.fill(0)
-            self._gate.fill(0)
-        self._kernel(*arguments, self._progress, self._gate, self._spins)
-        if passes == 1 or self._gate[1, 0] == GO:
-            self._current = (self._current + passes) % 2
-            return
-        self.kernel = "fused"  # the threads did not come together: nothing was done yet
-        self._executor = self._make_executor()
-        self._run(steps)
+        self._progress.fill(0)
+        self._kernel(self._bands, *arguments, self._progress)
+        self._current = (self._current + arguments[0]) % 2
 
     def _advance_tiled(self, step: int, steps: int) -> None:
         arguments, tiles = self._passes(step, steps), self._tiling
-        self._kernel(*arguments, tiles.levels, tiles.tile, tiles.halo, tiles.width)
+        self._kernel(self._bands, *arguments, tiles.levels, tiles.tile, tiles.halo, tiles.width)
         self._current = (self._current - -arguments[0] // tiles.levels) % 2  # the states changed places once a way
 
     def _advance_rk4(self, step: int, steps: int) -> None:
         self._kernel(
-            steps, step, self._states, self._integers_of_layout, self.record, self.integers, self._pin_start,
+            self._bands, steps, step, self._states, self._integers_of_layout, self.record, self.integers, self._pin_start,
             self._pin_column, self._scratch,
         )  # fmt: skip
 

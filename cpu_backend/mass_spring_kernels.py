@@ -1,4 +1,4 @@
-"""The kernel `fused` of the mass-spring grid: one parallel region a pass over the grid, one thread a band of rows.
+"""The kernel `fused` of the mass-spring grid: a team of one thread a band of rows (progress.py).
 
 A band walks down its rows; row_step.py does one of them. No mass is written by two threads, none is read from the state
 being written, so there is nothing to lock: the end of the parallel loop is the only synchronisation, and the result
@@ -12,10 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from cpu_backend.progress import shares
 from cpu_backend.row_step import make_row_step, pass_kind
 from cpu_backend.rows import SUM_ROWS, variant_name
 
@@ -27,7 +27,7 @@ SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
 def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
     """The kernel of a variant, for one-force integrators and velocity Verlet:
 
-    advance(passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
     scratches) does `passes` passes over the grid, ping-pong between the two states that the flat array `states` holds one
     after the other (see layout.py), the first reading from number `current`. `scratches`: SCRATCH_ROWS rows a band.
     """
@@ -58,15 +58,15 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
             )  # fmt: skip
 
     def advance(
-        passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column, scratches
-    ):
-        bands = scratches.shape[0]
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        pin_column, scratches,
+    ):  # fmt: skip
         for k in range(passes):
             kind = kind_of(k, passes, first_kind, last_kind)
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 advance_band(
                     np.int64(band), kind, step + k, states, (current + k) % 2, layout, record, integers, pin_start,
                     pin_column, scratches,
                 )  # fmt: skip
 
-    return compiler.kernel(advance)
+    return compiler.team(advance)

@@ -24,6 +24,7 @@ from cpu_backend.matching_rows import (
     SUMS,
     make_matching_rows,
 )
+from cpu_backend.progress import shares
 from model.cloth_record import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
 from model.formulas import distance, random, shape_matching
 from model.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
@@ -122,12 +123,12 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
 
 @cache
 def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[str]) -> Any:
-    """advance(steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table, column_table,
-    weights, record, integers, scratch, room) -> which of the states is the state then.
+    """advance(bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
+    column_table, weights, record, integers, scratch, room, place_after).
 
     `bounds` (bands + 1,): the bands' first rows; `states`: flat, STATES of them, each four planes of `rows` rows `stride`
     apart; `current`: which is the state now; tables (3, rows) and flat, rows `stride` apart; `weights`: flat, likewise, 0
-    where pinned; `scratch`: flat, `room` numbers a band.
+    where pinned; `scratch`: flat, `room` numbers a band; `place_after` (1,): which of the states is the state then.
     """
     compiler = _compiler(real, math, region, parts)
     compiled = compiler.compiled
@@ -242,12 +243,11 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                 ending = kind in (ONCE, LAST)
                 arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, record, room)
 
-    @compiler.kernel
     def advance(
-        steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table, table, weights, record,
-        integers, scratch, room,
+        team, member, bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
+        table, weights, record, integers, scratch, room, place_after,
     ):  # fmt: skip
-        bands, size = len(bounds) - 1, 2 * AXES * rows * stride
+        size = 2 * AXES * rows * stride
         now, begin = current, current
         for place in range(steps * substeps):
             for iteration in range(iterations):
@@ -259,8 +259,7 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                 after = (now + 1) % STATES
                 if after == begin and iteration > 0:
                     after = (after + 1) % STATES
-                for u in prange(bands):
-                    band = np.int64(u)
+                for band in shares(team, member, bands):
                     down_band(
                         bounds[band], bounds[band + 1], kind, step + place // substeps, rows, columns, stride,
                         row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size), row_table,
@@ -268,9 +267,10 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                     )  # fmt: skip
                 now = after
             begin = now
-        return now
+        if member == 0:
+            place_after[0] = now
 
-    return advance
+    return compiler.team(advance)
 
 
 def make_walk(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

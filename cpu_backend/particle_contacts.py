@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.layout import aligned_zeros
-from cpu_backend.particle_contacts_bounce import make_bounce
-from cpu_backend.particle_contacts_find import AXES, BOX, PLACES, ROOM, make_find
-from cpu_backend.particle_contacts_project import make_project
+from cpu_backend.particle_contacts_bounce import make_bounce_stage
+from cpu_backend.particle_contacts_find import AXES, BOX, PLACES, ROOM, TABLE, make_find_stage
+from cpu_backend.particle_contacts_project import make_project_stage
 from model.formulas.cluster import LANES
 from model.particle_contact_record import (
     G_REACH,
@@ -21,6 +21,7 @@ from model.particle_contact_record import (
 )
 from model.scene import Scene
 
+NO_CONTACTS: tuple[Any, ...] = ((),) * 7  # ParticleContacts.arrays of a scene without
 CELLS = 12  # of the table for a particle: with less it goes round for what falls in a column
 
 
@@ -42,7 +43,7 @@ class ParticleContacts:
         body[slots], kind[slots] = scene.crowd.body, kinds_of_particles(scene)
         rest.reshape(AXES, -1)[:, slots] = scene.crowd.position.T
         cells, most, ahead = CELLS * max(count, LANES), count * MOST_NEIGHBOURS, count + LANES
-        numbers = (np.zeros(n, np.int64) for n in (BOX * bands, BOX, bands, bands, bands, bands))
+        numbers = (np.zeros(n, np.int64) for n in (BOX * bands, TABLE, bands, bands, bands, bands))
         boxes, table, totals, begins, active, self._lost = numbers
         buckets, starts = np.zeros(count, np.int32), np.zeros(cells + 1, np.int32)
         tables = np.zeros(AXES * count, np.int32), boxes, table, buckets, starts, totals
@@ -54,9 +55,9 @@ class ParticleContacts:
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
         self.old = aligned_zeros(AXES * count if "bouncing" in parts else 0, real)
         self._search = (body, kind, rest), tables, in_order, self._found
-        self._find = make_find(real, math)
-        self._project = make_project(real, math, "rubbing" in parts, "sticking" in parts)
-        self._bounce = make_bounce(real, math)
+        self._find = make_find_stage(real, math)
+        self._project = make_project_stage(real, math, "rubbing" in parts, "sticking" in parts)
+        self._bounce = make_bounce_stage(real, math)
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
@@ -70,8 +71,10 @@ class ParticleContacts:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """What a kernel takes: (record, reach, kinds, sweeps, what the search takes, what the projection does, old)."""
-        return self.record, self.reach, self.kinds, self.sweeps, self._search, self._contacts, self.old
+        """What a kernel takes, as NO_CONTACTS has it where there are none: (record, reach, kinds, sweeps), four tuples that
+        the search takes, the last of them what it found, one that the projection does, (old,)."""
+        numbers = self.record, self.reach, self.kinds, self.sweeps
+        return numbers, *self._search, self._contacts, (self.old,)
 
     def find(self, position: np.ndarray, weights: np.ndarray) -> None:
         self._find(self.bands, position, weights, self.record, self.reach, self.kinds, *self._search)

@@ -12,6 +12,7 @@ from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.progress import new_team, shares
 from model.formulas import particle_contact, rebound
 from model.particle_contact_record import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MOST_NEIGHBOURS
 
@@ -94,28 +95,44 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
 
 @cache
 def make_bounce(real: Any, math: str) -> Any:
-    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts): `old`: when the substep began;
-    other arrays as cpu_backend/particle_contacts.py makes them."""
-    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}", math)
+    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts): what a member of a team
+    does (progress.py). `old`: when the substep began; other arrays as cpu_backend/particle_contacts.py makes them."""
+    compiler = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math)
     made = make_passes(compiler, real, False)
     tell, push, put = made.tell, made.push, made.put
 
-    def bounce(bands, position, old, velocity, weights, record, neighbours, contacts):
+    @compiler.compiled
+    def bounce_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts):
         who, numbers, entries, pairs, begins, active, _ = neighbours
         acting, met, ways = contacts
         count = weights.size
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first = begins[band]
             last = first + active[band]
             tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first = begins[band]
             last = first + active[band]
             push(
                 first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, ways
             )  # fmt: skip
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             first = begins[band]
             put(first, first + active[band], count, velocity, who, met, ways)
 
-    return compiler.kernel(bounce)
+    return bounce_all
+
+
+@cache
+def make_bounce_stage(real: Any, math: str) -> Any:
+    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts): see make_bounce."""
+    bounce_all = make_bounce(real, math)
+
+    def bounce(bands, position, old, velocity, weights, record, neighbours, contacts):
+        team = new_team(bands)
+        for member in prange(bands):
+            bounce_all(
+                team, np.int64(member), bands, position, old, velocity, weights, record, neighbours, contacts
+            )  # fmt: skip
+
+    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).kernel(bounce)

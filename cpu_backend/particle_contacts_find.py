@@ -19,6 +19,8 @@ from numba.extending import intrinsic
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.plain import in_python
+from cpu_backend.progress import new_team, shares
 from model.formulas import particle_contact
 from model.formulas.cluster import LANES
 from model.particle_contact_record import (
@@ -37,6 +39,8 @@ AXES = 3
 NARROWEST = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
 PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
 BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, how many each way
+HOLDS = BOX  # of the table's only: whether it holds all cells that there are
+TABLE = BOX + 1
 ROOM = 64  # whole numbers: where the runs of a band's cell begin and end, 27 at most
 FAR = np.int32(2**31 - 1)
 
@@ -52,6 +56,11 @@ def lowest_bit(typing_context, number):
         return builder.zext(place, context.get_value_type(types.int64))
 
     return types.int64(types.int32), build
+
+
+@in_python(lowest_bit)
+def _lowest_bit(number: Any) -> int:
+    return (int(number) & -int(number)).bit_length() - 1
 
 
 def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
@@ -264,49 +273,68 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_find(real: Any, math: str) -> Any:
-    """find(bands, position, weights, record, reach, kinds, of_particle, tables, sorted, neighbours): arrays as
-    cpu_backend/particle_contacts.py makes them."""
-    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}", math)
+    """find(team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): what a
+    member of a team does (progress.py); arrays as cpu_backend/particle_contacts.py makes them."""
+    compiler = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math)
     table_made, sort = _make_table(compiler, real), _make_sort(compiler)
     cells_of, span, enter = table_made.cells_of, table_made.span, table_made.enter
     tally, put, search = sort.tally, sort.put, _make_search(compiler, real)
 
-    def find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours):
+    @compiler.compiled
+    def find_all(
+        team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours
+    ):  # fmt: skip
         body, kind, rest = of_particle
         cells, boxes, table, buckets, starts, totals = tables
         order, places, bodies, rooms = in_order
         who, numbers, entries, pairs, begins, active, lost = neighbours
         count = weights.size
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             k, n = np.int64(count * band // bands), count * (band + 1) // bands - count * band // bands
             cells_of(
                 n, row_at(weights, k), row_at(position, k), row_at(position, count + k), row_at(position, 2 * count + k),
                 record, row_at(cells, k), row_at(cells, count + k), row_at(cells, 2 * count + k),
                 row_at(boxes, np.int64(BOX * band)),
             )  # fmt: skip
-        holds = span(bands, boxes, starts.size - 1, table)
-        size = table[3] * table[4] * table[5]
-        for band in prange(bands):
+        for _ in shares(team, member, 1):
+            table[HOLDS] = span(bands, boxes, starts.size - 1, table)
+        for band in shares(team, member, bands):
             k, last = np.int64(count * band // bands), count * (band + 1) // bands
-            enter(k, last, count, cells, table, holds, buckets)
-        for band in prange(bands):
+            enter(k, last, count, cells, table, table[HOLDS] != 0, buckets)
+        for band in shares(team, member, bands):
+            size = table[3] * table[4] * table[5]
             totals[band] = tally(size * band // bands, size * (band + 1) // bands, buckets, starts)
-        for band in prange(bands):
-            end = 0
+        for band in shares(team, member, bands):
+            size, end = table[3] * table[4] * table[5], 0
             for earlier in range(band):
                 end += totals[earlier]
             low, high = size * band // bands, size * (band + 1) // bands
             put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies)
-        live = np.int64(0)
-        for band in range(bands):
-            live += totals[band]
-        starts[size] = live
-        for band in prange(bands):
+            if band == bands - 1:
+                starts[size] = end + totals[band]
+        for band in shares(team, member, bands):
+            live = starts[table[3] * table[4] * table[5]]
             begins[band] = live * band // bands
             search(
-                band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, holds, buckets,
-                starts, order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs, active,
-                lost,
+                band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, table[HOLDS] != 0,
+                buckets, starts, order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs,
+                active, lost,
             )  # fmt: skip
 
-    return compiler.kernel(find)
+    return find_all
+
+
+@cache
+def make_find_stage(real: Any, math: str) -> Any:
+    """find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): see make_find."""
+    find_all = make_find(real, math)
+
+    def find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours):
+        team = new_team(bands)
+        for member in prange(bands):
+            find_all(
+                team, np.int64(member), bands, position, weights, record, reach, kinds, of_particle, tables, in_order,
+                neighbours,
+            )  # fmt: skip
+
+    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).kernel(find)

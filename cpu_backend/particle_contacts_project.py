@@ -12,6 +12,7 @@ from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.progress import new_team, shares
 from model.formulas import particle_contact
 from model.particle_contact_record import (
     G_ACTIVE,
@@ -111,31 +112,48 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
 
 @cache
 def make_project(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
-    """project(bands, sweeps, before, position, weights, record, neighbours, contacts): arrays as
-    cpu_backend/particle_contacts.py makes them."""
-    name = f"particles_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
+    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts): what a member of a team
+    does (progress.py); arrays as cpu_backend/particle_contacts.py makes them."""
+    name = f"particles_project_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
     compiler = Compiler(name, math)
     made = _make_sweep(compiler, real, rubbing, sticking)
     tell, push, put = made.tell, made.push, made.put
 
-    def project(bands, sweeps, before, position, weights, record, neighbours, contacts):
+    @compiler.compiled
+    def project_all(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts):
         who, numbers, entries, pairs, begins, active, _ = neighbours
         acting, met, ways = contacts
         count = weights.size
         for _ in range(sweeps):
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 first = begins[band]
                 last = first + active[band]
                 tell(first, last, count, position, record, who, numbers, entries, pairs, acting, met)
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 first = begins[band]
                 last = first + active[band]
                 push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways)
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 first = begins[band]
                 put(first, first + active[band], count, position, who, met, ways)
 
-    return compiler.kernel(project)
+    return project_all
+
+
+@cache
+def make_project_stage(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
+    """project(bands, sweeps, before, position, weights, record, neighbours, contacts): see make_project."""
+    name = f"particles_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
+    project_all = make_project(real, math, rubbing, sticking)
+
+    def project(bands, sweeps, before, position, weights, record, neighbours, contacts):
+        team = new_team(bands)
+        for member in prange(bands):
+            project_all(
+                team, np.int64(member), bands, sweeps, before, position, weights, record, neighbours, contacts
+            )  # fmt: skip
+
+    return Compiler(name, math).kernel(project)
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

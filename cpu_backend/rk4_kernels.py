@@ -6,11 +6,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
 from cpu_backend.mass_spring_kernels import ABOVE_ROWS, SCRATCH_ROWS
+from cpu_backend.progress import shares
 from cpu_backend.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
 from model.formulas import integrators
 from model.record import (
@@ -69,7 +69,7 @@ def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, step, states, layout, record, integers, pin_start, pin_column, scratches).
+    """advance(bands, steps, step, states, layout, record, integers, pin_start, pin_column, scratches).
 
     The flat array `states` holds, one after the other (see layout.py): the state, two stages in turn, the running sum.
     Each step is four passes over the grid; the last writes the state, which nothing reads any more. `scratches`:
@@ -138,13 +138,12 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                 hold_pins(i, np.int64(0), blocks, source, here, plane, target, here, plane, pin_start, pin_column)
             place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 
-    def advance(steps, step, states, layout, record, integers, pin_start, pin_column, scratches):
-        bands = scratches.shape[0]
+    def advance(team, member, bands, steps, step, states, layout, record, integers, pin_start, pin_column, scratches):
         for k in range(4 * steps):
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 stage_band(
                     np.int64(band), k % 4, step + k // 4, states, layout, record, integers, pin_start, pin_column,
                     scratches,
                 )  # fmt: skip
 
-    return compiler.kernel(advance)
+    return compiler.team(advance)

@@ -99,7 +99,7 @@ class ShapeMatching(CpuSimulation):
     def _fused(self) -> Executor:
         rows, region, layout = self.body.rows, self.scene.method.region, self._layout
         self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
-        self._room = scratch_rows(region) * layout.stride
+        self._room, self._place_after = scratch_rows(region) * layout.stride, np.zeros(1, np.int64)
         self._scratch = aligned_zeros(self._bands * self._room, self.real)
         wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]
@@ -112,8 +112,9 @@ class ShapeMatching(CpuSimulation):
     def _advance(self, step: int, steps: int) -> None:
         method, layout = self.scene.method, self._layout
         advance = make_matching_advance(self.real, self.options.math, method.region, self.plan.parts)
-        self._current = advance(
-            steps, step, method.substeps, method.iterations, self._bounds, layout.rows, layout.columns, layout.stride,
-            self._states, self._current, self._tables[0], self._wide_table, self._wide_weights, self.record, self.integers,
-            self._scratch, self._room,
+        advance(
+            self._bands, steps, step, method.substeps, method.iterations, self._bounds, layout.rows, layout.columns,
+            layout.stride, self._states, self._current, self._tables[0], self._wide_table, self._wide_weights, self.record,
+            self.integers, self._scratch, self._room, self._place_after,
         )  # fmt: skip
+        self._current = int(self._place_after[0])

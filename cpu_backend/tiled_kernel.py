@@ -13,11 +13,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
 from cpu_backend.mass_spring_kernels import ABOVE_ROWS
+from cpu_backend.progress import shares
 from cpu_backend.row_step import make_row_step, pass_kind
 from cpu_backend.rows import SUM_ROWS, variant_name
 
@@ -42,7 +42,7 @@ def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
 
 @cache
 def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """advance(passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
     scratches, levels, tile, halo, width): as the kernel `fused` (mass_spring_kernels.py), but the states change places
     only once for `levels` passes. `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
     """
@@ -115,17 +115,16 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
             )  # fmt: skip
 
     def advance(
-        passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column, scratches,
-        levels, tile, halo, width,
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        pin_column, scratches, levels, tile, halo, width,
     ):  # fmt: skip
-        bands = scratches.shape[0]
         for way in range((passes + levels - 1) // levels):
             first_pass = way * levels
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 walk_band(
                     np.int64(band), tile, halo, width, scratches, first_pass, min(levels, passes - first_pass), passes,
                     first_kind, last_kind, step, states, (current + way) % 2, layout, record, integers, pin_start,
                     pin_column,
                 )  # fmt: skip
 
-    return compiler.kernel(advance)
+    return compiler.team(advance)

@@ -12,15 +12,13 @@ from typing import Any
 import numba
 import numpy as np
 
-from cpu_backend.choice import SPINS, SPINS_CROWDED, TEAM_LAYER
 from cpu_backend.cloth_normals import make_normals
 from cpu_backend.cloth_scratch import scratch_width, triples_of
 from cpu_backend.contacts import Contacts
 from cpu_backend.layout import Layout, aligned_zeros, block_of, plain
 from cpu_backend.mass_spring import processor_name
-from cpu_backend.progress import GATE_FLAGS, GO, new_flags
 from cpu_backend.simulation import CpuSimulation
-from cpu_backend.threads import core_count, thread_count, threading_layer
+from cpu_backend.threads import thread_count
 from cpu_backend.xpbd_forces import FORCES, WIND_PARTS
 from cpu_backend.xpbd_jacobi import displacement_triples
 from cpu_backend.xpbd_jacobi_kernel import make_jacobi_advance
@@ -130,9 +128,6 @@ class PositionBased(CpuSimulation):
         else:
             self._bands = min(self.threads, most_bands(rows, "bending" in parts))
             self._steps, self._starts, self._bounds = schedule(rows, self._bands, "bending" in parts)
-        self._progress, self._gate = new_flags(2 * self._bands), new_flags(GATE_FLAGS)
-        self._spins = SPINS if self._bands <= core_count() else SPINS_CROWDED
-        self._together = threading_layer() == TEAM_LAYER or self._bands == 1
         self._reserve(layout)
         self._fill_weights(layout)
         self._fill_attachments(layout)
@@ -218,26 +213,20 @@ class PositionBased(CpuSimulation):
     def _variant(self) -> tuple[Any, ...]:
         """What tells apart the kernels that make_seidel_advance and make_jacobi_advance make."""
         several = self.scene.method.iterations > 1
-        return self.real, self.options.math, self.scene.dimensions, self.plan.parts, several, self._together
+        return self.real, self.options.math, self.scene.dimensions, self.plan.parts, several
 
     def _arguments(self, step: int, steps: int) -> tuple[Any, ...]:
         """What such a kernel gets for `steps` steps from number `step` on."""
         method, bounds = self.scene.method, (self._bounds,)
         order = bounds if self.plan.parts & JACOBI else (self._steps, self._starts, *bounds)
         return (
-            steps, step, method.substeps, method.iterations, *order, self._natural, self._memory, self._places, self.record,
-            self.integers, self.bodies, self.kinds, self._row_places, self._row_uneven, self._anchors, self._progress,
-            self._gate, self._spins,
+            self._bands, steps, step, method.substeps, method.iterations, *order, self._natural, self._memory, self._places,
+            self.record, self.integers, self.bodies, self.kinds, self._row_places, self._row_uneven, self._anchors,
         )  # fmt: skip
 
     def _advance(self, step: int, steps: int) -> None:
-        self._progress.fill(0)
-        self._gate.fill(0)
         make: Any = make_jacobi_advance if self.plan.parts & JACOBI else make_seidel_advance
         make(*self._variant())(*self._arguments(step, steps))
-        if self._together and self._bands > 1 and self._gate[1, 0] != GO:
-            self._together = False  # the threads did not come together: nothing was done yet
-            self._advance(step, steps)
 
     # ------------------------------------------------------------------ the contract
 

@@ -1,8 +1,7 @@
 """The parallel part of the Jacobi orderings: bands of rows, and what they wait for. The rows' part is xpbd_jacobi.py.
 
-A band predicts its border rows first, which its neighbours read, tells them so, and predicts the others just ahead of the
-iteration's walk. Positions go from one place to the other and back, one an iteration: a band begins one when both neighbours
-have done the one before, since they read what it now overwrites.
+All bands predict their border rows first, which neighbours read, and the others just ahead of the iteration's walk.
+Positions go from one place to the other and back, one an iteration: it begins when all have done the one before.
 """
 
 from __future__ import annotations
@@ -11,12 +10,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
-from cpu_backend.progress import all_arrived, store_release, wait_for
+from cpu_backend.progress import shares
 from cpu_backend.xpbd_forces import make_wind
 from cpu_backend.xpbd_jacobi import make_iterate, reach_of
 from cpu_backend.xpbd_layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
@@ -56,14 +54,12 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
 
 
 @cache
-def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool, together: bool) -> Any:
-    """advance(count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies, kinds,
-    row_places, row_uneven, anchors, progress, gate, spins): as that of xpbd_seidel.py, bands of the rows that `bounds` tell.
-    """
-    words = parts | {word for word, there in (("several", several), ("together", together)) if there}
+def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
+    """advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies, kinds,
+    row_places, row_uneven, anchors): as that of xpbd_seidel.py, bands of the rows that `bounds` tell."""
+    words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
     compiled, has_wind, apart = compiler.compiled, "wind" in parts, keeps_velocity(parts)
-    damped = any(part.endswith("-damping") for part in parts)
     open_band, iterate_band = make_parts_of_substep(compiler, real, axes, parts, several)
     if has_wind:
         winds = make_wind(compiler, real, parts, 1)
@@ -95,75 +91,29 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
             for k in range(start + bounds[band] * places[P_STRIDE], start + bounds[band + 1] * places[P_STRIDE]):
                 memory[k] = memory[places[P_OTHER] + k]
 
-    @compiled
-    def meet(band, bands, news, progress, spins):
-        """Tell the neighbours that this band is so far, and wait until they are."""
-        store_release(progress, band, news)
-        if band > 0:
-            wait_for(progress, band - 1, news, spins)
-        if band < bands - 1:
-            wait_for(progress, band + 1, news, spins)
-
-    @compiled
-    def run_band(band, bands, count, step, substeps, iterations, bounds, natural, sheet, progress, gate, spins):
-        if bands > 1 and not all_arrived(gate, bands, spins):
-            return
-        news = 0
-        for number in range(count * substeps):
-            now, substep, done = step + number // substeps, step * substeps + number, number * iterations
-            if has_wind:
-                copy(band, bounds, place_of(done, sheet[1]), natural, sheet)
-                news += 1
-                meet(band, bands, news, progress, spins)
-                blow(band, bounds, natural, substep, sheet)
-            elif damped:  # dampers look at the positions before, which the prediction is about to replace
-                news += 1
-                meet(band, bands, news, progress, spins)
-            open_band(band, bounds, now, place_of(done, sheet[1]), sheet)
-            for k in range(iterations):
-                news += 1
-                meet(band, bands, news, progress, spins)
-                source, target = place_of(done + k, sheet[1]), place_of(done + k + 1, sheet[1])
-                iterate_band(band, bounds, k, iterations, now, substep, source, target, sheet)
-        if count * substeps * iterations % 2 == 1:
-            meet(band, bands, news + 1, progress, spins)
-            bring_back(band, bounds, sheet)
-
     def advance(
-        count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies, kinds, row_places,
-        row_uneven, anchors, progress, gate, spins,
+        team, member, bands, count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies,
+        kinds, row_places, row_uneven, anchors,
     ):  # fmt: skip
         sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
-        bands = bounds.size - 1
-        for band in prange(bands):
-            run_band(
-                np.int64(band), bands, count, step, substeps, iterations, bounds, natural, sheet, progress, gate, spins
-            )  # fmt: skip
-
-    def advance_in_turn(
-        count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies, kinds, row_places,
-        row_uneven, anchors, progress, gate, spins,
-    ):  # fmt: skip
-        sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
-        bands = bounds.size - 1
         for number in range(count * substeps):
             now, substep, done = step + number // substeps, step * substeps + number, number * iterations
             if has_wind:
-                for band in prange(bands):
-                    copy(np.int64(band), bounds, place_of(done, places), natural, sheet)
-                for band in prange(bands):
-                    blow(np.int64(band), bounds, natural, substep, sheet)
-            for band in prange(bands):
-                open_band(np.int64(band), bounds, now, place_of(done, places), sheet)
+                for band in shares(team, member, bands):
+                    copy(band, bounds, place_of(done, places), natural, sheet)
+                for band in shares(team, member, bands):
+                    blow(band, bounds, natural, substep, sheet)
+            for band in shares(team, member, bands):
+                open_band(band, bounds, now, place_of(done, places), sheet)
             for k in range(iterations):
                 source, target = place_of(done + k, places), place_of(done + k + 1, places)
-                for band in prange(bands):
-                    iterate_band(np.int64(band), bounds, k, iterations, now, substep, source, target, sheet)
+                for band in shares(team, member, bands):
+                    iterate_band(band, bounds, k, iterations, now, substep, source, target, sheet)
         if count * substeps * iterations % 2 == 1:
-            for band in prange(bands):
-                bring_back(np.int64(band), bounds, sheet)
+            for band in shares(team, member, bands):
+                bring_back(band, bounds, sheet)
 
-    return compiler.kernel(advance if together else advance_in_turn)
+    return compiler.team(advance)
 
 
 def _nothing(*arguments):

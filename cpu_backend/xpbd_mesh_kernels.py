@@ -17,6 +17,7 @@ from cpu_backend.cloth_colliders import make_collide_mass
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.cloth_winds import make_air, make_triangle
 from cpu_backend.compile import Compiler
+from cpu_backend.progress import new_team, shares
 from cpu_backend.xpbd_mesh_projections import make_projection
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import C_DRAG, C_DT, C_EXTERNAL, C_GRAVITY, C_LIFT, C_POKE_X
@@ -218,9 +219,10 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_edges, has_bends = "structural" in parts, "bending" in parts
     has_attachments, has_bodies = "attachments" in parts, bool(parts & set(COLLIDER_KINDS))
 
-    def advance(
-        bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists, edge_family,
-        bend_family, anchors, reaches, bodies, kinds,
+    @compiler.compiled
+    def run(
+        team, member, bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists,
+        edge_family, bend_family, anchors, reaches, bodies, kinds,
     ):  # fmt: skip
         count = len(position)
         edge_corners, edge_values, edge_multipliers, edge_starts = edge_family
@@ -228,10 +230,11 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         for pass_number in range(steps * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
-            for band in prange(bands):
-                first, last = count * band // bands, count * (band + 1) // bands
-                before[first:last] = position[first:last]
-            for band in prange(bands):
+            for band in shares(team, member, bands):
+                for k in range(count * band // bands, count * (band + 1) // bands):
+                    for axis in range(position.shape[1]):
+                        before[k, axis] = position[k, axis]
+            for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 begin(first, last, frame, number, before, velocity, position, record, integers, wind_lists)
             for iteration in range(iterations):
@@ -239,38 +242,39 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if has_edges:
                     for colour in range(len(edge_starts) - 1):
                         start, many = np.int64(edge_starts[colour]), edge_starts[colour + 1] - edge_starts[colour]
-                        if bands == 1 or many < ALONE:
+                        parts = bands if many >= ALONE else 1
+                        for band in shares(team, member, parts):
                             edges(
-                                start, start + many, position, before, edge_corners, edge_values, edge_multipliers,
-                                fresh, record,
-                            )  # fmt: skip
-                            continue
-                        for band in prange(bands):
-                            edges(
-                                start + many * band // bands, start + many * (band + 1) // bands, position, before,
+                                start + many * band // parts, start + many * (band + 1) // parts, position, before,
                                 edge_corners, edge_values, edge_multipliers, fresh, record,
                             )  # fmt: skip
                 if has_bends:
                     for colour in range(len(bend_starts) - 1):
                         start, many = np.int64(bend_starts[colour]), bend_starts[colour + 1] - bend_starts[colour]
-                        if bands == 1 or many < ALONE:
+                        parts = bands if many >= ALONE else 1
+                        for band in shares(team, member, parts):
                             bends(
-                                start, start + many, position, before, bend_corners, bend_values, bend_multipliers,
-                                fresh, record,
-                            )  # fmt: skip
-                            continue
-                        for band in prange(bands):
-                            bends(
-                                start + many * band // bands, start + many * (band + 1) // bands, position, before,
+                                start + many * band // parts, start + many * (band + 1) // parts, position, before,
                                 bend_corners, bend_values, bend_multipliers, fresh, record,
                             )  # fmt: skip
                 if has_attachments:
-                    for band in prange(bands):
+                    for band in shares(team, member, bands):
                         attach(count * band // bands, count * (band + 1) // bands, position, anchors, reaches)
-            for band in prange(bands):
+            for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 update(first, last, before, position, velocity, record)
                 if has_bodies:
                     collide(first, last, number, before, position, velocity, record, bodies, kinds)
+
+    def advance(
+        bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists, edge_family,
+        bend_family, anchors, reaches, bodies, kinds,
+    ):  # fmt: skip
+        team = new_team(bands)
+        for member in prange(bands):
+            run(
+                team, np.int64(member), bands, steps, step, substeps, iterations, position, velocity, before, record,
+                integers, wind_lists, edge_family, bend_family, anchors, reaches, bodies, kinds,
+            )  # fmt: skip
 
     return compiler.kernel(advance)

@@ -4,8 +4,9 @@ The colours come in an order in which rows meet two at a time: as soon as the co
 above and below are projected, those along it may be, then those to the second next rows, and the row is done. So a row is
 predicted, projected and given its velocity while the cache holds it, and every number goes through memory once an iteration.
 
-Each thread has a band of rows that begins where no first colour leads across. What leads across, the lower band does; it
-waits for the upper one's last rows, which that one does first, and gives them back.
+Each thread has a band of rows that begins where no first colour leads across. What leads across, the lower band does, in a
+phase after that in which the upper one does its last rows first; later phases finish them. In a phase no two bands touch the
+same row.
 """
 
 from __future__ import annotations
@@ -16,10 +17,6 @@ import numpy as np
 
 # what is done to row i, or between it and one of the next two
 BEGIN, DOWN, ALONG, FAR_DOWN, FAR_ALONG, END = range(6)
-# what is told to and heard from the neighbours: TELL sets the band's own flag, AWAIT_UPPER and AWAIT_LOWER wait for theirs
-TELL, AWAIT_UPPER, AWAIT_LOWER = range(6, 9)
-LAST_PAIR, GIVEN_BACK, LAST_ROW, FAR_GIVEN_BACK = range(1, 5)  # what is told, in this order
-NEWS = 5  # by which flags grow in an iteration
 PHASES = 5  # parts of a band's iteration that wait for nobody, if all bands have done those before
 
 
@@ -36,7 +33,7 @@ class _Band:
     end: int
     rows: int
     has_bending: bool
-    steps: list[tuple[int, int, int]] = field(default_factory=list)  # (what, row or news, phase)
+    steps: list[tuple[int, int, int]] = field(default_factory=list)  # (what, row, phase)
     phase: int = 0
 
     @property
@@ -47,8 +44,8 @@ class _Band:
     def has_lower(self) -> bool:
         return self.end < self.rows
 
-    def do(self, what: int, *numbers: int) -> None:
-        self.steps += [(what, number, self.phase) for number in numbers]
+    def do(self, what: int, *rows: int) -> None:
+        self.steps += [(what, row, self.phase) for row in rows]
 
     def open_pair(self, i: int) -> None:
         """Rows `i` and i + 1, between which the first colours lead."""
@@ -89,7 +86,6 @@ class _Band:
         """All steps of an iteration."""
         if self.has_lower:
             self.open_pair(self.end - 2)
-            self.do(TELL, LAST_PAIR)
         self.phase = 1
         for i in range(self.begin, self.end, 2):
             is_last_pair = i >= self.end - 2
@@ -99,17 +95,13 @@ class _Band:
                 self.do(DOWN, i - 1)
                 self.met(i - 1)
             elif self.has_upper:
-                self.do(AWAIT_UPPER, LAST_PAIR)
                 self.do(DOWN, i - 1)
-                self.do(TELL, GIVEN_BACK)
             self.met(i)
             if is_last_pair and not self.has_lower and i + 1 < self.end:
                 self.met(i + 1)
         self.phase = 2
         if self.has_lower:
-            self.do(AWAIT_LOWER, GIVEN_BACK)
             self.met(self.end - 1)
-            self.do(TELL, LAST_ROW)
         if self.has_bending:
             self.bend_across()
         return self.steps
@@ -118,18 +110,15 @@ class _Band:
         """Bending between bands, and what then is left of their rows."""
         self.phase = 3
         if self.has_upper:
-            self.do(AWAIT_UPPER, LAST_ROW)
             self.far_down(self.begin - 2)
-            self.do(TELL, FAR_GIVEN_BACK)
             self.leave(self.begin, self.end - 1)
         self.phase = 4
         if self.has_lower:
-            self.do(AWAIT_LOWER, FAR_GIVEN_BACK)
             self.leave(self.end - 2)
 
 
 def schedule(rows: int, bands: int, has_bending: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(steps (n, 2) [what, row or news], starts (bands, PHASES + 1), bounds (bands + 1,)): of band b the steps from
+    """(steps (n, 2) [what, row], starts (bands, PHASES + 1), bounds (bands + 1,)): of band b the steps from
     starts[b, 0] to before starts[b, PHASES] are an iteration, those from starts[b, p] on its phase p; it has the rows from
     bounds[b] on."""
     group = group_of(has_bending)

@@ -1,8 +1,8 @@
 """The kernel `fused` in the coloured Gauss-Seidel ordering: every thread follows the steps of its band's schedule.
 
 xpbd_schedule.py says in which order rows are predicted, projected and given their velocity, and what neighbouring bands wait
-for; this file does it. All bands run in one parallel region and tell each other how far they are by flags (progress.py);
-where the threading layer cannot promise that they run at the same time, there is a region for each phase instead.
+for; this file does it. An iteration falls into phases, in each of which no band waits for another: a team goes through them
+(progress.py).
 """
 
 from __future__ import annotations
@@ -11,26 +11,21 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.compile import Compiler
-from cpu_backend.progress import all_arrived, store_release, wait_for
+from cpu_backend.progress import shares
 from cpu_backend.xpbd_forces import make_wind
 from cpu_backend.xpbd_layout import P_PLANE, classes_of
 from cpu_backend.xpbd_rows import make_link, make_rows_of_kinds
 from cpu_backend.xpbd_schedule import (
     ALONG,
-    AWAIT_LOWER,
-    AWAIT_UPPER,
     BEGIN,
     DOWN,
     END,
     FAR_ALONG,
     FAR_DOWN,
-    NEWS,
     PHASES,
-    TELL,
 )
 from cpu_backend.xpbd_walk import make_walk
 from model.xpbd_plan import FAMILIES
@@ -52,10 +47,9 @@ def make_links(
     ]
 
 
-def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool, together: bool) -> Any:
-    """follow(begin, end, band, news, is_first, is_last, step, substep, steps, sheet, progress, spins): the steps from `begin`
-    to before `end` of a schedule, in an iteration that is a substep's first or last; `news`: what flags had grown to before.
-    """
+def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
+    """follow(begin, end, is_first, is_last, step, substep, steps, sheet): the steps from `begin` to before `end` of a
+    schedule, in an iteration that is a substep's first or last."""
     classes = classes_of(parts)
     walk = make_walk(compiler, real, axes, parts, classes)
     begin_row, end_iteration, end_row = walk.begin_row, walk.end_iteration, walk.end_row
@@ -65,7 +59,7 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
     start = np.int64(0)
 
     @compiler.compiled
-    def follow(begin, end, band, news, is_first, is_last, step, substep, steps, sheet, progress, spins):
+    def follow(begin, end, is_first, is_last, step, substep, steps, sheet):
         later = not is_first
         for k in range(begin, end):
             what, i = steps[k, 0], steps[k, 1]
@@ -86,29 +80,21 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
                 end_iteration(i, start, sheet)
                 if is_last:
                     end_row(i, substep, start, sheet)
-            elif together and what == TELL:
-                store_release(progress, band, news + i)
-            elif together and what == AWAIT_UPPER:
-                wait_for(progress, band - 1, news + i, spins)
-            elif together and what == AWAIT_LOWER:
-                wait_for(progress, band + 1, news + i, spins)
 
     return follow
 
 
 @cache
-def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool, together: bool) -> Any:
-    """advance(count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record, integers, bodies,
-    kinds, row_places, row_uneven, anchors, progress, gate, spins): `count` steps in place, the first of them number `step`.
+def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
+    """advance(bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record, integers,
+    bodies, kinds, row_places, row_uneven, anchors): `count` steps in place, the first of them number `step`.
 
     `several`: whether there is more than one iteration. `steps`, `starts`, `bounds`: the schedule; `natural`: of the sheet
-    that wind sees; `progress`: two flags a band, `gate`: GATE_FLAGS, all 0; the rest: see xpbd_walk.py. `together`: one
-    parallel region, in which bands wait for each other; if the gate then ends at GIVE_UP, nothing was done. Else a region for
-    every phase.
+    that wind sees; the rest: see xpbd_walk.py.
     """
-    words = parts | {word for word, there in (("several", several), ("together", together)) if there}
+    words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
-    follow = make_follow(compiler, real, axes, parts, several, together)
+    follow = make_follow(compiler, real, axes, parts, several)
     has_wind, compiled = "wind" in parts, compiler.compiled
     if has_wind:
         winds = make_wind(compiler, real, parts, classes_of(parts))
@@ -126,59 +112,33 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
         wind_band(bounds[band], bounds[band + 1], band, substep, memory, places, natural, record, integers, row_places)
 
     @compiled
-    def run_band(
-        band, bands, count, step, substeps, iterations, steps, starts, bounds, natural, sheet, progress, gate, spins
-    ):  # fmt: skip
-        if bands > 1 and not all_arrived(gate, bands, spins):
-            return
-        for number in range(count * substeps):
-            if has_wind:  # once the neighbours have copied their rows, too
-                copy(band, bounds, natural, sheet)
-                store_release(progress, bands + band, number + 1)
-                if band > 0:
-                    wait_for(progress, bands + band - 1, number + 1, spins)
-                if band < bands - 1:
-                    wait_for(progress, bands + band + 1, number + 1, spins)
-                blow(band, bounds, natural, step * substeps + number, sheet)
-            for k in range(iterations):
-                follow(
-                    starts[band, 0], starts[band, PHASES], band, NEWS * (number * iterations + k), k == 0,
-                    k == iterations - 1, step + number // substeps, step * substeps + number, steps, sheet, progress, spins,
-                )  # fmt: skip
+    def any_steps(starts, phase):
+        found = False
+        for band in range(starts.shape[0]):
+            found = found or starts[band, phase] < starts[band, phase + 1]
+        return found
 
     def advance(
-        count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record, integers, bodies, kinds,
-        row_places, row_uneven, anchors, progress, gate, spins,
+        team, member, bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record,
+        integers, bodies, kinds, row_places, row_uneven, anchors,
     ):  # fmt: skip
         sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
-        bands = starts.shape[0]
-        for band in prange(bands):
-            run_band(
-                np.int64(band), bands, count, step, substeps, iterations, steps, starts, bounds, natural, sheet, progress,
-                gate, spins,
-            )  # fmt: skip
-
-    def advance_in_turn(
-        count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record, integers, bodies, kinds,
-        row_places, row_uneven, anchors, progress, gate, spins,
-    ):  # fmt: skip
-        sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
-        bands = starts.shape[0]
         for number in range(count * substeps):
             if has_wind:
-                for band in prange(bands):
-                    copy(np.int64(band), bounds, natural, sheet)
-                for band in prange(bands):
-                    blow(np.int64(band), bounds, natural, step * substeps + number, sheet)
+                for band in shares(team, member, bands):
+                    copy(band, bounds, natural, sheet)
+                for band in shares(team, member, bands):
+                    blow(band, bounds, natural, step * substeps + number, sheet)
             for turn in range(iterations * PHASES):
                 k, phase = turn // PHASES, turn % PHASES
-                for band in prange(bands):
-                    follow(
-                        starts[band, phase], starts[band, phase + 1], np.int64(band), 0, k == 0, k == iterations - 1,
-                        step + number // substeps, step * substeps + number, steps, sheet, progress, spins,
-                    )  # fmt: skip
+                if any_steps(starts, phase):
+                    for band in shares(team, member, bands):
+                        follow(
+                            starts[band, phase], starts[band, phase + 1], k == 0, k == iterations - 1,
+                            step + number // substeps, step * substeps + number, steps, sheet,
+                        )  # fmt: skip
 
-    return compiler.kernel(advance if together else advance_in_turn)
+    return compiler.team(advance)
 
 
 def _nothing(*arguments):

@@ -10,7 +10,6 @@ labbook/facts.py, sentences that compare from labbook/claims.py, and both as dat
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import tempfile
@@ -22,6 +21,7 @@ from labbook import (
     ablation_claims,
     accuracy_claims,
     body_claims,
+    busy_claims,
     claims,
     cloth_claims,
     comparison_claims,
@@ -39,6 +39,7 @@ from labbook.kernel_tables import joule_tables, kernel_tables, region_tables, ro
 from labbook.stability_tables import edge_tables
 from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
 from model.errors import BackendUnavailable, InputError
+from model.files import replacing
 from plots.data import Origin, Results, is_suspect, load
 from plots.draw import FigureFiles, draw_figures
 from plots.style import without_footer
@@ -65,7 +66,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
         stability_claims, hard_claims, ablation_claims, cloth_claims, crowd_claims,
-        body_claims, hard_body_claims,
+        body_claims, hard_body_claims, busy_claims,
     )
     for name, claim in module.CLAIMS.items()
 }  # fmt: skip
@@ -214,12 +215,8 @@ def _compile(folder: Path, path: Path) -> None:
     except ImportError as error:
         raise BackendUnavailable(f"typst cannot be loaded ({error})", "pip install typst") from None
     pdf = typst.compile(str(folder / "labbook.typ"), root=str(folder), format="pdf")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with replacing(path) as temporary:
         temporary.write_bytes(pdf)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def entry_text(name: str, data: dict[str, Any]) -> str:

@@ -112,6 +112,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.ablation_results import print_ablation
     from bench.accuracy import run_accuracy
     from bench.bar import run_bar
+    from bench.busy import run_busy
     from bench.convergence import run_convergence
     from bench.crowds import run_crowds
     from bench.findings import run_findings
@@ -129,7 +130,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     ) -> Callable[[], Any]:
         return lambda: _told(console, run(store, command=command, **how), show)
 
-    small = (run_findings, run_costs, run_convergence, run_projections, run_crowds, run_bar)
+    small = (run_findings, run_costs, run_convergence, run_projections, run_crowds, run_busy, run_bar)
 
     def findings() -> None:
         for run in small:

@@ -211,25 +211,6 @@ def policies(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-def region_share(results: Results) -> Claim:
-    """What part of a step on the smallest grid an empty region of as many threads explains, at 1x and at 4x."""
-    for source in results.featured:
-        costs = {int(n): cost for n, cost in (source.machine.record.get("region_seconds") or {}).items()}
-        kernels = {word: sound(source.ladder("cpu", word=word).get("fused", [])) for word in ("1x", "4x")}
-        parts, numbers = [], {}
-        for word, found in kernels.items():
-            cost = costs.get(found[0].threads or 0) if found else None
-            if cost:
-                share = min(1.0, cost / found[0].median)
-                parts.append(f"{percent(share)} with {word} threads")
-                numbers[word] = share
-        if len(parts) == 2:
-            size = masses(kernels["1x"][0].particles)
-            text = f"Of a step of fused at {size}, what an empty region costs is {words.listed(parts)}."
-            return Claim(text, numbers, True)
-    return Claim("What part of a step the region takes was not measured.")
-
-
 def _rung_claim(kernel: str) -> Callable[[Results], Claim]:
     return lambda results: rung(results, kernel)
 
@@ -245,5 +226,4 @@ CLAIMS: dict[str, Callable[[Results], Claim]] = {
     "crowded-fused": lambda results: crowded(results, "fused"),
     "crowded-team": lambda results: crowded(results, "team", "fused"),
     "policies": policies,
-    "region-share": region_share,
 }

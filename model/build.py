@@ -9,14 +9,14 @@ import numpy as np
 
 from model.cloth_parts import Cloth, Fold
 from model.crowd import Crowd
-from model.errors import SceneError
-from model.memory import available_bytes, require
+from model.memory import require_sheet
 from model.mesh_parts import Mesh
 from model.pins import pin_indices
-from model.scene import Grid, Scene
+from model.scene import SHEETS, Grid, Scene
+from model.self_collision import CONTACT_BYTES
 from model.topology import mesh_of, pinned_vertices, vertex_masses
 
-MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
+MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,11 @@ class Body:
     inverse_mass: np.ndarray
     pinned: np.ndarray
     size: float
+
+
+def sheet_name(scene: Scene) -> str:
+    """What the scene calls its sheet; `bodies` where it has bodies."""
+    return next((name for name, kind in scene.kinds.items() if kind in SHEETS), "bodies")
 
 
 def pinned_indices(grid: Grid | Crowd) -> np.ndarray:
@@ -105,14 +110,8 @@ def build(scene: Scene) -> Body:
 def _build(scene: Scene) -> Body:
     grid = scene.grid
     count = grid.particle_count
-    # state and copies on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
-    require(count * 160, available_bytes(), "grid.rows x grid.columns", f"{grid.rows} x {grid.columns}", "main memory")
-    if count > MOST_PARTICLES:
-        raise SceneError(
-            "grid.rows x grid.columns",
-            f"{grid.rows} x {grid.columns}",
-            f"at most {MOST_PARTICLES} masses (32-bit indices)",
-        )
+    needed = MASS_BYTES + (CONTACT_BYTES if scene.self_collision else 0)
+    require_sheet(grid.rows, grid.columns, needed, sheet_name(scene))
     if isinstance(grid, Crowd):
         waiting = grid.waiting
         inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)

@@ -14,7 +14,7 @@ import numpy as np
 from model.clusters import Clusters
 from model.errors import SceneError
 from model.mesh_edges import components
-from model.nearby import pairs_within
+from model.nearby import TooMany, pairs_within
 
 RIM = 0.1  # the coefficient at the radius; over 0, so that nobody is in a cluster by name only
 COLLINEAR = (
@@ -44,7 +44,10 @@ def gather(position: np.ndarray, mass: np.ndarray, spacing: float, radius: float
     Particles of `position` (particles, 3) [m] and `mass` (particles,) [kg]. Some may belong to none: see `check`.
     """
     middle = position[centres(position, spacing)]
-    cluster, particle, distance = pairs_within(middle, position, radius)
+    try:
+        cluster, particle, distance = pairs_within(middle, position, radius)
+    except TooMany as error:
+        raise SceneError("cluster_radius", radius, str(error)) from None
     return Clusters(
         np.concatenate([[0], np.cumsum(np.bincount(cluster, minlength=len(middle)))]).astype(np.int32),
         particle.astype(np.int32),

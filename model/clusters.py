@@ -197,6 +197,9 @@ def stiffness_of_coefficient(coefficient: float, step: float) -> float:
     return np.inf if coefficient == 1 else coefficient / ((1 - coefficient) * step**2)
 
 
+MOST_SUBSTEP = 1e150  # s: Python refuses the square of much more
+
+
 def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
     """How far masses go towards their goals in one of `iterations`: b = 1 - (1 + w^2 h^2)^(-1 / n); `stiffness` w^2 [1/s^2],
     a number or an array; `substep` h [s].
@@ -208,7 +211,8 @@ def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
     [0.5, 1.0]
     """
     with np.errstate(over="ignore"):
-        return -np.expm1(-np.log1p(stiffness * substep**2) / iterations)
+        square = substep**2 if substep < MOST_SUBSTEP else np.inf
+        return -np.expm1(-np.log1p(stiffness * square) / iterations)
 
 
 def _check(clusters: Clusters) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 
 from model.record import rounded_record
 from model.scene import Scene
+from model.self_collision import MOST_CONTACTS as MOST_CONTACTS
 
-MOST_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
 CONTACT_PARAMETERS = (
     "thickness",  # m
     "margin",  # m: how much nearer than predicted a mass may come within a substep, through constraints

@@ -15,6 +15,7 @@ from model.errors import InputError, SceneError
 from model.lattice import LatticeCopies
 from model.links import LinkedCopies, Links, make_links
 from model.material import joined
+from model.memory import available_bytes, require
 from model.soft_body import BakedBody
 
 MOST_PARTICLES = 2**31 - 1  # indices are 32-bit
@@ -107,6 +108,8 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
     total = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
     if total > MOST_PARTICLES:
         raise SceneError("copies", total, f"at most {MOST_PARTICLES} particles (32-bit indices)")
+    needed = sum((part.count + part.spare) * _bytes_of(part.baked) for part in parts.values())
+    require(needed, available_bytes(), "copies", total, "main memory")
     copies: list[Copy] = []
     positions, velocities, bodies, masses = _lists(4)
     lattices = []
@@ -153,6 +156,11 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         float(mass.mean()),
         tuple(lattices),
     )
+
+
+def _bytes_of(body: BakedBody) -> int:
+    """Of a copy's particles, clusters and links while they are put together."""
+    return 160 * len(body.position) + 40 * len(body.clusters.indices) + 60 * len(body.links)
 
 
 def _by_cluster(copies: Sequence[Copy]) -> list[Copy]:

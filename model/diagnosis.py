@@ -87,6 +87,8 @@ class Situation:
 
     @property
     def under(self) -> str:
+        if not isfinite(self.limit):
+            return "no linear limit is known for it"
         return f"dt is under the linear limit of {self.limit:.6g} s"
 
 

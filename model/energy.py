@@ -125,6 +125,11 @@ def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray
     return np.ascontiguousarray(np.concatenate(ends))
 
 
+def spring_count(rows: int, columns: int, kind: str = "structural") -> int:
+    """How many springs `spring_ends` gives the ends of."""
+    return sum(max(0, rows - down) * max(0, columns - abs(across)) for down, across in WAYS[kind])
+
+
 def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness [N/m], float64: (1, columns - 1) of the horizontal springs, the same in every row, and (rows - 1, 1) of the
     vertical ones; 0 in a scene without springs.

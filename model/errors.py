@@ -6,6 +6,30 @@ line prints it and exits with `exit_status`; nothing else is written.
 
 from __future__ import annotations
 
+from math import isfinite
+
+LONGEST = 560  # characters of a message: some lines of a terminal, however long the key or the file's name was
+LONGEST_FIELD, LONGEST_VALUE = 120, 80
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """`text` in at most `most` characters: begin and end, which hold what is wrong and what to do, without the middle."""
+    if len(text) <= most:
+        return text
+    kept = most - len(" ... ")
+    return f"{text[: kept // 2].rstrip()} ... {text[-(kept - kept // 2) :].lstrip()}"
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: on one line, at most LONGEST_VALUE characters, whatever it is."""
+    try:
+        text = repr(value)
+    except (RecursionError, MemoryError):
+        return f"({type(value).__name__}, nested too deep to be shown)"
+    except ValueError:  # Python writes no whole number of thousands of digits
+        return f"({type(value).__name__}, too long to be shown)"
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
+
 
 class SoftlabError(Exception):
     """Base of every error the lab raises on purpose; `str()` of it is the line a user reads."""
@@ -13,8 +37,9 @@ class SoftlabError(Exception):
     exit_status = 2
 
     def __init__(self, message: str):
-        # one line, and printable, whatever a user's file held
-        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
+        # one line, printable and short, whatever a user's file held
+        printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in shortened(message, 4 * LONGEST))
+        super().__init__(shortened(printable))
 
 
 class SceneError(SoftlabError):
@@ -25,10 +50,7 @@ class SceneError(SoftlabError):
 
     def __init__(self, field: str, value: object, allowed: str):
         self.field, self.value, self.allowed = field, value, allowed
-        shown = repr(value)
-        if len(shown) > 80:
-            shown = shown[:77] + "..."
-        super().__init__(f"{field} = {shown}: {allowed}")
+        super().__init__(f"{shortened(field, LONGEST_FIELD)} = {shown(value)}: {allowed}")
 
 
 class InputError(SoftlabError):
@@ -80,7 +102,7 @@ class Diverged(SoftlabError):
         remedy: str | None = None,
     ):
         self.step, self.particle, self.dt, self.limit = step, particle, dt, limit
-        if limit is None or limit != limit:
+        if limit is None or not isfinite(limit):
             self.cause = cause or "no stability limit is known for it"
         elif dt > limit:
             self.cause = cause or "the step size is over the stability limit"

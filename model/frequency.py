@@ -124,21 +124,29 @@ def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MOST_I
     return Frequency(sqrt(value), upper, "iterated", iterations, found, found <= tolerance, mode)
 
 
-def _path(count: int, held: int) -> tuple[float, np.ndarray]:
+def _path_eigenvalue(count: int, held: int) -> float:
     """Largest eigenvalue of the Laplacian of a path of `count` free vertices, `held` (0, 1: at its start, 2) of whose ends
-    are tied to a fixed one beyond; and its vector (count,)."""
+    are tied to a fixed one beyond."""
+    if held == 0:
+        return 4 * cos(pi / (2 * count)) ** 2
+    return 4 * sin(_path_angle(count, held) / 2) ** 2
+
+
+def _path_angle(count: int, held: int) -> float:
+    return (2 * count - 1) * pi / (2 * count + 1) if held == 1 else count * pi / (count + 1)
+
+
+def _path_shape(count: int, held: int) -> np.ndarray:
+    """The vector (count,) of that eigenvalue."""
     k = np.arange(count)
     if held == 0:
-        return 4 * cos(pi / (2 * count)) ** 2, np.cos(pi * (count - 1) * (k + 0.5) / count)
-    if held == 1:
-        angle = (2 * count - 1) * pi / (2 * count + 1)
-        return 4 * sin(angle / 2) ** 2, np.sin(angle * (k + 1))
-    angle = count * pi / (count + 1)
-    return 4 * sin(angle / 2) ** 2, np.sin(angle * (k + 1))
+        return np.cos(pi * (count - 1) * (k + 0.5) / count)
+    return np.sin(_path_angle(count, held) * (k + 1))
 
 
-def grid_eigenvalue(grid: Grid) -> tuple[float, np.ndarray] | None:
-    """Largest eigenvalue of a grid's Laplacian (unit stiffness and mass) and its shape (particles,), in closed form.
+def grid_eigenvalue(grid: Grid, shaped: bool = True) -> tuple[float, np.ndarray | None] | None:
+    """Largest eigenvalue of a grid's Laplacian (unit stiffness and mass) and its shape (particles,), in closed form; None for
+    the shape unless `shaped`: then nothing is allocated.
 
     Known for `pinned` none, top and edges; None for others. Free N x M: 4 cos^2(pi / 2N) + 4 cos^2(pi / 2M); top row
     fixed, n = N - 1: 4 sin^2((2n-1) pi / (2 (2n+1))) + 4 cos^2(pi / 2M); all edges: 4 sin^2((N-2) pi / (2 (N-1))) and
@@ -149,11 +157,14 @@ def grid_eigenvalue(grid: Grid) -> tuple[float, np.ndarray] | None:
     held = {"none": 0, "top": 1, "edges": 2}[str(grid.pinned)]
     margins = {0: (0, 0), 1: (1, 0), 2: (2, 2)}[held]
     free = grid.rows - margins[0], grid.columns - margins[1]
-    shape = np.zeros((grid.rows, grid.columns))
     if min(free) < 1:
-        return 0.0, shape.ravel()
-    down, tall = _path(free[0], held)
-    across, wide = _path(free[1], 2 if held == 2 else 0)
+        return 0.0, np.zeros(grid.particle_count) if shaped else None
+    sides = (free[0], held), (free[1], 2 if held == 2 else 0)
+    down, across = (_path_eigenvalue(*side) for side in sides)
+    if not shaped:
+        return down + across, None
+    tall, wide = (_path_shape(*side) for side in sides)
+    shape = np.zeros((grid.rows, grid.columns))
     top, left = (1, 1) if held == 2 else (held, 0)
     shape[top : top + free[0], left : left + free[1]] = np.outer(tall, wide)
     return down + across, (shape / np.abs(shape).max()).ravel()
@@ -196,23 +207,23 @@ def _free_bound(scene: Scene) -> float:
     if springs.alternate:
         most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]
         return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / mass)
-    free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}))
+    free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}), shaped=False)
     assert free_grid is not None
     return sqrt(springs.stiffness / mass * free_grid[0])
 
 
-def scene_frequency(scene: Scene) -> Frequency:
+def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
     """The largest frequency of the scene's net in any state: closed form (a grid's equal springs and masses), iterated, or
     (large, and oddly pinned, of alternating springs, of several masses, or a cloth) bounded.
 
     A pin takes rows and columns out of the matrix, which lowers its largest eigenvalue (Cauchy's interlacing), so that
-    the free grid bounds every other.
+    the free grid bounds every other. Unless `shaped`, no mode is made where the frequency is had without.
     """
     grid = scene.grid
     if not (scene.springs or scene.cloth_springs):
-        return Frequency(0.0, 0.0, "closed form", mode=np.zeros(grid.particle_count))
+        return Frequency(0.0, 0.0, "closed form", mode=np.zeros(grid.particle_count) if shaped else None)
     even = scene.springs and not scene.springs.alternate and not scene.loads
-    closed = grid_eigenvalue(grid) if even else None
+    closed = grid_eigenvalue(grid, shaped) if even else None
     if scene.springs and closed is not None:
         w = sqrt(scene.springs.stiffness / grid.mass * closed[0])
         return Frequency(w, w, "closed form", mode=closed[1])
@@ -232,7 +243,7 @@ def frequency_lines(scene: Scene) -> list[str]:
         one.inextensible for one in springs
     ):  # which are no springs of that stiffness
         return []
-    found = scene_frequency(scene)
+    found = scene_frequency(scene, shaped=False)
     name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"
     limit = stability_limit(scene, found.upper)
     how = {

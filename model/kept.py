@@ -6,10 +6,14 @@ import atexit
 import os
 import shutil
 import tempfile
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+
+from model.errors import InputError
+from model.files import replacing
 
 
 def user_cache(name: str) -> Path | None:
@@ -48,14 +52,7 @@ def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
 
 def write_arrays(file: Path, **arrays: np.ndarray | float) -> None:
     """Under another name first, so that a killed process leaves no half of a file; in silence where it cannot be."""
-    try:
+    with suppress(OSError, InputError):
         file.parent.mkdir(exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
-    except OSError:
-        return
-    try:
-        with os.fdopen(handle, "wb") as opened:
+        with replacing(file) as temporary, open(temporary, "wb") as opened:
             np.savez(opened, **arrays)  # type: ignore[arg-type]
-        os.replace(name, file)
-    except OSError:
-        Path(name).unlink(missing_ok=True)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from model.errors import SceneError
 
+MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
+
 
 def available_bytes() -> int | None:
     """Bytes of main memory that can be taken without swapping, or None where the system does not tell.
@@ -71,11 +73,19 @@ def readable(count: float) -> str:
     raise AssertionError("unreachable")
 
 
+def require_sheet(rows: int, columns: int, bytes_each: int, name: str) -> None:
+    """Raise SceneError if `rows` x `columns` masses of `bytes_each` do not fit into main memory, or into 32-bit indices."""
+    field, shape = f"{name}.rows x {name}.columns", f"{rows} x {columns}"
+    require(rows * columns * bytes_each, available_bytes(), field, shape, "main memory")
+    if rows * columns > MOST_PARTICLES:
+        raise SceneError(field, shape, f"at most {MOST_PARTICLES} masses (32-bit indices)")
+
+
 def require(needed: int, available: int | None, field: str, value: object, where: str) -> None:
     """Raise SceneError if `needed` bytes are more than 90 % of `available` ones (None: unknown, let it try)."""
     if available is not None and needed > 0.9 * available:
         raise SceneError(
             field,
             value,
-            f"needs {readable(needed)} of {where}, of which {readable(available)} is free; use a smaller grid",
+            f"needs {readable(needed)} of {where}, of which {readable(available)} is free; use a smaller one",
         )

@@ -11,15 +11,27 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from model.errors import InputError
+
 BATCH = 1 << 21  # pairs looked at together: some 100 MB
+MOST_PAIRS = 2**26  # kept together: 2 GiB
 MOST_CELLS = 2.0**20  # along an axis: three of them make a number of 63 bits
 SLACK = 1 + 2.0**-20  # of a cell over the radius: more than rounding can take from a coordinate
 
 
+class TooMany(InputError):
+    """More pairs than can be kept."""
+
+
 def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(query (n,) int64, point (n,) int64, distance (n,) float64 [m]): every pair at most `radius` [m] apart, by query, then
-    by point. `queries` (k, 3) and `points` (m, 3) [m]."""
-    found = list(_batches(queries, points, radius))
+    by point. `queries` (k, 3) and `points` (m, 3) [m]. Raises TooMany of them, before they fill the memory."""
+    found, count = [], 0
+    for batch in _batches(queries, points, radius):
+        found.append(batch)
+        count += len(batch[0])
+        if count > MOST_PAIRS:
+            raise TooMany(f"more than {MOST_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
     query, point, distance = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.lexsort((point, query))
     return query[order], point[order], distance[order]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from model.errors import SceneError
-from model.parts import Count, NotNegative, Part, Positive
+from model.parts import NotNegative, Part, Positive, Sweeps
 
 if TYPE_CHECKING:
     from model.scene import Scene
@@ -33,7 +33,7 @@ class Contact(Part):
     separation_speed: Positive = 3.0  # m/s
     restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
     adhesion_reach: NotNegative = 0.25  # of the distance, beyond it: how far adhesion pulls
-    sweeps: Count = 1
+    sweeps: Sweeps = 1
     maximum_speed: Positive | None = None  # m/s
     sleeping_speed: NotNegative = 0.0  # m/s: what moved slower in a substep stays where it was
 

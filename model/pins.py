@@ -16,7 +16,7 @@ Pins = str | list[tuple[int, int]]
 def checked_pins(value: object) -> Any:
     """`value` as Pins. Raises ValueError for what is neither a word nor a list of pairs of whole numbers."""
     if isinstance(value, str):
-        if value not in PIN_WORDS and not re.fullmatch(r"every:([1-9][0-9]*)", value):
+        if value not in PIN_WORDS and not re.fullmatch(r"every:([1-9][0-9]{0,9})", value):
             raise ValueError(PIN_RULE)
         return value
     if not isinstance(value, list | tuple):

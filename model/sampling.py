@@ -40,6 +40,7 @@ class Samples:
     total: float
     covered: float
     overlapping: bool
+    filled: int = 0  # interior ones beyond the lattice's
 
 
 def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling: float) -> Samples:
@@ -51,9 +52,9 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
     Raises SceneError (spacing: larger than the mesh, or too many particles), InputError (no particle).
     """
     _check_size(body, spacing, volume_sampling, surface_sampling)
-    inner = np.zeros((0, 3))
+    inner, filled = np.zeros((0, 3)), 0
     if volume_sampling:
-        inner = _interior(body, spacing, volume_sampling)
+        inner, filled = _interior(body, spacing, volume_sampling)
     outer = np.zeros((0, 3))
     if surface_sampling:
         tried = _surface(body, spacing, surface_sampling)
@@ -70,7 +71,7 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
     overlapping = runs.most > 1 or runs.least < 0
     total = runs.count * runs.pitch**3 if overlapping and runs.count else body.volume
     share = np.maximum(volume, LEAST_SHARE * volume.mean()) if volume.any() else np.ones(len(volume))
-    return Samples(position, len(inner), len(outer), share * (total / share.sum()), total, covered, overlapping)
+    return Samples(position, len(inner), len(outer), share * (total / share.sum()), total, covered, overlapping, filled)
 
 
 def _expected(body: Solid, spacing: float, volume_sampling: float, surface_sampling: float) -> float:
@@ -113,12 +114,12 @@ def _check_size(body: Solid, spacing: float, volume_sampling: float, surface_sam
             )
 
 
-def _interior(body: Solid, spacing: float, sampling: float) -> np.ndarray:
-    """(n, 3) float64 [m]: the lattice's points, then those of the finer lattice for which it leaves room."""
+def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray, int]:
+    """((n, 3) float64 [m]: the lattice's points, then those of the finer lattice for which it leaves room; how many)."""
     coarse = runs_inside(body.position, body.triangles, spacing)
     whole = [(index, place) for index, place in coarse.points()]
     if sampling == 1:
-        return np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)])
+        return np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)]), 0
     size = np.floor(np.ptp(body.position, axis=0) / spacing).astype(np.int64) + 4
     strides = np.array([size[1] * size[2], size[2], 1])
     taken = np.concatenate([np.zeros(0, np.int64), *((index + 1) @ strides for index, _ in whole)])
@@ -130,7 +131,8 @@ def _interior(body: Solid, spacing: float, sampling: float) -> np.ndarray:
         tried.append(place[~held])
     found = np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)])
     fine = np.concatenate([np.zeros((0, 3)), *tried])
-    return np.concatenate([found, fine[spread(fine, found, CLOSEST * spacing)]])
+    more = fine[spread(fine, found, CLOSEST * spacing)]
+    return np.concatenate([found, more]), len(more)
 
 
 def _in_sorted(keys: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -124,11 +124,11 @@ class Scene:
             fields = dict(table)
             kind = fields.pop("kind", part_name)
             if not isinstance(kind, str) or kind not in KINDS:
+                known = f"{suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
+                if "kind" in table:
+                    raise SceneError(f"{part_name}.kind", kind, f"unknown part{known}")
                 raise SceneError(
-                    part_name if kind == part_name else f"{part_name}.kind",
-                    kind,
-                    f"unknown part{suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
-                    + ('; or give the table a kind, such as kind = "soft_body"' if kind == part_name else ""),
+                    part_name, table, f'unknown part{known}; or give the table a kind, such as kind = "soft_body"'
                 )
             try:
                 self.parts[part_name] = KINDS[kind](**fields)

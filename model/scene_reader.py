@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
@@ -10,10 +11,12 @@ from typing import Any
 
 from model.body_parts import BODY_KINDS
 from model.cloth_parts import SURFACE_KINDS
-from model.errors import InputError, SceneError
+from model.errors import InputError, SceneError, shown
+from model.files import is_there, read_text
 from model.scene_words import suggestion
 from model.topology import is_file, own_meshes
 
+TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of a whole number that Python may refuse to read
 OF_MESHES = ("mesh", *SURFACE_KINDS, *BODY_KINDS)  # kinds of part that may name a file
 
 
@@ -31,30 +34,25 @@ def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
     text = str(name_or_path)
     known = catalogue()
     if text in ("", "."):
-        raise InputError(f"{text!r} is a directory or nothing; a scene is one of {', '.join(known)}, or a .toml file")
+        raise InputError(
+            f"{text!r} is a directory or nothing; a scene is one of those that `softlab scenes` lists, or a .toml file"
+        )
     path = known.get(text)
     if path is None:
         path = Path(text)
         folders = {name.split("/")[0] for name in known if "/" in name}
         inside = len(path.parts) <= 1 or path.parts[0] in folders
-        looks_like_a_name = path.suffix == "" and inside and not path.exists()
+        looks_like_a_name = path.suffix == "" and inside and not is_there(path)
         if looks_like_a_name:
             raise InputError(
-                f"unknown scene {text!r}{suggestion(text, known)}; known: {', '.join(known)}, or a .toml file"
+                f"unknown scene {shown(text)}{suggestion(text, known)}; `softlab scenes` lists those that come with the lab, "
+                "or give a .toml file"
             )
+    written = read_text(path, "a scene is a .toml file; `softlab scenes` lists those that come with the lab")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except IsADirectoryError:
-        raise InputError(f"{text} is a directory; a scene is a .toml file") from None
-    except FileNotFoundError:
-        raise InputError(f"{text}: no such file; `softlab scenes` lists the scenes that come with the lab") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, tomllib.TOMLDecodeError):
-            raise InputError(f"{text} is not TOML: {error}") from None
-        if isinstance(error, UnicodeDecodeError):
-            raise InputError(f"{text} is not a text file in UTF-8; a scene is a .toml file") from None
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{text} cannot be read: {reason}") from None
+        data = tables_of(written)
+    except ValueError as error:
+        raise InputError(f"{text} is not TOML: {error}") from None
     return with_meshes(data, path.parent), text if text in known else path.stem
 
 
@@ -89,10 +87,25 @@ def _found(field: str, file: str, folder: Path) -> str:
     raise InputError(f"{field} = {file}: no such file: {places}; the lab's own meshes: {', '.join(own)}")
 
 
+def tables_of(text: str) -> dict[str, Any]:
+    """What a text in TOML holds. Raises ValueError, with what is wrong and where: tomllib.TOMLDecodeError, or what Python
+    cannot take of what TOML allows."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except (RecursionError, MemoryError):
+        raise ValueError("values nested too deep; a scene has lists of lists, no more") from None
+    except ValueError:  # of int(): the one thing that tomllib lets through
+        long = TOO_LONG.search(text)
+        place = f" (at line {text.count(chr(10), 0, long.start()) + 1})" if long else ""
+        raise ValueError(f"a whole number of thousands of digits{place}; give a shorter one") from None
+
+
 def parse_value(text: str) -> Any:
     """The value of `--set key=value`: read as TOML (numbers, true, lists), else taken as a plain word."""
     try:
-        parsed = tomllib.loads(f"value = {text}")
+        parsed = tables_of(f"value = {text}")
         return parsed["value"] if set(parsed) == {"value"} else text
     except tomllib.TOMLDecodeError:
         return text
@@ -105,5 +118,8 @@ def parse_settings(settings: list[str] | None) -> dict[str, Any]:
         path, equals, text = setting.partition("=")
         if not equals or not path.strip():
             raise SceneError("--set", setting, "must be key=value, such as grid.rows=64")
-        changes[path.strip()] = parse_value(text.strip())
+        try:
+            changes[path.strip()] = parse_value(text.strip())
+        except ValueError as error:
+            raise SceneError(f"--set {path.strip()}", text, str(error)) from None
     return changes

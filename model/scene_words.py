@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
@@ -17,6 +17,14 @@ def suggestion(word: str, known: Any) -> str:
     return f" (did you mean {close[0]}?)" if close else ""
 
 
+def _fields_within(kind: type[Part], way: list[str]) -> list[str]:
+    """The names of the fields of a part, or of a table inside of it."""
+    for step in way:
+        within = kind.model_fields[step].annotation
+        kind = next(choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields"))
+    return list(kind.model_fields)
+
+
 def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
     """The first complaint of pydantic, in the words of a scene."""
     complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
@@ -25,12 +33,11 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     if first["type"] == "missing":
         return SceneError(f"{part}.{location[0]}", None, "must be given")
     if first["type"] == "extra_forbidden":
-        known = kind.model_fields
-        return SceneError(
-            f"{part}.{location[0]}",
-            first["input"],
-            f"unknown key{suggestion(location[0], known)}; known: {', '.join(known)}",
-        )
+        known = _fields_within(kind, location[:-1])
+        near = suggestion(location[-1], known)
+        if location[1:] and location[-1] in kind.model_fields:
+            near = f" (did you mean {part}.{location[-1]}?)"
+        return SceneError(".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}")
     message = first["msg"].removeprefix("Value error, ")
     if not location and ": " in message:  # a check across fields names its field itself
         field, _, allowed = message.partition(": ")
@@ -53,7 +60,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     elif first["type"] == "greater_than_equal":
         allowed = f"must be at least {first['ctx']['ge']:g}"
     elif first["type"] == "less_than_equal":
-        allowed = f"must be at most {first['ctx']['le']:g}"
+        allowed = f"must be at most {first['ctx']['le']:.12g}"
     elif first["type"] == "literal_error":
         allowed = f"must be one of {first['ctx']['expected'].replace(chr(39), '')}"
     return SceneError(".".join([part, *location[:1]]), first["input"], allowed)

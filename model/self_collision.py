@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 from pydantic import model_validator
 
 from model.errors import SceneError
-from model.parts import Count, NotNegative, Part, Positive
+from model.parts import NotNegative, Part, Positive, Sweeps
 
 if TYPE_CHECKING:
     from model.scene import Scene
+
+MOST_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
+# On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
+CONTACT_BYTES = MOST_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
 
 
 class SelfCollision(Part):
@@ -26,7 +30,7 @@ class SelfCollision(Part):
     static_friction: NotNegative = 0.3
     dynamic_friction: NotNegative = 0.2
     separation_speed: Positive = 0.5  # m/s
-    sweeps: Count = 4  # over all contacts, after each iteration over the constraints
+    sweeps: Sweeps = 4  # over all contacts, after each iteration over the constraints
 
     @model_validator(mode="after")
     def _friction_is_ordered(self) -> SelfCollision:

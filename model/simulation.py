@@ -49,6 +49,8 @@ class Simulation(Backend):
     plan: Plan
     _executor: Executor
 
+    threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
+
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
         self.options = options

@@ -18,7 +18,7 @@ from model.errors import SceneError
 from model.lattice import Lattice
 from model.material import Material, even
 from model.mesh import TriangleMesh
-from model.nearby import close_pairs
+from model.nearby import TooMany, close_pairs
 from model.parts import NotNegative, Part, Positive
 from model.sampling import Samples, sample
 from model.skin import Skin, make_skin
@@ -59,6 +59,7 @@ class Report:
     parts: int
     undetermined: int
     told: tuple[str, ...]
+    filled: int = 0  # of those inside, how many a finer lattice found room for
 
     @property
     def _extent(self) -> str:
@@ -156,7 +157,19 @@ class RigidBody(Part):
 
     def furnish(self, body: BakedBody) -> BakedBody:
         """The body with what its clusters do beside turning, which no mesh has a say in: nothing, of a rigid one."""
-        return body
+        return replace(body, report=replace(body.report, told=(*body.report.told, *self.idle(body.report))))
+
+    def idle(self, report: Report) -> list[str]:
+        """A word on what was told of sampling and does nothing in this body, as the lattice inside it leaves no room."""
+        told = []
+        for name, added in (("volume_sampling", report.filled), ("surface_sampling", report.surface)):
+            value = getattr(self, name)
+            if value > (name == "volume_sampling") and value != type(self).model_fields[name].default and not added:
+                told.append(
+                    f"{name} = {value:g} adds no particle: the lattice of particle_spacing leaves no room for any; another "
+                    "spacing leaves some"
+                )
+        return told
 
 
 class SoftBody(RigidBody):
@@ -200,7 +213,7 @@ class SoftBody(RigidBody):
     def furnish(self, body: BakedBody) -> BakedBody:
         """The body with its clusters' material, and a word on those that it does not change."""
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
-        told = body.report.told
+        told = (*body.report.told, *self.idle(body.report))
         if clusters.parts & {"linear", "plastic"} and (flat := int(clusters.flat.sum())):
             told = (*told, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
         return replace(body, clusters=clusters, report=replace(body.report, told=told))
@@ -231,13 +244,35 @@ class SoftBody(RigidBody):
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
 
         def clusters(position: np.ndarray, mass: np.ndarray, pieces: int) -> tuple[Clusters, np.ndarray, np.ndarray]:
-            one, other, length = close_pairs(position, self.link_radius)
-            links = np.stack([one, other], axis=1).astype(np.int32)
+            links, length = self._links(position)
             found = gather(position, mass, spacing, radius, self.cluster_stiffness)
             check(found, links, spacing, radius, pieces)
             return found, links, length
 
         return self.furnish(_bake(self, mesh, clusters, self.link_stiffness))
+
+    def _links(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches nobody, or too many."""
+        try:
+            one, other, length = close_pairs(position, self.link_radius)
+        except TooMany as error:
+            raise SceneError("link_radius", self.link_radius, str(error)) from None
+        if self.link_radius and not len(one):
+            raise SceneError(
+                "link_radius", self.link_radius,
+                f"links nobody: no two particles are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
+            )  # fmt: skip
+        return np.stack([one, other], axis=1).astype(np.int32), length
+
+
+def check_masses(parameters: RigidBody, mass: np.ndarray) -> None:
+    """Raise SceneError for particles of a body without a mass, or with one beyond all numbers [kg]."""
+    if not (np.isfinite(mass).all() and (mass > 0).all() and np.isfinite(1 / mass.min())):
+        field = "density" if parameters.mass is None else "mass"
+        raise SceneError(
+            field, getattr(parameters, field),
+            f"gives a particle {mass.min():.3g} kg, and none can move without a mass; change it, or the body's size",
+        )  # fmt: skip
 
 
 def parameters_of(kind: type[Made], fields: dict[str, Any]) -> Made:
@@ -259,7 +294,9 @@ def _bake(parameters: RigidBody, mesh: Meshes, clusters_of: Gather, link_stiffne
     body = solid(as_mesh(mesh), spacing)
     samples = sample(body, spacing, parameters.volume_sampling, parameters.surface_sampling)
     total = parameters.density * samples.total if parameters.mass is None else parameters.mass
-    mass = samples.volume * (total / samples.total)
+    with np.errstate(all="ignore"):
+        mass = samples.volume * (total / samples.total)
+    check_masses(parameters, mass)
     clusters, links, length = clusters_of(samples.position, mass, body.pieces)
     return BakedBody(
         samples.position,
@@ -300,4 +337,5 @@ def _report(
         parts=parts(clusters, links),
         undetermined=undetermined(clusters),
         told=told,
+        filled=samples.filled,
     )

@@ -11,15 +11,18 @@ from pydantic import model_validator
 from model.clustering import undetermined
 from model.errors import InputError, SceneError
 from model.lattice import Lattice
+from model.memory import available_bytes, require
 from model.parts import Count
+from model.sampling import MOST_PARTICLES
 from model.skin import make_skin
-from model.soft_body import BakedBody, Meshes, Report, SoftBody
+from model.soft_body import BakedBody, Meshes, Report, SoftBody, check_masses
 from model.solid import as_mesh
 
 NOT_OF_LATTICES = (
     "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
 )  # fmt: skip
 OFF = 1e-6  # of a box's longest side: how far a corner of the mesh may be off its sides
+ENTRY_BYTES = 100  # of a window's member while clusters are made
 MOST_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
 
 
@@ -43,17 +46,27 @@ class SoftLattice(SoftBody):
         """See `SoftBody.from_mesh`; the mesh must be a box along the axes. Raises InputError, SceneError."""
         made = as_mesh(mesh)
         low, high = _box(made.position, made.triangles)
-        counts = [max(1, round(float(side) / self.particle_spacing)) for side in high - low]
+        with np.errstate(all="ignore"):
+            along = (high - low) / self.particle_spacing
+        if not np.prod(along) <= MOST_PARTICLES:
+            raise SceneError(
+                "particle_spacing",
+                self.particle_spacing,
+                f"gives more than {MOST_PARTICLES} particles; use a larger one",
+            )
+        counts = [max(1, round(float(side))) for side in along]
         lattice = Lattice((counts[0], counts[1], counts[2]), self.region, self.particle_spacing)
         entries = float(np.prod([axis.count.sum() for axis in lattice.axes]))
         if entries > MOST_ENTRIES:
             raise SceneError(
                 "region", self.region, f"at most {MOST_ENTRIES} members of windows together; these have {entries:.3g}"
             )
+        require(int(entries) * ENTRY_BYTES, available_bytes(), "region", self.region, "main memory")
         position = lattice.positions() + 0.5 * (low + high)
         volume = float(np.prod(high - low))
         total = self.density * volume if self.mass is None else self.mass
         mass = np.full(lattice.size, total / lattice.size)
+        check_masses(self, mass)
         clusters = lattice.clusters(position, mass, self.cluster_stiffness)
         members, none = np.diff(clusters.offsets), np.zeros((0, 2), np.int32)
         surface = lattice.size - int(np.prod([max(0, count - 2) for count in counts]))

@@ -10,7 +10,7 @@ from model.errors import InputError
 from model.mesh_edges import components
 from model.parts import NotNegative, Positive
 from model.skin import make_skin
-from model.soft_body import BakedBody, Meshes, Report, SoftBody
+from model.soft_body import BakedBody, Meshes, Report, SoftBody, check_masses
 from model.solid import as_mesh
 
 NOT_OF_SHEETS = ("volume_sampling", "surface_sampling", "link_radius")
@@ -49,7 +49,9 @@ class SoftSheet(SoftBody):
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
         own = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
         total = self.density * area.sum() if self.mass is None else self.mass
-        mass = own * (total / area.sum())
+        with np.errstate(all="ignore"):
+            mass = own * (total / area.sum())
+        check_masses(self, mass)
         links = (
             np.ascontiguousarray(made.edges.edges, dtype=np.int32)
             if self.link_stiffness

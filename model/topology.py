@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import InputError, SceneError
+from model.memory import require_sheet
 from model.mesh_parts import Mesh
 
 if TYPE_CHECKING:
     from model.mesh import TriangleMesh
     from model.scene import Scene
 
+SHEET_BYTES = 600  # of a vertex while a sheet's triangles and edges are made
 TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as high
 
 
@@ -71,6 +73,7 @@ def _read(path: Path, scale: float, changed: int, size: int) -> tuple[TriangleMe
 def _sheet(rows: int, columns: int, spacing: float, diagonals: str, placement: str) -> TriangleMesh:
     from model.mesh import triangle_mesh
 
+    require_sheet(rows, columns, SHEET_BYTES, "mesh")
     position = np.zeros((rows, columns, 3))
     position[..., 0] = np.arange(columns) * spacing
     down = (np.arange(rows) * spacing)[:, None]

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from model.energy import energies
 from model.errors import InputError, SceneError
+from model.files import read_archive
 from model.scene import Scene
 from plots.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, legend_below, new_figure, save, settings
 
@@ -44,23 +44,18 @@ class EnergyRecord:
 def read_energies(trajectory: str | Path) -> EnergyRecord:
     """The energies of every frame of a recorded trajectory. Raises InputError for a file that is none."""
     path = Path(trajectory)
+    held = read_archive(path, "energies are drawn of a .npz that softlab run --record every=N FILE.npz wrote")
+    missing = [name for name in (*ARRAYS, "scene") if name not in held]
+    if missing:
+        raise InputError(f"{path} lacks {', '.join(missing)}; record it with softlab run --record every=N")
+    arrays = {name: held[name] for name in ARRAYS}
     try:
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in (*ARRAYS, "scene") if name not in file.files]
-            if missing:
-                raise InputError(f"{path} lacks {', '.join(missing)}; record it with softlab run --record every=N")
-            arrays = {name: np.asarray(file[name]) for name in ARRAYS}
-            text = str(file["scene"])
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; record one with softlab run --record every=N {path.name}") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or 'not a .npz file'}; check the path") from None
-    except (ValueError, zipfile.BadZipFile, EOFError, AttributeError):
-        raise InputError(f"{path} is no .npz trajectory; record one with softlab run --record every=N") from None
-    try:
-        scene = Scene(json.loads(text))
-    except (ValueError, SceneError) as error:
+        scene = Scene(json.loads(str(held["scene"])))
+    except (ValueError, TypeError, RecursionError, SceneError) as error:
         raise InputError(f"{path}: its scene cannot be read ({error}); record it anew") from None
+    for name, dimensions in ARRAYS.items():
+        if arrays[name].ndim != dimensions or arrays[name].dtype.kind not in "fiu":
+            raise InputError(f"{path}: {name} must be numbers along {dimensions} axes; record it anew")
     frames, masses = len(arrays["time"]), scene.grid.particle_count
     for name in ("position", "velocity"):
         if arrays[name].shape != (frames, masses, 2):
@@ -69,8 +64,11 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
             )
     if not frames:
         raise InputError(f"{path} holds no frame; record with a smaller every=N")
-    found = [energies(scene, p, v) for p, v in zip(arrays["position"], arrays["velocity"], strict=True)]
+    with np.errstate(all="ignore"):
+        found = [energies(scene, p, v) for p, v in zip(arrays["position"], arrays["velocity"], strict=True)]
     columns = {name: np.array([one[name] for one in found]) for name, *_ in CURVES}
+    if not all(np.isfinite(values).all() for values in (arrays["time"], *columns.values())):
+        raise InputError(f"{path}: times or energies are not finite; record a run that does not diverge")
     return EnergyRecord(scene, arrays["time"].astype(float), **columns)
 
 

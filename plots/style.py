@@ -7,7 +7,6 @@ belongs to no curve. matplotlib is imported where it is used, with its object in
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from bench.results import Timing
-from model.errors import InputError
+from model.files import replacing
 from plots import kept
 from plots.data import Results, Source, is_suspect, is_wrong
 
@@ -283,14 +282,13 @@ def save(
     written = []
     for suffix in suffixes:
         path = folder / f"{name}.{suffix}"
-        temporary = folder / f".{name}.{os.getpid()}.part"
         metadata: dict[str, Any] = {"Title": drawing.title}
         metadata |= {"pdf": {"Subject": drawing.caption, "CreationDate": None}}.get(
             suffix, {"Description": drawing.caption}
         )
         if suffix == "svg":
             metadata["Date"] = None  # a date would make equal figures differ
-        try:
+        with replacing(path) as temporary:
             if not kept.fetch(key, suffix, temporary):
                 lay_out(figure)
                 figure.savefig(
@@ -298,13 +296,6 @@ def save(
                     bbox_inches=Bbox.from_bounds(0, 0, width, height + above),
                 )  # fmt: skip
                 kept.keep(key, suffix, temporary)
-            os.replace(temporary, path)
-        except OSError as error:
-            raise InputError(
-                f"{path} cannot be written: {error.strerror or error}; check permissions and space"
-            ) from None
-        finally:
-            temporary.unlink(missing_ok=True)
         written.append(path)
     return written
 

@@ -5,16 +5,22 @@ the equations alone.
 """
 
 import os
+import sys
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
 
 from collections.abc import Callable
+from fnmatch import fnmatch
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from variants import covering
 
-import cpu_backend.threads  # noqa: F401  # before numba: it asks for four times the cores
+from cpu_backend.threads import core_count  # before numba: it asks for four times the cores
+
+MOST_WORKERS = 8  # each may take a gigabyte
+DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begin with and share
 
 
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
@@ -103,45 +109,130 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
 
 
-# Of the parametrised tests in these files, which compile long for each variant, every n-th variant runs by default.
+PLAIN_SECONDS = 5.0  # of a test, until its kernels are compiled after all: about what compiling one takes
+
+# Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
+# others they run as plain Python (cpu_backend/plain.py), whose bits are the same. Tables: file -> patterns of tests' names.
+COMPILED = {
+    "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
+    "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
+    "test_kernel_sweep.py": "test_arithmetic_rates*",
+    "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
+    "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
+}  # fmt: skip
+
+# Tests for --thorough alone: dear, and of what others hold too, on a smaller scene or by another way.
+ONLY_THOROUGH = {
+    "test_compiled.py": "*cloth,?rk4* *cloth,?implicit?and?linearised* *xpbd,?jacobi* *lattices?in?stages*",
+    "test_accuracy.py": "test_a_cloth_is_judged* test_figures_know_the_cloth*",
+    "test_accuracy_s6.py": "test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest*",
+    "test_accuracy_xpbd.py": "test_the_published_errors*",
+    "test_ablate.py": "test_of_chaos* test_over_the_limit* test_dropping_a_random*",
+    "test_advise.py": "test_the_command_writes*",
+    "test_cpu_reference.py": "test_fast_math*", "test_cloth_cpu.py": "test_fast_math*",  # test_compiled.py has them
+    "test_xpbd_cpu_reference.py": "test_fast_math*",
+    "test_cloth_assembly.py": "*", "test_xpbd_assembly.py": "*",
+    "test_mesh_collider.py": "test_jelly_stays*", "test_motion.py": "test_the_twisted_sheet*",
+    "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand* test_the_catalogues_stack*",
+    "test_orders.py": "test_manufactured_solution_of_the_unstable*explicit-euler*",
+    "test_xpbd_laws.py": "test_small_steps_rope*",
+}  # fmt: skip
+
+in_plain_python = pytest.StashKey[bool]()
+
+
+def listed(table: dict[str, str], item: pytest.Item) -> bool:
+    return any(fnmatch(item.name, pattern) for pattern in table.get(item.path.name, "").split())
+
+
+@pytest.hookimpl(tryfirst=True)  # before the fixtures of modules and sessions, which run kernels too
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    plain = item.stash[in_plain_python]
+    os.environ["SOFTLAB_PLAIN_PYTHON"] = str(int(plain))  # for the first import, and for processes that tests start
+    os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
+    if "cpu_backend.plain" in sys.modules:
+        sys.modules["cpu_backend.plain"].plain_python(plain, PLAIN_SECONDS)
+
+
+# Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
+# value of every parameter (tests/variants.py).
 THINNED = {
-    "test_simulated_xpbd.py": 8, "test_simulated_cloth_tiles.py": 6, "test_simulated_mesh.py": 4,
-    "test_simulated_contacts.py": 4, "test_simulated_motion.py": 4, "test_simulated_matching.py": 3,
-    "test_simulated_bodies.py": 3, "test_simulated_cloth.py": 3, "test_simulated_hard.py": 3, "test_simulated_implicit.py": 3,
-    "test_simulated_tiles.py": 3, "test_simulated_alternating.py": 2, "test_simulated_gpu.py": 2,
-    "test_motion.py": 5, "test_implicit.py": 6, "test_xpbd_cpu.py": 4, "test_xpbd_cpu_reference.py": 4,
-    "test_xpbd_laws.py": 3,
-    "test_xpbd_mesh_cpu.py": 4, "test_xpbd_assembly.py": 2, "test_cloth_reference.py": 3, "test_cloth_cpu.py": 3,
-    "test_cloth_orders.py": 3, "test_cloth_colliders.py": 2, "test_cloth_assembly.py": 2, "test_cpu_bits.py": 2,
-    "test_cpu_reference.py": 2, "test_b1.py": 2, "test_contacts.py": 3, "test_contacts_scenes.py": 2, "test_hard_cloth.py": 2,
-    "test_hard_xpbd.py": 2, "test_hard_bodies.py": 2, "test_accuracy_xpbd.py": 2, "test_accuracy_s6.py": 2,
-    "test_matching.py": 3, "test_lattice_ptx.py": 3,
-    "test_bodies_solver.py": 2, "test_simulated_particle_contacts.py": 4, "test_links.py": 2, "test_spare.py": 6,
-    "test_contact_restitution.py": 2, "test_rebound.py": 4, "test_simulated_contact_restitution.py": 6,
-    "test_simulated_rebound.py": 4, "test_simulated_lattice.py": 3, "test_rebound_ptx.py": 2,
-    "test_particle_contacts.py": 2, "test_particle_contacts_ptx.py": 4,
-    "test_simulated_bodies_material.py": 6, "test_bodies_material_ptx.py": 2,
-    "test_cloth_tiles_ptx.py": 3, "test_xpbd_ptx.py": 3, "test_xpbd_mesh_ptx.py": 3,
-    "test_distance_field_cloths.py": 5, "test_simulated_distance_field.py": 7,
-    "test_simulated_mesh_collider.py": 2, "test_contacts_ptx.py": 3, "test_cloth_ptx.py": 2, "test_bodies_ptx.py": 2,
+    "test_simulated_xpbd.py", "test_simulated_cloth_tiles.py", "test_simulated_mesh.py", "test_simulated_contacts.py",
+    "test_simulated_motion.py", "test_simulated_matching.py", "test_simulated_bodies.py", "test_simulated_cloth.py",
+    "test_simulated_hard.py", "test_simulated_implicit.py", "test_simulated_tiles.py",
+    "test_simulated_alternating.py", "test_simulated_gpu.py", "test_motion.py", "test_implicit.py",
+    "test_xpbd_cpu.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
+    "test_xpbd_assembly.py", "test_cloth_reference.py", "test_cloth_cpu.py", "test_cloth_orders.py",
+    "test_cloth_colliders.py", "test_cloth_assembly.py", "test_cpu_bits.py", "test_cpu_reference.py", "test_b1.py",
+    "test_contacts.py", "test_contacts_scenes.py", "test_hard_cloth.py", "test_hard_xpbd.py", "test_hard_bodies.py",
+    "test_accuracy_xpbd.py", "test_accuracy_s6.py", "test_matching.py", "test_lattice_ptx.py",
+    "test_bodies_solver.py", "test_simulated_particle_contacts.py", "test_links.py", "test_spare.py",
+    "test_contact_restitution.py", "test_rebound.py", "test_simulated_contact_restitution.py",
+    "test_simulated_rebound.py", "test_simulated_lattice.py", "test_rebound_ptx.py", "test_particle_contacts.py",
+    "test_particle_contacts_ptx.py", "test_simulated_bodies_material.py", "test_bodies_material_ptx.py",
+    "test_cloth_tiles_ptx.py", "test_xpbd_ptx.py", "test_xpbd_mesh_ptx.py", "test_distance_field_cloths.py",
+    "test_simulated_distance_field.py", "test_simulated_mesh_collider.py", "test_contacts_ptx.py",
+    "test_cloth_ptx.py", "test_bodies_ptx.py",
 }  # fmt: skip
 
 
-def pytest_addoption(parser):
+def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--thorough", action="store_true", help="every variant of every test, half an hour more on two cores"
+        "--thorough",
+        action="store_true",
+        help="every test and every variant; what runs without it, and all that is dear, with compiled kernels",
     )
 
 
-def pytest_collection_modifyitems(config, items):
-    """Skip what THINNED leaves out, but nothing that is for a real GPU, unless --thorough."""
-    if config.getoption("--thorough"):
-        return
-    seen = {}
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The dearest first. Without --thorough leave out what ONLY_THOROUGH lists, windows, and what THINNED does not need, but
+    nothing that is for a real GPU. With it only the variants that THINNED does not need run as plain Python."""
+    thorough = config.getoption("--thorough")
+    items.sort(key=lambda item: item.path.name not in DEAR)
+    left_out = set()
+    variants: dict[Any, list[Any]] = {}
     for item in items:
-        every = THINNED.get(item.path.name)
-        if every is None or not hasattr(item, "callspec") or item.get_closest_marker("gpu"):
-            continue
-        place = seen[item.path, item.originalname] = seen.get((item.path, item.originalname), -1) + 1
-        if place % every:
-            item.add_marker(pytest.mark.skip(reason="one of many variants: pytest --thorough runs them all"))
+        on_gpu = item.get_closest_marker("gpu") is not None  # and held against the CPU on grids for it
+        item.stash[in_plain_python] = not (thorough or on_gpu or listed(COMPILED, item))
+        if listed(ONLY_THOROUGH, item) or item.get_closest_marker("display"):
+            left_out |= set() if thorough else {item}
+        elif item.path.name in THINNED and hasattr(item, "callspec") and not on_gpu:
+            variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
+    for same in variants.values():
+        cases = [{name: repr(value) for name, value in item.callspec.params.items()} for item in same]
+        left_out |= set(same) - {same[place] for place in covering(cases)}
+    if thorough:
+        for item in left_out:
+            item.stash[in_plain_python] = True
+    else:
+        items[:] = [item for item in items if item not in left_out]
+        config.hook.pytest_deselected(items=list(left_out))
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks at its options
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """A worker a core, unless one or two files are asked for, a debugger, the output as it comes, or a real GPU alone."""
+    options = config.option
+    if not config.pluginmanager.hasplugin("xdist") or hasattr(config, "workerinput"):
+        return  # no pytest-xdist, or one of its workers
+    files = [name.partition("::")[0] for name in options.file_or_dir]
+    few = 0 < len(files) <= 2 and all(name.endswith(".py") for name in files)
+    watched = options.usepdb or options.trace or options.collectonly or options.capture == "no"
+    alone = watched or ("gpu" in options.markexpr.split() and "not gpu" not in options.markexpr)
+    if options.numprocesses is None and not options.tx and not (few or alone):
+        options.numprocesses = min(core_count(), MOST_WORKERS)
+        if options.dist == "no":
+            options.dist, options.loadscopereorder = "loadfile", False  # in the order of collection, see DEAR
+
+
+@pytest.hookimpl(optionalhook=True)  # without pytest-xdist there is none
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Files to workers, so that fixtures of modules are made once, but each test of a DEAR one by itself."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            scope = super()._split_scope(nodeid)
+            return nodeid if scope.endswith(DEAR) else scope
+
+    return ByFile(config, log) if config.getoption("dist") == "loadfile" else None

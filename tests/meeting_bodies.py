@@ -51,8 +51,8 @@ def smooth(substeps: int = 1, iterations: int = 1) -> Scene:
 
 
 def neighbours(scene: Scene, position: np.ndarray, weight: np.ndarray, real: type) -> list[list[int]]:
-    """Of each particle whom it may meet, where they are at `position` (particles, 3), by asking all: the cells along z, then
-    y, then x, in each ascending."""
+    """Of each particle whom it may meet, where they are at `position` (particles, 3), by asking all how far apart they are,
+    whatever the cells; those found in the order of the cells along z, then y, then x, in each ascending."""
     formulas, record = particle_contact.make(real), particle_contact_record(scene, real)
     crowd, kind, rows = scene.crowd, kinds_of_particles(scene), record[PAIRS:].reshape(-1, PAIR_FIELDS)
     rest, kinds = crowd.clusters.position.astype(real), len(scene.bodies)
@@ -61,9 +61,7 @@ def neighbours(scene: Scene, position: np.ndarray, weight: np.ndarray, real: typ
 
     def meet(i: int, j: int) -> bool:
         row, same = rows[kind[i] * kinds + kind[j]], crowd.body[i] == crowd.body[j]
-        near = abs(cells[j] - cells[i]).max() <= 1 and formulas.within(
-            formulas.squared(*(position[i] - position[j])), row[G_REACH]
-        )
+        near = formulas.within(formulas.squared(*(position[i] - position[j])), row[G_REACH])
         if same:
             apart = formulas.squared(*(rest[i] - rest[j]))
             return bool(near and row[G_OWN] > 0 and not formulas.within(apart, row[G_NEIGHBOURS]))

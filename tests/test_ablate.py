@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from read_figures import LABELS, labels
 
 import softlab
 from bench import ablate as module
@@ -307,6 +308,7 @@ def test_the_figure_and_the_sentences_of_the_book(store, clockwork, monkeypatch)
     with settings():
         drawing = figure.draw(results)
         assert isinstance(drawing, Drawing)
+        assert labels(drawing.figure) == LABELS["ablation"]
         (ax,) = drawing.figure.axes
         floor, *marks = (line.get_xdata() for line in ax.get_lines())
         assert list(floor) == [found.floor] * 2

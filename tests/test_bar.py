@@ -6,6 +6,7 @@ from math import inf, pi
 
 import numpy as np
 import pytest
+from read_figures import LABELS, labels
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
 from bench import bar as job
@@ -254,14 +255,14 @@ def made_up(record=CPU_RECORD, softer: float = 0.3, gpu_off: float = 0.0) -> Res
 
 def test_figures_are_drawn_or_say_why_not() -> None:
     with settings():
-        for figure in (draw, draw_clusters):
+        for figure, wanted in ((draw, LABELS["bar-solvers"]), (draw_clusters, LABELS["bar-clusters"])):
             drawing = figure(made_up())
             assert isinstance(drawing, Drawing)
-            drawing.figure.canvas.draw()
+            assert labels(drawing.figure) == wanted
             assert "Made-up CPU" in drawing.caption and "  " not in drawing.caption
             assert figure(load(None)) == "the bar was not measured (softlab bar)"
-    labels = {line.get_label() for line in draw(made_up()).figure.axes[1].lines}
-    assert {"mass-spring", "XPBD, 1 iteration", "jelly bar"} <= labels
+    curves = {line.get_label() for line in draw(made_up()).figure.axes[1].lines}
+    assert {"mass-spring", "XPBD, 1 iteration", "jelly bar"} <= curves
     explicit = next(line for line in draw(made_up()).figure.axes[1].lines if line.get_label() == "mass-spring")
     assert list(explicit.get_xdata()) == [4, 8, 16]  # what was refused has no mark
 

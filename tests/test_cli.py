@@ -18,7 +18,7 @@ import softlab
 KEYS = """
     scene backend device threads precision math kernel method particles dimensions steps dt substeps iterations time
     seconds compile_seconds particle_steps_per_second kinetic_energy potential_energy conserved max_speed max_strain
-    error error_reason outcome
+    error error_reason outcome threads_reason
 """.split()  # noqa: SIM905
 SMALL = "--set grid.rows=6 --set grid.columns=6"
 
@@ -205,6 +205,7 @@ BAD = [
     ("sweep", "--backend tpu", ["--backend"]),
     ("sweep", "--kernel fused", ["--kernel", "add --kernels"]),
     ("crowds", "--kind gas", ["--kind", "soft, rigid, heap, grid"]),
+    ("busy", "--scene gas", ["--scene", "lab-grid", "soft-pile"]),
     ("crowds", "--precision half", ["--precision", "float32"]),
     ("crowds", "--backend tpu", ["--backend"]),
     ("crowds", "5", ["unexpected"]),

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from read_figures import LABELS, labels, shown
 
 from bench import convergence
 from bench.convergence import FRAME, RIGID, RIPPLE, STRETCH, drawn_out, residual, run_convergence, sheet
@@ -119,8 +120,12 @@ def test_figure_and_sentence(measured):
     with settings():
         drawing = figure.draw(results)
     assert isinstance(drawing, Drawing)
-    labels = {text.get_text() for text in drawing.figure.legends[0].get_texts()}
-    assert set(XPBD) <= labels
+    assert labels(drawing.figure) == LABELS["convergence"]
+    curves = {text.get_text() for text in drawing.figure.legends[0].get_texts()}
+    assert set(XPBD) <= curves
+    by_time = [shown(drawing.figure.axes[1].xaxis, one.get_xdata()) for one in drawing.figure.axes[1].lines]
+    mine = [1000 * entry.seconds for entry in converging(results.featured[0], "cpu") if entry.name == XPBD[0]]
+    assert any(len(x) and x == pytest.approx(mine) for x in by_time)  # in ms, as the axis says
     claim = convergence_claims.orderings(results)
     found = converging(results.featured[0], "cpu")
     left = least_common([[e for e in found if e.name == name] for name in XPBD])

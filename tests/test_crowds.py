@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 from typer.testing import CliRunner
 
@@ -97,7 +98,9 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     assert found["crowd-windows"].numbers["gpu most"] == pytest.approx(4.0)
     assert found["crowd-cubes"].numbers["gpu ratio"] == pytest.approx(1.04 / 1.01)
     with settings():
-        assert figure.draw(results).sources  # type: ignore[union-attr]
+        drawing = figure.draw(results)
+    assert not isinstance(drawing, str) and drawing.sources
+    assert labels(drawing.figure) == LABELS["crowds"]
 
 
 def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:

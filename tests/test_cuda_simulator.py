@@ -10,14 +10,21 @@ from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parent.parent
+FILES = sorted((ROOT / "tests" / "simulator").glob("test_*.py"))
+SHARES = 4  # processes, so that several workers have something to do
+
 
 @pytest.mark.skipif(importlib.util.find_spec("numba_cuda") is None, reason='needs numba-cuda: pip install -e ".[test]"')
-def test_kernels_under_the_cuda_simulator() -> None:
-    root = Path(__file__).parent.parent
+@pytest.mark.parametrize("share", range(SHARES))
+def test_kernels_under_the_cuda_simulator(share: int, request: pytest.FixtureRequest) -> None:
+    thorough = ["--thorough"] if request.config.getoption("--thorough") else []
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     result = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(root / "tests" / "simulator")],
-        env=os.environ | {"NUMBA_ENABLE_CUDASIM": "1"},
-        cwd=root,
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *thorough]
+        + [str(file) for file in FILES[share::SHARES]],
+        env=own | {"NUMBA_ENABLE_CUDASIM": "1"},
+        cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=1200,

@@ -90,7 +90,7 @@ def test_a_digest_is_the_same_in_every_process():
         ).stdout
         for environment in ({"PYTHONHASHSEED": "1"}, {"PYTHONHASHSEED": "2"})
     }
-    assert len(names) == 1 and names.pop().startswith("advance_")
+    assert len(names) == 1 and names.pop().startswith("team_advance_")
 
 
 def test_every_part_of_a_kernel_is_known(monkeypatch):

@@ -8,6 +8,7 @@ import json
 
 import numpy as np
 import pytest
+from read_figures import LABELS
 from rich.console import Console
 
 import bench.hard as hard
@@ -89,6 +90,13 @@ def test_a_refusal_is_right_only_where_it_is_expected():
     over = HardCase("B0", "made up", "hard/b14", far_away(1e3, False), own_step=False)
     outcome = hard.judge_case(over, "explicit-euler")
     assert outcome.verdict == "refused" and "stability limit" in outcome.diagnosis
+
+
+@pytest.mark.parametrize(("refusal", "verdict"), [("over the limit", "refused"), (None, "fail")])
+def test_what_should_be_refused_and_is_let_in_fails(refusal, verdict, monkeypatch):
+    monkeypatch.setattr(hard, "_refusal", lambda trial: refusal)
+    outcome = hard.judge_case(case_with(lambda trial: [Check("x", 0.0, "m", "<", 1.0)], expect="refused"), "lab")
+    assert (outcome.verdict, outcome.diagnosis) == (verdict, refusal or "was not refused")
 
 
 def test_a_missed_bound_fails_and_a_known_one_says_why():
@@ -230,10 +238,10 @@ def results(judged) -> Results:
 
 def test_figures_show_every_case(results):
     with settings():
-        for draw in (draw_states, draw_verdicts):
+        for draw, wanted in ((draw_states, LABELS["hard-states"]), (draw_verdicts, LABELS["hard-verdicts"])):
             drawing = draw(results)
             assert not isinstance(drawing, str)
-            drawing.figure.canvas.draw()
+            assert [ax for ax in drawing.figure.axes if ax.axison] == wanted
             text = " ".join(item.get_text() for ax in drawing.figure.axes for item in (ax.title, *ax.texts))
             for case in OF_FORCES:
                 assert case.name in text or case.expect == "refused"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bodies_scenes import LIVE
+from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
@@ -170,8 +171,9 @@ def test_figures_show_every_case(results: Results) -> None:
         bounds, states = hard_bodies.draw(results), hard_bodies.draw_states(results)
         assert not isinstance(bounds, str) and not isinstance(states, str)
         for drawing in (bounds, states):
-            drawing.figure.canvas.draw()
             assert drawing.sources and drawing.caption
+    assert labels(bounds.figure) == LABELS["hard-bodies"]
+    assert [ax for ax in states.figure.axes if ax.axison] == LABELS["hard-body-states"]
     (ax,) = bounds.figure.axes
     assert len(ax.get_yticklabels()) == len(BODY_CASES) and len(ax.lines) == 4 + 1
     titles = {panel.get_title().strip() for panel in states.figure.axes}

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench import judge
 from bench import judgement as j
 from bench.accuracy_points import AccuracyPoint, AccuracySummary, point
 from bench.equal_error import TARGETS, equal_error, fastest
@@ -64,6 +65,28 @@ def test_error_and_statistics_by_hand():
     assert still[j.UNRESOLVED][0] == 1
     kicked = j.judge(a, state(a, kick=(0.6, 0.8)), right(a), CALM)
     assert kicked[j.ENERGY_OFF][0] == pytest.approx(15 * 0.01 / 2)
+
+
+@pytest.mark.parametrize(("times", "resolved"), [(2.0, False), (9.9, False), (10.1, True), (20.0, True)])
+def test_an_error_is_resolved_at_ten_times_the_references_own(times, resolved):
+    """In the measures, in the points made of them, in what a plain run tells, and in what is advised."""
+    a = scene()
+    off = state(a, (1e-3 * times, 0.0))
+    numbers = j.judge(a, off, right(a, 1e-3), CALM)
+    assert (numbers[j.UNRESOLVED][0] == 0) == resolved
+    assert ("not resolved" in numbers[j.ERROR][2]) != resolved
+    assert accuracy_point(numbers, a).resolved == resolved
+
+
+@pytest.mark.parametrize(("times", "told"), [(2.0, False), (9.9, False), (10.1, True)])
+def test_a_run_tells_no_error_below_what_its_reference_resolves(times, told, monkeypatch):
+    a = scene()
+    monkeypatch.setattr(judge, "converged", lambda *_, **__: (*start(a), 1e-3))
+    error, reason = judge.judge_run(a, state(a, (1e-3 * times, 0.0)), None)
+    if told:
+        assert error == pytest.approx(1e-3 * times) and reason is None
+    else:
+        assert error is None and "below what the reference resolves" in reason
 
 
 def test_half_the_acceleration_is_for_lab_alone():

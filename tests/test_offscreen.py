@@ -15,10 +15,11 @@ import pytest
 from app import colours, opengl
 from app.driver import open_simulation
 from app.offscreen import OffscreenRenderer, opengl_available, render_frame
-from app.pictures import replacing, write_png
+from app.pictures import write_png
 from app.video import VideoWriter, ffmpeg_path, render, render_clip
 from model.build import rest_positions
 from model.errors import BackendUnavailable, Diverged, InputError
+from model.files import replacing
 from model.scene import Scene
 
 SCENE = Scene({"grid": {"rows": 9, "columns": 9, "pinned": "top-corners"}, "springs": {}, "gravity": {}})

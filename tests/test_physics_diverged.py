@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from fake_cloth import FakeCloth
 
 from bench.reference import mass_spring as reference
 from model.build import build
-from model.divergence import DIVERGED_SIZE, LEAST_INTERVAL, MOST_INTERVAL, check_interval
+from model.divergence import LEAST_INTERVAL, MOST_INTERVAL, check_interval
 from model.errors import Diverged
 from model.scene import Scene, load_scene
 
+FARTHEST = 1e6  # times a scene's size: what the lab promises to call diverged
 CHECK_INTERVAL = 256  # steps, set by hand where a test needs several looks in a short run
 
 
@@ -18,7 +20,7 @@ def small(name: str, dt: float) -> Scene:
 
 
 def reference_says(scene: Scene, steps: int) -> tuple[int, int]:
-    found = reference.first_bad(scene, steps, DIVERGED_SIZE * build(scene).size)
+    found = reference.first_bad(scene, steps, FARTHEST * build(scene).size)
     assert found is not None
     return found
 
@@ -92,3 +94,29 @@ def test_looks_are_rarer_for_small_grids():
         assert check_interval(1, backend) == check_interval(1024, backend) == most
         assert check_interval(2**26, backend) == LEAST_INTERVAL
         assert LEAST_INTERVAL < check_interval(256 * 256, backend) <= most
+
+
+class Thrown(FakeCloth):
+    """One mass that a step throws so many times the scene's size away."""
+
+    far = 0.0
+
+    def _run(self, steps):
+        self._position[3, 1] = self.far * self.body.size
+
+
+@pytest.mark.parametrize(
+    ("times", "diverged"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (np.nan, True)]
+)
+@pytest.mark.parametrize("spacing", [1.0, 1e-3])
+def test_a_coordinate_beyond_a_million_times_the_size_has_diverged(times, diverged, spacing):
+    scene = load_scene("cloth-hanging").replace({"cloth.rows": 3, "cloth.columns": 3, "cloth.spacing": spacing})
+    simulation = Thrown(scene)
+    simulation.far = times * FARTHEST
+    simulation.advance(1)
+    if not diverged:
+        simulation.check()
+        return
+    with pytest.raises(Diverged) as caught:
+        simulation.check()
+    assert (caught.value.step, caught.value.particle) == (1, 3)

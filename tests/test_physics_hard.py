@@ -6,8 +6,9 @@ B8 and B9 are also taken apart in test_physics_diverged.py and test_stability_li
 
 import numpy as np
 import pytest
+from hard_rules import judged_anew
 
-from bench.hard import Outcome, judge_case
+from bench.hard import Outcome, case_scene, judge_case
 from bench.hard_cases import CASES, HardCase
 from bench.hard_laws import hanging
 from model.scene import load_scene
@@ -35,10 +36,12 @@ def case_of(name: str) -> HardCase:
 @pytest.mark.parametrize("name", ["lab", "velocity-verlet"])
 @pytest.mark.parametrize("case", FORCED, ids=[case.name for case in FORCED])
 def test_hard_case(backend, case, name):
-    """Passes, or is refused or fails where that is right; every number beside its bound is in the failure's text."""
+    """Passes, or is refused or fails where that is right, by the lab's own judge and by another one (hard_rules.py); every
+    number beside its bound is in the failure's text."""
     outcome = judged(case, name, backend, "float64")
     assert outcome.verdict == expected(case, name), f"{outcome.diagnosis}; {', '.join(map(str, outcome.checks))}"
     assert outcome.end is None or np.isfinite(outcome.end).all()
+    judged_anew(case.name, case_scene(case, name)[0], outcome.verdict, outcome.checks, outcome.end)
 
 
 @pytest.mark.parametrize("name", ["lab", "velocity-verlet"])

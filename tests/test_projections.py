@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 
 from bench.projections import (
+    BUDGETS,
     NEIGHBOURS,
     RATE,
     STAGE,
@@ -67,6 +69,7 @@ def store(tmp_path_factory) -> Store:
     """A small sheet, really timed on this CPU; and what a GPU of another machine is said to have done."""
     with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("store") / "results.sqlite") as opened:
         patch.setattr("bench.projections.QUICK_NEIGHBOURS", (4,))
+        patch.setattr("bench.projections.QUICK_BUDGETS", BUDGETS)
         summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
         assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
         again = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
@@ -119,8 +122,9 @@ def test_others_times_are_set_beside_ours(tmp_path):
     assert claims["projection-published"].numbers == {"gpu least": pytest.approx(5.0), "gpu most": pytest.approx(5.0)}
     assert not claims["projection-orderings"].supported  # Jacobi was not timed
     with settings():
-        assert projections.draw_published(results).sources
-        assert projections.draw(results).sources
+        published, rates = projections.draw_published(results), projections.draw(results)
+    assert published.sources and rates.sources
+    assert labels(published.figure) == LABELS["published"] and labels(rates.figure) == LABELS["projections"]
 
 
 def test_nothing_is_claimed_of_nothing(store):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.reference.philox import philox4x32, random_directions
 from model.energy import energies
@@ -138,3 +139,43 @@ def test_first_bad_counts_steps_done():
     scene = Scene({"grid": {"rows": 1, "columns": 2}, "gravity": {}, "method": {"dt": 0.1}})
     assert reference.first_bad(scene, 200, 1000.0) == (143, 0)
     assert reference.first_bad(scene, 100, 1000.0) is None
+
+
+def test_kept_references_are_those_of_all_their_sources(tmp_path, monkeypatch):
+    """Another line, another name, a file more, in the folder or below it: another key. What is no source changes nothing."""
+    (tmp_path / "below").mkdir()
+    (tmp_path / "one.py").write_text("a = 1")
+    (tmp_path / "below" / "two.py").write_text("b = 2")
+    read = cache.sources.__wrapped__
+    monkeypatch.setattr(cache, "sources", lambda: read(tmp_path))
+
+    def key() -> str:
+        return cache.key(load_scene("lab-curtain"), 1.0, 1.0, 1e-9)
+
+    seen = [key()]
+    (tmp_path / "notes.txt").write_text("no source")
+    assert key() == seen[-1]
+    (tmp_path / "one.py").write_text("a = 2")
+    seen.append(key())
+    (tmp_path / "below" / "two.py").write_text("b = 3")
+    seen.append(key())
+    (tmp_path / "below" / "two.py").rename(tmp_path / "below" / "three.py")
+    seen.append(key())
+    (tmp_path / "below" / "four.py").touch()
+    seen.append(key())
+    assert len(set(seen)) == len(seen)
+    assert {b"richardson.py", b"cache.py"} <= set(read().split(b"\0"))
+
+
+def test_a_kept_reference_is_of_its_scene_time_and_tolerance():
+    """But not of the method, which the reference does not use."""
+    scene = load_scene("lab-curtain")
+    first = cache.key(scene, 1.0, 1.0, 1e-9)
+    assert cache.key(scene.replace({"method.dt": 0.002, "method.integrator": "rk4"}), 1.0, 1.0, 1e-9) == first
+    others = [
+        cache.key(scene.replace({"springs.stiffness": 11.0}), 1.0, 1.0, 1e-9),
+        cache.key(scene, 1.5, 1.0, 1e-9),
+        cache.key(scene, 1.0, 2.0, 1e-9),
+        cache.key(scene, 1.0, 1.0, 1e-8),
+    ]
+    assert len({first, *others}) == 5

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.results import configuration, machines, measures, open_readonly, timings
+from bench.results import Timing, configuration, machines, measures, open_readonly, timings
 from bench.store import SCHEMA_VERSION, TABLES, Store, canonical, configuration_hash
 from bench.transfer import _flatten, _unflatten, export, load_text, merge
 from model.errors import InputError
@@ -173,6 +173,53 @@ def test_any_store_survives_its_text_export(
             assert content(read) == content(store)
 
 
+def timed(*seconds: float, stage: str = "step") -> Timing:
+    """The timing that these samples of one step add up to."""
+    with Store(":memory:") as store:
+        store.add_machine("m1", "Some CPU", RECORD)
+        run = store.start_run("m1", "softlab sweep")
+        for one in seconds:
+            store.add_sample(run, describe(), "s1", one, 1, stage=stage)
+        (found,) = timings(store, stage=stage)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("spread", "suspect"), [(0.0, ()), (0.09, ()), (0.11, ("spread 11%",)), (0.4, ("spread 40%",))]
+)
+def test_a_spread_over_a_tenth_is_suspect(spread: float, suspect: tuple[str, ...]) -> None:
+    """Of five repeats the quartiles are the second and the fourth."""
+    found = timed(1 - spread / 2, 1 - spread / 2, 1.0, 1 + spread / 2, 1 + spread / 2)
+    assert found.spread == pytest.approx(spread) and found.suspect == suspect
+
+
+def test_one_repeat_that_was_disturbed_is_in_the_extremes_and_not_in_the_spread() -> None:
+    found = timed(1.0, 1.01, 1.02, 1.03, 50.0)
+    assert (found.low, found.median, found.high) == (1.0, 1.02, 50.0)
+    assert found.spread == pytest.approx(0.02 / 1.02) and found.suspect == ()
+
+
+def test_compiling_is_done_once_and_has_no_spread_to_suspect() -> None:
+    assert timed(1.0, 2.0, 3.0, stage="compile").suspect == ()
+
+
+def test_what_another_machine_or_other_sources_measured_is_not_held() -> None:
+    with filled() as store:
+        store.add_machine("m2", "Another", {})
+        run = store.start_run("m2", "softlab sweep")
+        store.add_measure(run, describe(32), "s1", "error", 0.5, "spacing")
+        store.add_sample(run, describe(32), "s1", 0.1, 10)
+        assert (
+            store.has_measure(describe(32), "m2", "s1", "error") and store.sample_count(describe(32), "m2", "s1") == 1
+        )
+        for machine, sources, name in (("m1", "s1", "error"), ("m2", "s2", "error"), ("m2", "s1", "drift")):
+            assert not store.has_measure(describe(32), machine, sources, name), (machine, sources, name)
+        assert store.sample_count(describe(32), "m1", "s1") == store.sample_count(describe(32), "m2", "s2") == 0
+        assert store.sample_count(describe(32), "m2", "s1", "compile") == 0
+        assert [m.value for m in measures(store, "error", "m2")] == [0.5]
+        assert {t.machine for t in timings(store, "m2")} == {"m2"} and len(timings(store, "m1")) == 2
+
+
 # ---------------------------------------------------------------------- what may be wrong with a file
 
 
@@ -184,7 +231,9 @@ def test_a_store_in_a_folder_that_does_not_exist(tmp_path: Path) -> None:
 
 def test_the_default_folder_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Store().close()
+    with Store() as opened:
+        assert not list(tmp_path.iterdir())  # what is refused before anything is measured leaves nothing
+        opened.add_machine("m", "a machine", {})
     assert (tmp_path / "softlab-results" / "results.sqlite").exists()
 
 
@@ -306,9 +355,9 @@ def test_an_export_overwrites_only_a_text_export(tmp_path: Path) -> None:
         for name in ("thesis.csv", "results.sqlite"):
             with pytest.raises(InputError, match="would be overwritten"):
                 export(store, tmp_path / name)
-        with pytest.raises(InputError, match=r"\.csv or a \.sqlite"):
+        with pytest.raises(InputError, match=r"\.csv or \.sqlite"):
             export(store, tmp_path / "out.xlsx")
-        with pytest.raises(InputError, match="no such folder"):
+        with pytest.raises(InputError, match="does not exist"):
             export(store, tmp_path / "nowhere" / "out.csv")
         assert len(timings(store)) == 2
     assert (tmp_path / "thesis.csv").read_text() == "a,b\n1,2\n"

@@ -163,9 +163,11 @@ def test_dragging_pulls_a_mass_to_the_pointer_and_lets_go(demo: Demo) -> None:
     demo.drag(x + 3, y - 2)
     demo.frame()
     assert demo.force()[0] > 0 > demo.force()[1]
-    for _ in range(60):
+    places = []
+    for _ in range(60):  # the net swings about where it is pulled to, and where it is after so many frames is chance
         demo.frame()
-    pulled = demo.positions[0][particle]
+        places.append(demo.positions[0][particle].copy())
+    pulled = np.mean(places, axis=0)
     assert pulled[0] > x + 0.3 and pulled[1] < y - 0.2
     assert not demo.frozen
     demo.release()

@@ -17,54 +17,42 @@ from model.xpbd_record import xpbd_record
 ROWS = (1, 2, 3, 4, 5, 7, 8, 9, 13, 16, 31)
 
 
+TOUCHED = {  # rows, from that of the step on
+    plan.BEGIN: (0,),
+    plan.DOWN: (0, 1),
+    plan.ALONG: (0,),
+    plan.FAR_DOWN: (0, 2),
+    plan.FAR_ALONG: (0,),
+    plan.END: (0,),
+}
+
+
 def merged(rows: int, bands: int, has_bending: bool, hasty: int) -> list[tuple[int, int]]:
-    """One iteration's steps in an order that threads may take them in: always the band that comes first in a rotation
-    by `hasty` and need not wait."""
+    """One iteration's steps in an order that threads may take them in: phase by phase, bands in a rotation by `hasty`."""
     steps, starts, _ = plan.schedule(rows, bands, has_bending)
-    at, told, order = [int(start) for start in starts[:, 0]], [0] * bands, []
-    while any(at[b] < starts[b, plan.PHASES] for b in range(bands)):
-        for b in np.roll(np.arange(bands), hasty):
-            if at[b] == starts[b, plan.PHASES]:
-                continue
-            what, number = (int(value) for value in steps[at[b]])
-            other = {plan.AWAIT_UPPER: b - 1, plan.AWAIT_LOWER: b + 1}.get(what)
-            if other is not None and told[other] < number:
-                continue
-            if what == plan.TELL:
-                assert number > told[b]
-                told[b] = number
-            elif other is None:
-                order.append((what, number))
-            at[b] += 1
-            break
-        else:
-            raise AssertionError("bands wait for one another for ever")
-    return order
+    return [
+        (int(what), int(row))
+        for phase in range(plan.PHASES)
+        for b in np.roll(np.arange(bands), hasty)
+        for what, row in steps[starts[b, phase] : starts[b, phase + 1]]
+    ]
 
 
 def wanted(rows: int, has_bending: bool) -> dict[tuple[int, int], list[tuple[int, int]]]:
     """Every step, and those that it must come after: those of earlier colours, or of the prediction, on a row of its own."""
-    touched = {
-        plan.BEGIN: (0,),
-        plan.DOWN: (0, 1),
-        plan.ALONG: (0,),
-        plan.FAR_DOWN: (0, 2),
-        plan.FAR_ALONG: (0,),
-        plan.END: (0,),
-    }
     period = {plan.DOWN: 1, plan.FAR_DOWN: 2}
 
     def rank(step: tuple[int, int]) -> tuple[int, int]:
         what, i = step
         return what, i // period[what] % 2 if what in period else 0
 
-    kinds = [what for what in touched if has_bending or what not in (plan.FAR_DOWN, plan.FAR_ALONG)]
-    steps = [(what, i) for what in kinds for i in range(rows - touched[what][-1])]
+    kinds = [what for what in TOUCHED if has_bending or what not in (plan.FAR_DOWN, plan.FAR_ALONG)]
+    steps = [(what, i) for what in kinds for i in range(rows - TOUCHED[what][-1])]
     return {
         step: [
             other for other in steps
             if rank(other) < rank(step)
-            and {other[1] + k for k in touched[other[0]]} & {step[1] + k for k in touched[step[0]]}
+            and {other[1] + k for k in TOUCHED[other[0]]} & {step[1] + k for k in TOUCHED[step[0]]}
         ]
         for step in steps
     }  # fmt: skip
@@ -92,24 +80,19 @@ def test_the_check_sees_what_it_looks_for() -> None:
 
 
 @pytest.mark.parametrize("has_bending", [False, True])
-def test_phases_wait_for_nothing_in_themselves(has_bending: bool) -> None:
-    """So that bands may take turns phase by phase: what is awaited in a phase was told in an earlier one, or by the same
-    band's neighbour in the phase before its own."""
+def test_in_a_phase_no_two_bands_touch_the_same_row(has_bending: bool) -> None:
+    """So that they may run at the same time."""
     for rows, bands in product(ROWS, range(1, 5)):
         if bands > plan.most_bands(rows, has_bending):
             continue
         steps, starts, bounds = plan.schedule(rows, bands, has_bending)
         assert bounds[0] == 0 and bounds[-1] == rows and (np.diff(bounds) > 0).all()
-        told = np.zeros(bands, int)
         for phase in range(plan.PHASES):
-            news = told.copy()
+            owner: dict[int, int] = {}
             for b in range(bands):
-                for what, number in steps[starts[b, phase] : starts[b, phase + 1]]:
-                    if what == plan.TELL:
-                        news[b] = number
-                    elif what in (plan.AWAIT_UPPER, plan.AWAIT_LOWER):
-                        assert told[b + (1 if what == plan.AWAIT_LOWER else -1)] >= number
-            told = news
+                for what, row in steps[starts[b, phase] : starts[b, phase + 1]]:
+                    for k in TOUCHED[int(what)]:
+                        assert owner.setdefault(int(row) + k, b) == b, (rows, bands, phase, row + k)
 
 
 @pytest.mark.parametrize("ordering", ["gauss-seidel", "jacobi"])

@@ -15,12 +15,9 @@ STEPS = 4
 
 
 def end_state(scene: Scene, batches: tuple[int, ...] = (STEPS,), **options: Any) -> State:
-    """After a poke, in `exact` math; `together`: whether bands may run at the same time."""
-    together = options.pop("together", True)
+    """After a poke, in `exact` math."""
     options = {"math": "exact", "precision": "float64", "threads": 1} | options
     with open_simulation(scene, live=("poke",), allow_unstable=True, **options) as simulation:
-        if not together:
-            simulation._together = False  # type: ignore[attr-defined]  # as on a threading layer that promises less
         if poke_of(scene)[0] < len(simulation.body.position):
             simulation.poke(*poke_of(scene))
         for steps in batches:

@@ -27,16 +27,17 @@ class Converged:
 
 
 @cache
-def _sources() -> bytes:
-    """What a kept reference was made by: other code, other references."""
-    return b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))
+def sources(folder: Path = Path(__file__).parent) -> bytes:
+    """What a kept reference was made by, the Python files of a folder and of those in it: other code, other references."""
+    files = sorted((file.relative_to(folder).as_posix(), file) for file in folder.rglob("*.py"))
+    return b"".join(name.encode() + b"\0" + file.read_bytes() + b"\0" for name, file in files)
 
 
 def key(scene: Scene, time: float, inertia: float, tolerance: float) -> str:
     """16 hexadecimal digits of the scene without its method (the reference does not use it), the time and the rest."""
     material = {name: table for name, table in scene.as_dict().items() if scene.kinds.get(name, "method") != "method"}
     text = f"{json.dumps(material, sort_keys=True)} {time!r} {inertia!r} {tolerance!r} ".encode()
-    return hashlib.sha256(text + _sources()).hexdigest()[:16]
+    return hashlib.sha256(text + sources()).hexdigest()[:16]
 
 
 def kept(

@@ -5,3 +5,7 @@ import os
 
 if os.environ.get("NUMBA_ENABLE_CUDASIM", "0") in ("0", ""):
     collect_ignore_glob = ["test_*.py"]
+else:
+    import quicker
+
+    quicker.install()

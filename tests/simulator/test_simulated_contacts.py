@@ -57,6 +57,15 @@ def test_what_is_found_and_projected_is_the_references() -> None:
     part, h = scene.self_collision, scene.method.dt / scene.method.substeps
     grid: Any = scene.grid
     found = reference.find(part, grid.rows, grid.columns, grid.spacing, before, predicted, h)
+    # a cell's box holds its corners wherever they move, seen from the sheet's middle
+    motion = np.linalg.norm(
+        predicted - before - (predicted - before)[grid.rows // 2 * grid.columns + grid.columns // 2], axis=1
+    )
+    corner = np.arange(grid.rows * grid.columns).reshape(grid.rows, grid.columns)
+    four = np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]]).reshape(4, -1)
+    moved, boxes = motion[four].max(axis=0)[:, None], contacts._boxes.copy_to_host().reshape(-1, 2, 4)[:, :, :3]
+    np.testing.assert_allclose(boxes[:, 0], before[four].min(axis=0) - moved, atol=1e-14)
+    np.testing.assert_allclose(boxes[:, 1], before[four].max(axis=0) + moved, atol=1e-14)
     counts = np.bincount(found.mass, minlength=len(before))
     assert np.array_equal(contacts.found.copy_to_host(), counts)
     assert contacts.lost == np.maximum(counts - MOST_CONTACTS, 0).sum() > 0

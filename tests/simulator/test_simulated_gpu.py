@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from app.driver import open_simulation
+from bench.reference import mass_spring as reference
+from gpu_backend.mass_spring_kernels import BLOCK, make_tools
 from model.errors import Diverged, SceneError
 from model.integrators import INTEGRATORS
 from model.scene import load_scene
@@ -97,6 +99,40 @@ def test_a_divergence_is_named() -> None:
             assert np.isfinite(simulation.state().position).all()
             found.append((caught.value.step, caught.value.particle))
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_reference_is_met_over_the_edges_of_blocks(integrator: str) -> None:
+    """Two blocks of threads each way, in turn just full and with a single row or column in the last; within rounding of
+    NumPy's."""
+    turn = list(INTEGRATORS).index(integrator) % 2
+    rows, columns = (BLOCK[1] + 1, 2 * BLOCK[0]) if turn else (2 * BLOCK[1], BLOCK[0] + 1)
+    changes = SCENES["busy"] | {"grid.rows": rows, "grid.columns": columns, "method.integrator": integrator}
+    scene = load_scene("lab-grid").replace(changes)
+    position, velocity = reference.simulate(scene, 2)
+    with open_simulation(
+        scene, "gpu", math="exact", precision="float64", kernel="launch", allow_unstable=True
+    ) as simulation:
+        simulation.advance(2)
+        state = simulation.state()
+    assert np.abs(state.position - position).max() < 200 * np.finfo(np.float64).eps * np.abs(position).max()
+    assert (
+        np.abs(state.velocity - velocity).max()
+        < 200 * np.finfo(np.float64).eps * np.abs(position).max() / scene.method.dt
+    )
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_the_first_mass_that_left_the_finite_world_is_found(real: type) -> None:
+    """By its place beyond the bound, on either side, or by a place or a velocity that is no number."""
+    kind = np.complex64 if real is np.float32 else np.complex128
+    wrong = [(0, 1e3 + 1), (0, -1001j), (0, complex(np.nan, 0)), (1, complex(0, np.nan)), (1, complex(np.inf, 0))]
+    for which, value, bad in [*((*one, True) for one in wrong), (0, 999 + 999j, False), (1, 1e30, False)]:
+        state = [np.zeros(10, kind), np.zeros(10, kind)]
+        state[which][[4, 7]] = value
+        result = np.full(1, 99, np.int64)
+        make_tools(real).first_bad[2, 8](*state, real(1e3), result)
+        assert result[0] == (4 if bad else 99)
 
 
 @pytest.mark.parametrize("rows,columns", [(1, 1), (1, 5), (5, 1)])

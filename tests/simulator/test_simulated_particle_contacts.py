@@ -12,7 +12,7 @@ import pytest
 from numba import cuda
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from bodies_scenes import bodies_scene, end_state, opened, same, start
+from bodies_scenes import bodies_scene, end_state, lone_points, opened, same, start
 from meeting_bodies import BRICK, SOFT, meeting, neighbours, smooth
 
 from bench.reference import particle_contacts as reference
@@ -99,6 +99,18 @@ def test_what_is_projected_is_the_references() -> None:
     # two sweeps of at most MOST_NEIGHBOURS contacts, of some ten operations each, of lengths under 1 m
     np.testing.assert_allclose(state[:, :3], expected, rtol=0, atol=2 * MOST_NEIGHBOURS * 10 * 2.0**-53)
     assert np.array_equal(state[:, 3], weight)
+
+
+def test_two_in_one_place_part_upwards_and_downwards() -> None:
+    """By the speed of separation, 1 m/s in 0.01 s, half of it each; the first one down."""
+    place = [0.3, 0.2, 0.1]
+    scene = lone_points([place] * 2, separation_speed=1.0)
+    contacts, weight = ParticleContacts(scene, np.float64, "exact", 0), np.ones(2)
+    was, now = (quads(np.array([place] * 2), weight, np.float64) for _ in range(2))
+    contacts.find(now)
+    contacts.project(was, now)
+    moved = now.copy_to_host().reshape(-1, 4)[:, :3] - place
+    np.testing.assert_allclose(moved, [[0, -0.005, 0], [0, 0.005, 0]], atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,9 @@ from numba.cuda.simulator import kernelapi
 
 import gpu_backend.tile_launch as tile_launch
 from app.driver import open_simulation
+from gpu_backend.choice import parsed_tile
+from gpu_backend.tiled_kernels import _make_parts
+from gpu_backend.tiling import owned, tile_count
 from model.errors import SceneError
 from model.scene import load_scene
 from model.simulation import State
@@ -49,6 +52,21 @@ def test_tiles_with_halos_do_what_the_cpu_does(tile: str, integrator: str) -> No
     """Tiles that fit and that do not, strips that the grid's edge cuts, steps that do not fill a pass."""
     expected = end_state("cpu", 11, 13, integrator)
     assert_same(end_state("gpu", 11, 13, integrator, kernel=f"tiles:{tile}"), expected)
+
+
+@pytest.mark.parametrize("tile", ["4x2x4h1", "8x2x3h2", "6x4x2h2"])
+def test_every_mass_is_owned_by_one_tile(tile: str) -> None:
+    """Blocks run one after another here, so that one which writes what another owns is set right by the next: what each
+    owns is looked at by itself, along an axis of any length, against the host's plan."""
+    shape = parsed_tile(tile)
+    axis = _make_parts(np.float64, "exact", "lab", frozenset({"springs"}), shape, True).axis
+    for masses in range(1, 40):
+        for size in (shape.rows, shape.columns):
+            count = tile_count(masses, size, shape.halo)
+            found = [tuple(map(int, axis(np.int32(k), count, masses, size))) for k in range(count)]
+            assert found == [owned(k, count, masses, size, shape.halo) for k in range(count)]
+            ends = [(first, end) for _, first, end in found]
+            assert [first for first, _ in ends] == [0, *(end for _, end in ends[:-1])] and ends[-1][1] == masses
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (8, 9), (3, 7)])

@@ -15,6 +15,7 @@ from xpbd_scenes import PARTS, poke_of, xpbd_scene
 
 from app.driver import open_simulation
 from bench.reference import xpbd as reference
+from gpu_backend.mass_spring_kernels import BLOCK
 from model.build import build, rest_positions
 from model.errors import Diverged, SceneError
 from model.scene import Scene
@@ -92,7 +93,7 @@ def test_the_reference_is_met_within_rounding(name: str, ordering: str) -> None:
     assert np.abs(state.velocity - velocity).max() < bound * scene.method.substeps / scene.method.dt
 
 
-@pytest.mark.parametrize("rows,columns", [(1, 5), (4, 1), (2, 2), (3, 3)])
+@pytest.mark.parametrize("rows,columns", [(1, 5), (4, 1), (2, 2), (3, 3), (2, BLOCK[0] + 1)])
 @pytest.mark.parametrize("ordering", ["gauss-seidel", "averaged-jacobi"])
 def test_the_smallest_sheets(ordering: str, rows: int, columns: int) -> None:
     scene = xpbd_scene("air", ordering, rows=rows, columns=columns, pinned="none", substeps=1, iterations=2)

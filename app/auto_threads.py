@@ -1,0 +1,74 @@
+"""`--threads auto`: as many threads as cores, or one, whichever takes a step sooner on the machine as it is now.
+
+Threads that wait for one another lose where other programs use the cores, and small scenes gain nothing by them. So both
+are opened, sampled in turn, and the one that is not taken is closed.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from model.errors import Diverged
+from model.simulation import Simulation
+
+AUTO = "auto"
+GAIN = 1.1  # more threads must be that much quicker: they keep cores from others
+SECONDS, MOST_STEPS = 0.03, 1000  # s, the least of a sample; steps, the most
+ROUNDS = 3
+
+
+def decide(seconds: Mapping[int, float]) -> tuple[int, str]:
+    """(threads, why in a few words) from the seconds of a step by threads: of those within GAIN of the quickest, the
+    fewest."""
+    quickest = min(seconds.values())
+    chosen = min(count for count, taken in seconds.items() if taken <= GAIN * quickest)
+    told = ", ".join(f"{1e3 * taken:.3g} ms a step on {count}" for count, taken in sorted(seconds.items()))
+    return chosen, f"{AUTO}: {told}"
+
+
+def step_seconds(simulations: Sequence[Simulation], clock: Callable[[], float] = time.perf_counter) -> list[float]:
+    """The seconds of a step of each, sampled in turn from where they are reset to: medians. Raises Diverged."""
+
+    def sample(simulation: Simulation, steps: int) -> float:
+        simulation.reset()
+        begin = clock()
+        simulation.advance(steps)
+        simulation.synchronize()
+        return (clock() - begin) / steps
+
+    for simulation in simulations:
+        sample(simulation, 1)  # compiles
+    slowest = max(sample(simulation, 1) for simulation in simulations)
+    steps = max(1, min(MOST_STEPS, math.ceil(SECONDS / slowest))) if slowest > 0 else MOST_STEPS
+    taken = [[sample(simulation, steps) for simulation in simulations] for _ in range(ROUNDS)]
+    return [statistics.median(column) for column in zip(*taken, strict=True)]
+
+
+def open_quickest(
+    open_with: Callable[[int], Simulation],
+    most: int,
+    measure: Callable[[Sequence[Simulation]], list[float]] = step_seconds,
+) -> Simulation:
+    """The simulation on `most` threads or on one, reset; `threads_reason` says why."""
+    if most == 1:
+        only = open_with(1)
+        only.threads_reason = f"{AUTO}: one core"
+        return only
+    opened: list[Simulation] = []
+    try:
+        opened += [open_with(most)]
+        opened += [open_with(1)]
+        try:
+            chosen, reason = decide(dict(zip((most, 1), measure(opened), strict=True)))
+        except Diverged:
+            chosen, reason = most, f"{AUTO}: the scene diverged before it was measured"
+        taken = opened.pop(0 if chosen == most else 1)
+        taken.threads_reason = reason
+        taken.reset()
+        return taken
+    finally:
+        for other in opened:
+            other.close()

@@ -1,0 +1,40 @@
+"""How much goes into a picture in space: what a graphics card draws at once takes a processor many milliseconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # in the names of drivers that draw with the processor
+
+
+@dataclass(frozen=True)
+class Detail:
+    """`samples` a pixel smooth the edges, or as many as the driver has; one pixel is drawn for `coarse` x `coarse` of the
+    window's; `shadows` are thrown on the ground. `meaning`: all that in words."""
+
+    name: str
+    samples: int
+    coarse: int
+    shadows: bool
+    meaning: str
+
+
+FINE = Detail("fine", 4, 1, True, "smooth edges and shadows")
+PLAIN = Detail("plain", 0, 1, True, "shadows, edges as they are")
+QUICK = Detail("quick", 0, 2, False, "a quarter of the pixels, no shadows")
+DETAILS = (FINE, PLAIN, QUICK)
+
+
+def by_software(renderer: str) -> bool:
+    """Whether a processor does the drawing, by the driver's name for itself."""
+    return any(word in renderer.lower() for word in SOFTWARE)
+
+
+def usual_detail(renderer: str) -> Detail:
+    """What the window starts with."""
+    return QUICK if by_software(renderer) else FINE
+
+
+def next_detail(detail: Detail) -> Detail:
+    """The one after it, round and round."""
+    return DETAILS[(DETAILS.index(detail) + 1) % len(DETAILS)]

@@ -1,0 +1,136 @@
+"""The CPU kernels as plain Python: what they compute without compiling, as CUDA has its simulator.
+
+SOFTLAB_PLAIN_PYTHON=1 in the environment, or `plain_python(True)`, and calling a kernel runs its Python source: the kernel
+and every function it calls, with NumPy scalars for numbers. In `exact` math the bits are those of the compiled kernel;
+`fast` math, which may round otherwise, is computed as `exact` is. A breakpoint in a formula stops. A step of 64 masses takes
+milliseconds instead of seconds of compiling, one of a million masses minutes.
+
+What only machine code does (intrinsics) has an equivalent beside it, see `in_python`. One thread runs all bands one after
+the other: kernels whose threads wait for each other find that the others are not there, and take their other way.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from types import CellType, FunctionType, ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
+
+SWITCH = "SOFTLAB_PLAIN_PYTHON"
+SECONDS = "SOFTLAB_PLAIN_PYTHON_SECONDS"
+
+_equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that are another thing on one thread
+_translated: dict[Any, Callable] = {}
+_left = math.inf  # seconds until machine code takes over
+
+
+def in_python(machine_code: Any) -> Callable[[Callable], Callable]:
+    """Declare the decorated function the plain equivalent of an intrinsic or compiled function."""
+
+    def declare(function: Callable) -> Callable:
+        _equivalents[machine_code] = function
+        return function
+
+    return declare
+
+
+def _sqrt(number: Any) -> Any:
+    """Rounded to the argument's type, NaN for negative numbers: the square root of a float32 by way of float64 is exact."""
+    return type(number)(math.sqrt(number)) if number >= 0 else number - number + math.nan * number
+
+
+def _whole(kind: Any) -> Callable[[Any], Any]:
+    def convert(number: Any) -> Any:
+        try:
+            return kind(number)
+        except (ValueError, OverflowError):  # NaN and numbers out of range, for which processors have a value too
+            return np.asarray(number).astype(kind)[()]
+
+    return convert
+
+
+class _Numpy(SimpleNamespace):
+    """numpy with conversions that raise no errors."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(np, name)
+
+
+_replaced: dict[Any, Any] = {
+    math.sqrt: _sqrt,
+    np: _Numpy(int32=_whole(np.int32), int64=_whole(np.int64), uint32=_whole(np.uint32), uint64=_whole(np.uint64)),
+}
+
+
+def _plainly(value: Any) -> Any:
+    """What stands for a global or closed-over value of a compiled function."""
+    if isinstance(value, tuple):
+        return tuple(_plainly(item) for item in value)
+    if isinstance(value, Dispatcher):
+        return translated(value)
+    if callable(value) or isinstance(value, ModuleType):
+        return _equivalents.get(value, _replaced.get(value, value))
+    return value
+
+
+def translated(dispatcher: Any) -> Callable:
+    """The plain function of a compiled one; all that it calls is plain too."""
+    if dispatcher in _equivalents:
+        return _equivalents[dispatcher]
+    if dispatcher not in _translated:
+        function = dispatcher.py_func
+        names = {k: _plainly(v) for k, v in function.__globals__.items() if k in function.__code__.co_names}
+        names["__builtins__"] = __builtins__
+        cells = tuple(CellType(_plainly(cell.cell_contents)) for cell in function.__closure__ or ())
+        _translated[dispatcher] = FunctionType(
+            function.__code__, names, function.__name__, function.__defaults__, cells
+        )
+    return _translated[dispatcher]
+
+
+def _call(dispatcher: Any, *arguments: Any) -> Any:
+    global _left
+    if _left < 0:
+        plain_python(False)
+        return dispatcher(*arguments)
+    begin = time.process_time()
+    try:
+        with np.errstate(all="ignore"):  # quotients by zero and overflows are numbers, as in machine code
+            return translated(dispatcher)(*(_scalar(argument) for argument in arguments))
+    finally:
+        _left -= time.process_time() - begin
+
+
+def _scalar(argument: Any) -> Any:
+    """Python numbers are 64-bit ones in machine code."""
+    if type(argument) is float:
+        return np.float64(argument)
+    return argument
+
+
+def plain_python(on: bool, seconds: float = math.inf) -> None:
+    """From here on calling a kernel runs its source (True) or its machine code (False).
+
+    `seconds`: of the processor's time, after which machine code takes over, with the same bits in `exact` math.
+    """
+    global _left
+    _left = seconds
+    if on:
+        setattr(CPUDispatcher, "__call__", _call)  # noqa: B010 - nothing is asked, and lost, when kernels run compiled
+    elif is_plain():
+        delattr(CPUDispatcher, "__call__")
+
+
+def is_plain() -> bool:
+    """Whether kernels run as plain Python."""
+    return CPUDispatcher.__dict__.get("__call__") is _call
+
+
+if os.environ.get(SWITCH, "0") not in ("", "0"):
+    plain_python(True, float(os.environ.get(SECONDS, "inf")))

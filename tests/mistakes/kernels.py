@@ -1,0 +1,203 @@
+"""Mistakes in the kernels of both backends: signs, edges, order, axes, threads, precision."""
+
+from __future__ import annotations
+
+from .mistake import Mistake, in_file
+
+GRID = "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_step_and_pins_stay_at_rest test_cpu_reference.py::test_odd_grids_free test_cpu_reference.py::test_odd_grids_pinned"
+SIMULATED_GRID = "simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found simulator/test_simulated_gpu.py::test_the_reference_is_met_over_the_edges_of_blocks simulator/test_simulated_gpu.py::test_passes_do_what_the_cpu_does"
+SIMULATED_CLOTH = "simulator/test_simulated_cloth.py::test_the_reference_is_met_within_rounding simulator/test_simulated_cloth.py::test_the_smallest_sheets"
+SIMULATED_XPBD = "simulator/test_simulated_xpbd.py::test_the_reference_is_met_within_rounding simulator/test_simulated_xpbd.py::test_the_smallest_sheets"
+
+CPU: tuple[Mistake, ...] = (
+    *in_file(
+        "cpu_backend/rows.py",
+        GRID,
+        {
+            "the spring above pushes (cpu)": ("return (right - left) + (below - above)", "return (right - left) + (below + above)"),
+            "a pinned mass moves along y (cpu)": ("for axis in range(2):\n                    target[there + axis * target_plane + j]", "for axis in range(1):\n                    target[there + axis * target_plane + j]"),
+            "the first column's left neighbour is forgotten (cpu)": ("left_x, left_y = right_x, right_y\n                above_x[j] = below_x", "left_x, left_y = left_x, right_y\n                above_x[j] = below_x"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/rows.py",
+        "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_step_and_pins_stay_at_rest",
+        {
+            "both kicks take the random force of one step (cpu)": ("columns + column, step - 1, integers[0]", "columns + column, step, integers[0]"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/row_step.py",
+        GRID,
+        {
+            "the spring from the left has lost its sign (cpu)": ("ax = sum_pulls(right_x, left_x, below_x, above_x[j])\n                    ay", "ax = sum_pulls(right_x, -left_x, below_x, above_x[j])\n                    ay"),
+            "velocities change axes (cpu)": ("new_vx[j] = qx\n                new_vy[j] = qy", "new_vx[j] = qy\n                new_vy[j] = qx"),
+            "the closing pass drifts (cpu)": ("return position, second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])", "return position + velocity * record[K_DT], second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/rk4_kernels.py",
+        "test_cpu_reference.py::test_odd_grids_free[fused-1-7-rk4] " + GRID,
+        {
+            "Runge-Kutta's middle stages weigh a sixth (cpu)": ("elif stage == 1:\n            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT]", "elif stage == 1:\n            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_SIXTH_DT]"),
+            "Runge-Kutta's third stage goes half a step (cpu)": ("middle_stage(blocks, base, rate, record[K_DT], record[K_THIRD_DT]", "middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT] * record[K_DT] / record[K_DT]"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/mass_spring_kernels.py",
+        "test_cpu_bits.py::test_bits_do_not_depend_on_threads_kernel_or_batches test_cpu_reference.py::test_odd_grids_free",
+        {
+            "a band ends a row early (cpu)": ("first, last = rows * band // bands, rows * (band + 1) // bands", "first, last = rows * band // bands, rows * (band + 1) // bands - 1"),
+            "the states do not change places (cpu)": ("states, (current + k) % 2, layout", "states, current, layout"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/cloth_colliders.py",
+        "test_collider_formulas.py",
+        {
+            "a capsule stays where it began (cpu)": (
+                "def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):\n        cx, cy, cz = point(body, end)",
+                "def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):\n        cx, cy, cz = point(body, begin)",
+            ),
+            "a collider's static coefficient is its dynamic one (cpu)": ("static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_STATIC], body[B_DYNAMIC]\n        ux", "static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_DYNAMIC], body[B_DYNAMIC]\n        ux"),
+            "a mass is pushed out to the surface, not to the thickness (cpu)": ("depth = thickness - distance", "depth = -distance"),
+            "a plane pushes to its other side (cpu)": ("return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)\n\n    @compiled\n    def touch_sphere", "return push(body, slow, -distance, nx, ny, nz, px, py, pz, vx, vy, vz)\n\n    @compiled\n    def touch_sphere"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/cloth_rows.py",
+        "test_cloth_cpu.py::test_stages_follow_the_reference test_cloth_cpu.py::test_fused_gives_the_bits_of_the_stages",
+        {
+            "a shear spring leads to the wrong mass (cpu)": ("below_right, below_left = below + 1, below - 1", "below_right, below_left = below, below - 1"),
+            "a bending spring is one row too short (cpu)": ("if i + 2 < rows:\n            beyond = here + 2 * stride", "if i + 2 < rows:\n            beyond = here + stride"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/bodies_kernels.py",
+        "test_bodies_solver.py",
+        {
+            "bodies move with twice the substep (cpu)": ("inverse = record[X_INVERSE_SUBSTEP]\n", "inverse = record[X_INVERSE_SUBSTEP] + record[X_INVERSE_SUBSTEP]\n"),
+            "a body's poke is along x alone (cpu)": ("ay = added(ay, w, here * record[C_POKE_X + 1])", "ay = added(ay, w, here * record[C_POKE_X])"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/contacts_project.py",
+        "test_contacts.py::test_what_is_found_and_projected_is_the_references",
+        {
+            "a triangle's corners are pushed along with the mass (cpu)": ("x = taken(x, part, forces[slot, F_X])", "x = taken(x, -part, forces[slot, F_X])"),
+            "every corner weighs as the first (cpu)": ("return values[slot, V_B + corner - 1]", "return values[slot, V_B]"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/particle_contacts_find.py",
+        "test_particle_contacts.py::test_neighbours_are_those_of_asking_all",
+        {
+            "a row of cells is looked at too short (cpu)": ("runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]", "runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 1]"),
+            "cells of negative coordinates are cut towards 0 (cpu)": ("j = np.int32(j - 1) if b < real(j) else j", "j = j"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/xpbd_stages.py",
+        "test_xpbd_cpu_reference.py::test_stages_follow_the_reference",
+        {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[C_DT], v) if w > zero else p", "position[axis, i, j] = predicted(p, record[C_DT], velocity[axis, i, j]) if w > zero else p")},
+    ),
+)  # fmt: skip
+
+GPU: tuple[Mistake, ...] = (
+    *in_file(
+        "gpu_backend/point.py",
+        SIMULATED_GRID,
+        {
+            "the second column has no left neighbour (gpu)": ("def spring_sum(position, k, i, j, rows, columns, record):\n        \"\"\"Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j.\"\"\"\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 0 else k)", "def spring_sum(position, k, i, j, rows, columns, record):\n        \"\"\"Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j.\"\"\"\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 1 else k)"),
+            "the kicks take each other's random force (gpu)": ("            bx, by = add_external(bx, by, k, record, integers, step)", "            bx, by = add_external(bx, by, k, record, integers, step - 1)"),
+            "axes are exchanged in a step (gpu)": ("py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)\n        return px, py, vx, vy", "py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)\n        return py, px, vx, vy"),
+            "the poke acts on the next mass (gpu)": ("if np.int64(integers[1]) == k + 1:  # compared", "if np.int64(integers[1]) == k:  # compared"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/mass_spring_kernels.py",
+        SIMULATED_GRID,
+        {
+            "threads beyond the last row (gpu)": ("if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step =", "if i <= rows and j < columns:\n                k = np.int32(i * columns + j)\n                step ="),
+            "blocks overlap (gpu)": ("j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)\n            i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)\n            rows = np.int32(rows)\n            columns = np.int32(columns)\n            if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step", "j = np.int32(cuda.blockIdx.x * (cuda.blockDim.x - 1) + cuda.threadIdx.x)\n            i = np.int32(cuda.blockIdx.y * (cuda.blockDim.y - 1) + cuda.threadIdx.y)\n            rows = np.int32(rows)\n            columns = np.int32(columns)\n            if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step"),
+            "Runge-Kutta's offsets are exchanged (gpu)": ("(K_SIXTH_DT, K_THIRD_DT, K_THIRD_DT, K_SIXTH_DT)", "(K_THIRD_DT, K_SIXTH_DT, K_SIXTH_DT, K_THIRD_DT)"),
+            "no mass is called bad for its velocity (gpu)": ("if not (inside and still):", "if not inside and not still:"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/tiled_kernels.py",
+        "simulator/test_simulated_tiles.py::test_every_mass_is_owned_by_one_tile simulator/test_simulated_tiles.py::test_tiles_with_halos_do_what_the_cpu_does simulator/test_simulated_tiles.py::test_one_block_holds_any_small_shape",
+        {
+            "a tile owns its halo (gpu)": ("end = np.int32(start + size - halo)", "end = np.int32(start + size)"),
+            "a strip's lower neighbour is its own last mass (gpu)": ("below = np.int32(below + width)", "below = np.int32(below)"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/cloth_contact.py",
+        "simulator/test_simulated_colliders.py",
+        {
+            "a capsule stays where it began (gpu)": ("surface = capsule(\n            px - x, py - y, pz - z,", "surface = capsule(\n            px - bodies[at + B_X], py - bodies[at + B_Y], pz - bodies[at + B_Z],"),
+            "a collider's static coefficient is its dynamic one (gpu)": ("static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]\n        ux", "static, dynamic = bodies[at + B_DYNAMIC], bodies[at + B_DYNAMIC]\n        ux"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/cloth_point.py",
+        SIMULATED_CLOTH,
+        {
+            "a cloth's springs read the wrong way (gpu)": ("dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]\n            stiffness", "dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n            stiffness"),
+            "a cloth's axes are exchanged (gpu)": ("(a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])", "(a[2] + b[2]) + (c[2] + d[2]), (a[1] + b[1]) + (c[1] + d[1])"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/xpbd_kernels.py",
+        SIMULATED_XPBD,
+        {
+            "a colour projects the other colour's rows (gpu)": ("i % down + down * colour)", "i % down + down * (np.int32(1) - colour))"),
+            "rising diagonals fall (gpu)": ("first, second = np.int32(k + along), np.int32(k + down * columns)", "first, second = np.int32(k), np.int32(k + down * columns)"),
+            "multipliers are kept from the last substep (gpu)": ("if has_multiplier and not fresh:", "if has_multiplier:"),
+            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/contacts_find.py",
+        "simulator/test_simulated_contacts.py::test_what_is_found_and_projected_is_the_references",
+        {"a cell's box does not grow by its motion (gpu)": ("least(qa[0], qb[0], qc[0], qd[0]) - moved", "least(qa[0], qb[0], qc[0], qd[0])")},
+    ),
+    *in_file(
+        "gpu_backend/particle_contacts_find.py",
+        "simulator/test_simulated_particle_contacts.py::test_neighbours_are_those_of_asking_all",
+        {
+            "the hash cell of bodies forgets a row of cells (gpu)": ("for row in range(9):", "for row in range(8):"),
+            "a hash cell's own row is taken for another (gpu)": ("first, end = starts[bucket], np.int32(bucket + three)", "first, end = starts[bucket], np.int32(bucket + three - one)"),
+            "particles below 0 share a cell with those above (gpu)": ("return np.int32(whole - one) if place < real(whole) else whole", "return whole"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/particle_contacts_project.py",
+        "simulator/test_simulated_particle_contacts.py::test_what_is_projected_is_the_references simulator/test_simulated_particle_contacts.py::test_two_in_one_place_part_upwards_and_downwards",
+        {
+            "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                        active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                        active"),
+            "who goes down is decided anew (gpu)": ("direction(d[0], d[1], d[2], distance, i < j)", "direction(d[0], d[1], d[2], distance, True)"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/bodies_kernels.py",
+        "simulator/test_simulated_bodies.py::test_the_bits_of_the_cpu",
+        {
+            "a lane skips its second entry (gpu)": ("np.int32(starts[c] + lane), starts[c + one], lanes)", "np.int32(starts[c] + lane), starts[c + one], lanes + lanes)"),
+            "a cluster's moments are read by columns (gpu)": ("xx, xy, xz = added(xx, wx, m[0]), added(xy, wx, m[1]), added(xz, wx, m[2])", "xx, xy, xz = added(xx, wx, m[0]), added(xy, wy, m[0]), added(xz, wz, m[0])"),
+        },
+    ),
+    *in_file(
+        "model/formulas/integrators.py",
+        "test_ptx.py::test_float32_passes_hold_no_double_and_spill_nothing test_float32_leaks.py",
+        {"a constant of float64 in a float32 step": ("return position + new_velocity * dt, new_velocity", "return position + 1.0 * new_velocity * dt, new_velocity")},
+    ),
+    *in_file(
+        "model/formulas/wind.py",
+        "test_float32_leaks.py",
+        {"a root of float64 in a float32 wind": ("smooth = part * part * (three - two * part)", "smooth = part * part * (3.0 - two * part)")},
+    ),
+)  # fmt: skip
+
+KERNELS = (*CPU, *GPU)

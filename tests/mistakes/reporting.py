@@ -1,0 +1,192 @@
+"""Mistakes in measuring and reporting: figures, sentences, results, exit statuses."""
+
+from __future__ import annotations
+
+from .mistake import Mistake, in_file
+
+FIGURES: tuple[Mistake, ...] = (
+    *in_file(
+        "plots/lab_step.py", "test_figure_axes.py",
+        {
+            "an axis in s with ticks in ms": ('ax.set_xlabel("step size / ms")', 'ax.set_xlabel("step size / s")'),
+            "ticks ten times too small": ('[f"{1000 * dt:g}" for dt in steps]', '[f"{100 * dt:g}" for dt in steps]'),
+        },
+    ),
+    *in_file(
+        "plots/findings_damping.py", "test_figure_axes.py",
+        {"ticks of a finding in seconds": ('[f"{1000 * dt:g}" for dt in steps]', '[f"{dt:g}" for dt in steps]')},
+    ),
+    *in_file(
+        "plots/energies.py", "test_figure_axes.py",
+        {
+            "energies in mJ": ('ax.set_ylabel("energy / J")', 'ax.set_ylabel("energy / mJ")'),
+            "kinetic energy under the name of the springs'": ('("spring", "in the springs"', '("kinetic", "in the springs"'),
+        },
+    ),
+    *in_file(
+        "plots/bandwidth.py", "test_figure_axes.py test_figures.py::test_fraction_of_the_copy_bandwidth",
+        {
+            "per cent without the hundred": ("return lambda timing, seconds: 100 * (fraction", "return lambda timing, seconds: (fraction"),
+            "the GPU's share of the host's bandwidth": ('"gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth"', '"copy_bandwidth" if backend == "gpu" else "gpu_copy_bandwidth"'),
+        },
+    ),
+    *in_file(
+        "plots/joules.py", "test_figure_axes.py",
+        {"joules of a step under the name of a million": ("MILLION = 1e6", "MILLION = 1e3")},
+    ),
+    *in_file(
+        "plots/roofline.py", "test_figure_axes.py",
+        {"the roof of a mass, not of the grid": ("return self.pass_seconds * timing.particles /", "return self.pass_seconds /")},
+    ),
+    *in_file(
+        "plots/convergence.py", "test_convergence.py::test_figure_and_sentence",
+        {"milliseconds that are seconds": ("lambda entry: 1e3 * entry.seconds", "lambda entry: entry.seconds")},
+    ),
+    *in_file(
+        "plots/thread_scaling.py", "test_figure_axes.py",
+        {"a speed-up upside down": ("return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / held[timing.rows, timing.columns].median")},
+    ),
+    *in_file(
+        "plots/style.py", "test_figure_axes.py",
+        {"times in kiloseconds": ('EngFormatter(unit="s")', 'EngFormatter(unit="ks")'), "curves of the quickest repeat": ("y = np.array([value(timing, timing.median) for timing in sound])", "y = np.array([value(timing, timing.low) for timing in sound])")},
+    ),
+    *in_file(
+        "plots/data.py", "test_figures.py test_claims_by_hand.py",
+        {
+            "an infinite error is right": ('infinite = timing.error is not None and timing.error == float("inf")', "infinite = False"),
+            "curves of any precision": ("and timing.precision == precision\n            and timing.graphics == graphics", "and timing.graphics == graphics"),
+        },
+    ),
+)  # fmt: skip
+
+HAND = "test_claims_by_hand.py"
+CLAIMS: tuple[Mistake, ...] = (
+    *in_file(
+        "labbook/claims.py", HAND,
+        {
+            "wrong answers take part": ("return [timing for timing in times_ if not is_wrong(timing)]", "return list(times_)"),
+            "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
+            "the bandwidth of the smallest grid": ("largest = sound(source.select(backend, word))[-1:] if", "largest = sound(source.select(backend, word))[:1] if"),
+            "float64 told of the smallest grid": ("single, double = both[-1]", "single, double = both[0]"),
+            "overlapping repeats are a difference": ("return -1 if a.high < b.low else 1 if a.low > b.high else 0", "return -1 if a.median < b.median else 1"),
+            "the GPU is flat as far as it was measured": ("if timing.median > FLAT * curve[0].median:", "if timing.median < FLAT * curve[0].median:"),
+        },
+    ),
+    *in_file(
+        "labbook/comparison_claims.py", HAND,
+        {
+            "the slower backend is the faster one": ("if last.ratio < 1:", "if last.ratio > 1:"),
+            "with graphics the slower backend is the faster one": ("if last.ratio > 1:\n        return Claim(f\"{at} the GPU's", "if last.ratio < 1:\n        return Claim(f\"{at} the GPU's"),
+            "overtaking told at the smallest size": ("first, last = found[0], found[-1]", "first, last = found[0], found[0]"),
+            "drawing told at the smallest size": ("without, drawn = both[-1]", "without, drawn = both[0]"),
+        },
+    ),
+    *in_file(
+        "labbook/accuracy_claims.py", HAND,
+        {
+            "at equal error the slower backend is the faster one": ('("GPU", "CPU", ratio) if ratio > 1', '("GPU", "CPU", ratio) if ratio < 1'),
+            "float32's floor told at twenty times": ("if single.error < 2 * double.error:", "if single.error < 20 * double.error:"),
+            "the finest step told as the coarsest": ("coarse, fine = max(mine, key=lambda p: p.dt), min(", "coarse, fine = min(mine, key=lambda p: p.dt), min("),
+        },
+    ),
+    *in_file(
+        "labbook/findings_claims.py", HAND,
+        {"smaller steps make it worse at any rate": ("worse = worse and smallest.value > 2 * least.value", "worse = worse and smallest.value > 20 * least.value")},
+    ),
+    *in_file(
+        "labbook/hard_claims.py", HAND,
+        {
+            "failed hard runs are no bug": ('failed otherwise, which is a bug of this lab:', 'failed otherwise:'),
+            "failed hard runs support the claim": ('"runs": float(len(rows))}, not counts["fail"])', '"runs": float(len(rows))}, True)'),
+            "backends that differ are no bug": ("CPU and GPU differ in {count(len(different))}, a bug of this lab: ", "CPU and GPU differ in {count(len(different))}: "),
+        },
+    ),
+)  # fmt: skip
+
+RESULTS: tuple[Mistake, ...] = (
+    *in_file(
+        "bench/results.py", "test_results.py",
+        {
+            "suspect only beyond half": ("SPREAD_LIMIT = 0.10", "SPREAD_LIMIT = 0.50"),
+            "quartiles are extremes": ("np.percentile(per_step, (25, 75))", "np.percentile(per_step, (0, 100))"),
+            "an error of other sources counts": ("current = error is not None and error.sources == sources", "current = error is not None"),
+        },
+    ),
+    *in_file(
+        "bench/store.py", "test_results.py",
+        {
+            "another machine's measure is held": ('"WHERE configuration = ? AND machine = ? AND sources = ? AND name = ? LIMIT 1",\n                (configuration_hash(description), machine, sources, name),', '"WHERE configuration = ? AND sources = ? AND name = ? LIMIT 1",\n                (configuration_hash(description), sources, name),'),
+            "another stage's samples are held": ('"WHERE configuration = ? AND machine = ? AND sources = ? AND stage = ?",\n            (configuration_hash(description), machine, sources, stage),', '"WHERE configuration = ? AND machine = ? AND sources = ?",\n            (configuration_hash(description), machine, sources),'),
+        },
+    ),
+    *in_file(
+        "bench/timing.py", "test_timing.py",
+        {
+            "a busy neighbour is not noticed": ("if busy > spare + BUSY_NEIGHBOUR:", "if busy > cores + BUSY_NEIGHBOUR:"),
+            "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
+            "a sample does not wait for the device": ("simulation.advance(steps)\n            simulation.synchronize()\n            return", "simulation.advance(steps)\n            return"),
+            "a drawn sample does not wait for the device": ("self.renderer.draw(simulation.read(\"position\", self._picture))\n        simulation.synchronize()", "self.renderer.draw(self._picture)"),
+            "restoring is a part of the sample": ("self._kept = simulation.kept\n        simulation.synchronize()", "self._kept = simulation.kept"),
+            "short samples are not marked": ("if seconds < SHORTEST_SAMPLE:", "if seconds < 0 * SHORTEST_SAMPLE:"),
+        },
+    ),
+    *in_file(
+        "bench/measure_group.py", "test_marks.py",
+        {"a sample's marks are dropped on the way to the store": ("marks = [sample.suspect, warnings.get(case.simulation_kind)]", "marks = [warnings.get(case.simulation_kind)]"),
+         "a wrong answer's mark is dropped": ("marks = [sample.suspect, warnings.get(case.simulation_kind)]", "marks = [sample.suspect]")},
+    ),
+    *in_file(
+        "bench/costs_timing.py", "test_marks.py",
+        {"marks of ratios are dropped": ("marks[place[id(subject)]] += [suspect] if suspect else []", "marks[place[id(subject)]] += []")},
+    ),
+    *in_file(
+        "bench/accuracy.py", "test_marks.py",
+        {"marks of accuracy runs are dropped": ('marks = [sample.suspect, "CUDA simulator', 'marks = [None, "CUDA simulator')},
+    ),
+    *in_file(
+        "bench/judgement.py", "test_judgement.py",
+        {"resolved at the reference's own error": ("RESOLVED = 10", "RESOLVED = 1")},
+    ),
+    *in_file(
+        "bench/judge.py", "test_judgement.py",
+        {"a run tells what its reference does not resolve": ("if error < 10 * estimate / scene.grid.spacing:", "if error < estimate / scene.grid.spacing:")},
+    ),
+    *in_file(
+        "bench/reference/cache.py", "test_reference.py",
+        {"references of sub-folders' sources": ('folder.rglob("*.py")', 'folder.glob("*.py")')},
+    ),
+    *in_file(
+        "bench/hard_trial.py", "test_hard_judged.py test_hard.py",
+        {"a bound that is not looked at": ('{"<": self.value < self.bound, ">": self.value > self.bound}', '{"<": True, ">": self.value > self.bound}'),
+         "rest with a thousand times the force": ("RESIDUAL = 1e-9", "RESIDUAL = 1e-6")},
+    ),
+    *in_file(
+        "bench/hard.py", "test_hard.py",
+        {"a scene that should be refused passes": ('return outcome("refused", refusal, checks) if refusal else outcome("fail", "was not refused", checks)', 'return outcome("refused", refusal or "", checks)')},
+    ),
+)  # fmt: skip
+
+EXITS: tuple[Mistake, ...] = (
+    *in_file(
+        "softlab.py", "test_exits.py",
+        {"a diverged run is done": ("if result.diverged:\n        raise result.diverged", "if False:\n        raise result.diverged")},
+    ),
+    *in_file(
+        "app/command_line.py", "test_exits.py",
+        {"Ctrl-C is what typer makes of it": ("except (KeyboardInterrupt, BrokenPipeError) as error:", "except ZeroDivisionError as error:")},
+    ),
+    *in_file(
+        "model/errors.py", "test_exits.py",
+        {"a backend that is not there is bad input": ("exit_status = 3", "exit_status = 2")},
+    ),
+    *in_file(
+        "bench/commands.py", "test_exits.py",
+        {
+            "hard cases that fail are done": ("if failed(summary):\n        raise typer.Exit(1)", "if failed(summary):\n        raise typer.Exit(0)"),
+            "no advice is done": ("if advice.best is None:\n            raise typer.Exit(2)", "if advice.best is None:\n            raise typer.Exit(0)"),
+            "what Ctrl-C ended is 1": ("if summary.interrupted:\n        raise typer.Exit(130)\n\n\n@measuring.command(epilog=\"Example: softlab sweep", "if summary.interrupted:\n        raise typer.Exit(1)\n\n\n@measuring.command(epilog=\"Example: softlab sweep"),
+        },
+    ),
+)  # fmt: skip
+
+REPORTING = (*FIGURES, *CLAIMS, *RESULTS, *EXITS)
