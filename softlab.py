@@ -197,7 +197,7 @@ def labbook(
 
 @app.command(epilog="Example: softlab lab --quick")
 def lab(
-    quick: Annotated[bool, typer.Option("--quick", help="Everything in under three minutes on two cores.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Small: two minutes or so on two cores, later one.")] = False,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Everything: doctor, sweep, accuracy, stability, figures, lab book."""

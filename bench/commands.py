@@ -36,7 +36,7 @@ def _tell(summary: Any) -> None:
 
 @measuring.command(cls=Timed, epilog="Example: softlab sweep --quick --backend cpu")
 def sweep(
-    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, about a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, a quarter of a minute.")] = False,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
     max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
@@ -96,7 +96,7 @@ def sweep(
 )
 def accuracy(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer repeats and methods; neither exact math nor other sizes.")
+        bool, typer.Option("--quick", help="Fewer repeats, methods and float32; neither exact math nor other sizes.")
     ] = False,
     integrator: Methods = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
@@ -131,7 +131,7 @@ def accuracy(
 
 @measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
 def stability(
-    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges, little of float32.")] = False,
     integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
     backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
     store: StorePath = DEFAULT_STORE,
