@@ -86,7 +86,7 @@ def end_state(
             scene,
             kernel=kernel,
             precision=precision,
-            math="exact",
+            math=math,
             threads=threads,
             live=live_of(scene),
             allow_unstable=True,
