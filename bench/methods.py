@@ -26,7 +26,7 @@ def position_based(name: str) -> bool:
     return name in XPBD
 
 
-QUICK_FLOAT32 = ("lab", "velocity-verlet")  # if quick, the others run in float64 alone: each is machine code of its own
+QUICK_FLOAT32 = ("lab", "velocity-verlet", "rk4")  # if quick; in float64 all: each more is machine code of its own
 
 
 def fits(scene: Scene, name: str) -> bool:

@@ -138,7 +138,7 @@ def test_the_wide_grid():
 
 
 def test_the_quick_grid():
-    """Every integrator in float64, with its order; what float32 costs of two that the sweep or the advice is about; a
+    """Every integrator in float64, with its order; float32 of those that sentences compare in it; a
     position-based method on one scene: no more kernels than the sentences need. All of it is part of the whole."""
     quick, wide = (accuracy.cases(["S1", "S2"], ["cpu"], wide=wide) for wide in (False, True))
     assert {str(case.description) for case in quick} < {str(case.description) for case in wide}
@@ -146,7 +146,7 @@ def test_the_quick_grid():
     for label in ("S1", "S2"):
         mine = {(case.scene.method.integrator, case.precision) for case in explicit if case.label == label}
         assert mine == {(name, "float64") for name in accuracy_cases.INTEGRATORS} | {
-            ("lab", "float32"), ("velocity-verlet", "float32"),
+            ("lab", "float32"), ("velocity-verlet", "float32"), ("rk4", "float32"),
         }  # fmt: skip
     assert {(c.label, c.precision) for c in quick if c not in explicit} == {("S1", "float64")}
 

@@ -21,6 +21,7 @@ RUNS = {
     "bench.sweep.run_sweep": "sweep", "bench.accuracy.run_accuracy": "accuracy", "bench.findings.run_findings": "findings",
     "bench.findings_costs.run_costs": "costs", "bench.convergence.run_convergence": "convergence",
     "bench.projections.run_projections": "projections", "bench.crowds.run_crowds": "crowds", "bench.bar.run_bar": "bar",
+    "bench.busy.run_busy": "busy",
     "bench.stability.run_stability": "stability", "bench.hard.run_hard": "hard", "bench.ablate.ablate": "ablate",
 }  # fmt: skip
 DONE: list[str] = []
