@@ -48,7 +48,7 @@ class Timed(TyperCommand):
 def look(path: Path, command: str) -> tuple[str, int]:
     """What is told of a command before it starts, and the number of the last run in its store. What is wrong with the store
     the command itself will say."""
-    with suppress(SoftlabError):
+    with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
         if path.is_file():
             with Store(path, readonly=True) as store:
                 last = int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
@@ -68,7 +68,7 @@ def look(path: Path, command: str) -> tuple[str, int]:
 
 def keep_time(path: Path, command: str, seconds: float, before: int) -> None:
     """Keep how long a command took that measured something: in runs after number `before` of the store."""
-    with suppress(SoftlabError):
+    with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
         if not path.is_file():
             return
         with Store(path) as store, store.transaction() as connection:

@@ -81,7 +81,7 @@ def _called(self: Any, *arguments: Any) -> Any:
                 names[name] = value
             _seen.clear()
     names = self.fn.__globals__
-    if id(names) not in _seen:
+    if context is not None and id(names) not in _seen:  # there is none where the host calls a device function
         _seen.add(id(names))
         for name, value in names.items():
             if value is cuda:
