@@ -26,7 +26,7 @@ def test_loops_along_rows_take_packed_roots_alone(math):
         arguments, parts = simulation._passes(0, 1), simulation.plan.parts
     dispatcher = cloth.make_cloth_advance.__wrapped__(np.float32, math, "lab", parts)
     dispatcher._cache = numba.core.caching.NullCache()  # machine code from the cache cannot be read
-    dispatcher.compile(tuple(numba.typeof(argument) for argument in arguments))
+    dispatcher.compile((numba.int64, numba.typeof(tuple(arguments))))
     (compiled,) = dispatcher.overloads.values()
     text = compiled.library.get_asm_str()
     loops = row_loops(text)

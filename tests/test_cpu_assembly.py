@@ -43,14 +43,13 @@ def assembly(kernel: str, precision: str, math: str) -> str:
         arguments = list(simulation._passes(0, 1))
         parts = simulation.plan.parts
     if kernel == "team":
-        flags = np.zeros((2, 16), np.int64)
-        arguments += [flags, flags, 0]
+        arguments += [np.zeros((2, 16), np.int64)]
     elif kernel == "tiled":
         arguments += [12, 64, 16, 112]
     make = getattr(mass_spring, MAKERS[kernel]).__wrapped__  # past the memory of kernels made before
     dispatcher = make(np.dtype(precision).type, math, "lab", parts)
     dispatcher._cache = numba.core.caching.NullCache()
-    dispatcher.compile(tuple(numba.typeof(argument) for argument in arguments))
+    dispatcher.compile((numba.int64, numba.typeof(tuple(arguments))))  # bands, and what each member is given
     (compiled,) = dispatcher.overloads.values()
     return compiled.library.get_asm_str()
 

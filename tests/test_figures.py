@@ -326,10 +326,10 @@ def test_trajectories_that_cannot_be_read(trajectory: Path, tmp_path: Path) -> N
         np.savez(other, **{**file, "position": file["position"][:, :5]})
     for path, reason in (
         (tmp_path / "none.npz", "no such file"),
-        (text, "no .npz trajectory"),
+        (text, "cannot be read as a .npz file"),
         (half, "lacks step, position"),
         (other, "position has shape"),
-        (tmp_path, "cannot be read"),
+        (tmp_path, "is a directory"),
     ):
         with pytest.raises(InputError, match=reason):
             draw_energies(path, tmp_path / "out.png")

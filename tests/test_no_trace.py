@@ -123,9 +123,8 @@ def fresh() -> Callable[..., Any]:
                 real, math, integrator, parts
             )  # past the memory of kernels made before
             dispatcher._cache = numba.core.caching.NullCache()
-            dispatcher.compile(
-                (*(whole,) * 4, scalar[::1], whole, INTS, scalar[::1], UINTS, INTS, INTS, scalar[:, ::1])
-            )
+            given = (*(whole,) * 4, scalar[::1], whole, INTS, scalar[::1], UINTS, INTS, INTS, scalar[:, ::1])
+            dispatcher.compile((whole, types.Tuple(given)))
             known[variant] = dispatcher
         return known[variant]
 

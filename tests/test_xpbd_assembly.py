@@ -34,7 +34,7 @@ def test_projections_take_packed_roots_alone(name: str, ordering: str, precision
     make = make_jacobi_advance if ordering == "jacobi" else make_seidel_advance
     dispatcher = make.__wrapped__(*variant)  # past the memory of kernels made before
     dispatcher._cache = numba.core.caching.NullCache()
-    dispatcher.compile(tuple(numba.typeof(argument) for argument in arguments))
+    dispatcher.compile((numba.typeof(arguments[0]), numba.typeof(tuple(arguments[1:]))))
     (compiled,) = dispatcher.overloads.values()
     text = compiled.library.get_asm_str()
     loops = row_loops(text)
