@@ -232,7 +232,7 @@ def test_shapes_are_thinned_and_rounded():
 @pytest.fixture
 def results(judged) -> Results:
     with Store(":memory:") as store:
-        run(store, quick=True)
+        run(store, quick=True, precisions=["float64", "float32"])
         return load(store)
 
 

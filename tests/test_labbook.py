@@ -298,7 +298,7 @@ def test_an_earlier_book_survives_a_failure(folder: Path, tmp_path: Path, monkey
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("labbook.build.os.replace", full)
+    monkeypatch.setattr("model.files.os.replace", full)
     monkeypatch.setattr("labbook.build.draw_figures", lambda *_, **__: [])
     monkeypatch.setattr(
         "labbook.build.write_sources", lambda _, folder, *__: (folder / "labbook.typ").write_text("short")

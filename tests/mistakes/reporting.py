@@ -184,7 +184,7 @@ EXITS: tuple[Mistake, ...] = (
         {
             "hard cases that fail are done": ("if failed(summary):\n        raise typer.Exit(1)", "if failed(summary):\n        raise typer.Exit(0)"),
             "no advice is done": ("if advice.best is None:\n            raise typer.Exit(2)", "if advice.best is None:\n            raise typer.Exit(0)"),
-            "what Ctrl-C ended is 1": ("if summary.interrupted:\n        raise typer.Exit(130)\n\n\n@measuring.command(epilog=\"Example: softlab sweep", "if summary.interrupted:\n        raise typer.Exit(1)\n\n\n@measuring.command(epilog=\"Example: softlab sweep"),
+            "what Ctrl-C ended is 1": ("if summary.interrupted:\n        raise typer.Exit(130)\n\n\n@measuring.command(cls=Timed, epilog=\"Example: softlab sweep", "if summary.interrupted:\n        raise typer.Exit(1)\n\n\n@measuring.command(cls=Timed, epilog=\"Example: softlab sweep"),
         },
     ),
 )  # fmt: skip
