@@ -16,7 +16,7 @@ from numba import prange
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
 from cpu_backend.plain import SWITCH, is_plain, plain_python
-from cpu_backend.progress import GATE_FLAGS, GIVE_UP, GO, all_arrived, load_acquire, new_flags, store_release, wait_for
+from cpu_backend.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
 
 
 @pytest.fixture(autouse=True)
@@ -101,30 +101,28 @@ def test_flags_and_rows_are_those_of_arrays() -> None:
     def move(array, flags, out):
         out[0], out[1] = row_at(array, 2)[0], row_at(array, 0).size
         store_release(flags, 1, 5)
-        wait_for(flags, 1, 5, 0)
+        exchange(flags, 1, 4, 6)
         out[2] = load_acquire(flags, 1)
+        exchange(flags, 0, 0, 3)
 
     out = np.zeros(3)
     made(move)(np.arange(4.0), flags := new_flags(2), out)
-    assert out.tolist() == [2, 4, 5] and flags[:, 0].tolist() == [0, 5, 0]
+    assert out.tolist() == [2, 4, 5] and flags[:, 0].tolist() == [3, 5, 0]
 
 
 def test_nobody_waits_for_another() -> None:
-    """Which would be for ever: a team does not come together, and a flag that is not there is an error."""
+    """Which would be for ever, as members run one after the other: the first does every part of every phase, once."""
 
-    def meet(gate, count, came):
-        came[0] = all_arrived(gate, count, 10)
+    def work(count, members, done):
+        team = new_team(members)
+        for member in prange(members):
+            for phase in range(2):
+                for part in shares(team, member, count):
+                    done[phase, part] += member + 1
 
-    for count, met, decision in ((1, True, GO), (3, False, GIVE_UP)):
-        came, gate = np.zeros(1, np.bool_), new_flags(GATE_FLAGS)
-        made(meet)(gate, count, came)
-        assert came[0] == met and gate[1, 0] == decision
-
-    def wait(flags):
-        wait_for(flags, 0, 1, 10)
-
-    with pytest.raises(RuntimeError, match="one thread"):
-        made(wait)(new_flags(1))
+    done = np.zeros((2, 3), np.int64)
+    made(work)(3, 3, done)
+    assert done.tolist() == [[1, 1, 1], [1, 1, 1]]
 
 
 def test_the_environment_switches_it_on() -> None:
