@@ -14,10 +14,11 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import CellType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
+import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
@@ -28,6 +29,24 @@ SECONDS = "SOFTLAB_PLAIN_PYTHON_SECONDS"
 _equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that are another thing on one thread
 _translated: dict[Any, Callable] = {}
 _left = math.inf  # seconds until machine code takes over
+_end = math.inf  # of the processor's time, when the call under way has to end
+
+
+class _TooLong(Exception):
+    """A call in plain Python takes longer than machine code's compiling may."""
+
+
+def still_time() -> None:
+    """Asked by loops over bands and over parts of a team's work. Raises where the call has had its time."""
+    if time.process_time() > _end:
+        raise _TooLong
+
+
+def _each(*bounds: int) -> Iterator[int]:
+    """What prange is in plain Python."""
+    for k in range(*bounds):
+        still_time()
+        yield k
 
 
 def in_python(machine_code: Any) -> Callable[[Callable], Callable]:
@@ -64,6 +83,7 @@ class _Numpy(SimpleNamespace):
 
 _replaced: dict[Any, Any] = {
     math.sqrt: _sqrt,
+    numba.prange: _each,
     np: _Numpy(int32=_whole(np.int32), int64=_whole(np.int64), uint32=_whole(np.uint32), uint64=_whole(np.uint64)),
 }
 
@@ -95,14 +115,18 @@ def translated(dispatcher: Any) -> Callable:
 
 
 def _call(dispatcher: Any, *arguments: Any) -> Any:
-    global _left
-    if _left < 0:
-        plain_python(False)
-        return dispatcher(*arguments)
+    global _left, _end
     begin = time.process_time()
+    before = [(array, array.copy()) for array in arguments if isinstance(array, np.ndarray)] if _left < math.inf else []
+    _end = begin + _left
     try:
         with np.errstate(all="ignore"):  # quotients by zero and overflows are numbers, as in machine code
             return translated(dispatcher)(*(_scalar(argument) for argument in arguments))
+    except _TooLong:
+        for array, copy in before:
+            array[...] = copy
+        plain_python(False)
+        return dispatcher(*arguments)
     finally:
         _left -= time.process_time() - begin
 

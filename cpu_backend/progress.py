@@ -23,7 +23,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from cpu_backend.plain import in_python
+from cpu_backend.plain import in_python, still_time
 
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
 SPINS = 300  # looks with a pause between them: some microseconds
@@ -231,6 +231,7 @@ def _all_parts(team: np.ndarray, member: int, count: int) -> Iterator[int]:
     phase = team[own, 0] = team[own, 0] + 1
     for part in range(count):
         if team[part, 0] < phase:
+            still_time()
             team[part, 0] = phase
             yield part
             team[len(team) // 3 + part, 0] = phase
