@@ -117,6 +117,7 @@ COMPILED = {
     "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
     "test_kernel_sweep.py": "test_arithmetic_rates*",
+    "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
 }  # fmt: skip
@@ -130,7 +131,6 @@ ONLY_THOROUGH = {
     "test_ablate.py": "test_of_chaos* test_over_the_limit* test_dropping_a_random*",
     "test_advise.py": "test_the_command_writes*",
     "test_cpu_reference.py": "test_fast_math*", "test_cloth_cpu.py": "test_fast_math*",  # test_compiled.py has them
-    "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_cloth_assembly.py": "*", "test_xpbd_assembly.py": "*",
     "test_mesh_collider.py": "test_jelly_stays*", "test_motion.py": "test_the_twisted_sheet*",
     "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand* test_the_catalogues_stack*",
