@@ -86,8 +86,9 @@ def test_a_file_that_is_nowhere_is_told_with_both_places(folders: tuple[Path, Pa
     with pytest.raises(InputError) as found:
         load_scene(written(here, kind).name)
     assert str(found.value).count(str(here / "some.obj")) == 1
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="file = xxx") as found:
         load_scene(written(here, kind, "x" * 5000))
+    assert len(str(found.value)) < 600
 
 
 def test_the_labs_own_keep_their_names_but_not_before_what_lies_beside(folders: tuple[Path, Path]) -> None:
