@@ -88,15 +88,14 @@ def test_references_are_kept(tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def small_run(tmp_path_factory):
     """S1 in float32 with three integrators at two step sizes, run twice: (first, second, store's measures)."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "rk4", "taylor"))
-    patch.setattr(accuracy_cases, "QUICK_XPBD", ())
-    patch.setattr(accuracy_cases, "STEP_SIZES", (0.02, 0.01))
-    with Store(tmp_path_factory.mktemp("accuracy") / "results.sqlite") as store:
+    folder = tmp_path_factory.mktemp("accuracy")
+    with pytest.MonkeyPatch.context() as patch, Store(folder / "results.sqlite") as store:
+        patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "rk4", "taylor"))
+        patch.setattr(accuracy_cases, "QUICK_XPBD", ())
+        patch.setattr(accuracy_cases, "STEP_SIZES", (0.02, 0.01))
         how = {"quick": True, "backends": ["cpu"], "precisions": ["float32"], "scenes": ["S1"], "progress": False}
         runs = [run_accuracy(store, **how) for _ in range(2)]
-        yield (*runs, measures(store))
-    patch.undo()
+        return *runs, measures(store)
 
 
 def test_points_of_a_run(small_run):
@@ -174,19 +173,17 @@ def cloth_run(tmp_path_factory):
     """S4 at 6 x 6 masses to 0.24 s with three integrators at two step sizes: (summary, the store's points, measures)."""
     folder = tmp_path_factory.mktemp("cloth")
     small = load_scene("cloth-wind").replace({"cloth.rows": 6, "cloth.columns": 6})
-    patch = pytest.MonkeyPatch()
-    patch.setitem(accuracy_points.CLOTHS, "S4", str(write_scene(folder / "small.toml", small)))
-    patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "velocity-verlet", "rk4"))
-    patch.setattr(accuracy_cases, "OF_CLOTHS", ())
-    patch.setattr(accuracy_cases, "QUICK_XPBD", ())
-    patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
-    patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.002))
-    patch.setattr("plots.accuracy_points.CLOTH_SCENES", {"S4": small.as_dict()})
-    with Store(folder / "results.sqlite") as store:
+    with pytest.MonkeyPatch.context() as patch, Store(folder / "results.sqlite") as store:
+        patch.setitem(accuracy_points.CLOTHS, "S4", str(write_scene(folder / "small.toml", small)))
+        patch.setattr(accuracy_cases, "INTEGRATORS", ("lab", "velocity-verlet", "rk4"))
+        patch.setattr(accuracy_cases, "OF_CLOTHS", ())
+        patch.setattr(accuracy_cases, "QUICK_XPBD", ())
+        patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
+        patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004, 0.002))
+        patch.setattr("plots.accuracy_points.CLOTH_SCENES", {"S4": small.as_dict()})
         how = {"quick": True, "backends": ["cpu"], "precisions": ["float64"], "scenes": ["S4"], "progress": False}
         summary = run_accuracy(store, **how)
-        yield summary, points(load(store).featured[0]), measures(store)
-    patch.undo()
+        return summary, points(load(store).featured[0]), measures(store)
 
 
 def test_a_cloth_is_judged_at_its_own_time_and_steps(cloth_run):

@@ -212,21 +212,20 @@ def small_run(tmp_path_factory):
         "S6": short(),
         "S6-still": short(name="rope-stiff-still", damping__coefficient=1.5),  # at rest as soon as 64 links are
     }
-    patch = pytest.MonkeyPatch()
-    for label, scene in scenes.items():
-        patch.setitem(accuracy_points.CLOTHS, label, str(write_scene(folder / f"{label}.toml", scene)))
-    patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
-    patch.setitem(accuracy_points.CLOTH_ENDS, "S6", 0.25)
-    patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004,))
-    patch.setattr(accuracy_cases, "IMPLICIT_STEP_SIZES", (0.008, 0.004))
-    patch.setattr(accuracy_cases, "ROPE_STEP_SIZES", {label: (0.0025, 0.000625) for label in ("S6", "S6-still")})
-    patch.setattr("plots.accuracy_points.CLOTH_SCENES", {label: scene.as_dict() for label, scene in scenes.items()})
-    how = {"precisions": ["float64"], "backends": ["cpu"], "progress": False, "quick": True}
-    with Store(folder / "results.sqlite") as store:
-        run_accuracy(store, integrators=["rk4", "implicit-euler"], scenes=["S4"], **how)
-        summary = run_accuracy(store, integrators=[GAUSS_SEIDEL], scenes=["S6", "S6-still"], **how)
-        yield summary, points(load(store).featured[0]), work_precision.draw(load(store))
-    patch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        for label, scene in scenes.items():
+            patch.setitem(accuracy_points.CLOTHS, label, str(write_scene(folder / f"{label}.toml", scene)))
+        patch.setitem(accuracy_points.CLOTH_ENDS, "S4", 0.24)
+        patch.setitem(accuracy_points.CLOTH_ENDS, "S6", 0.25)
+        patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004,))
+        patch.setattr(accuracy_cases, "IMPLICIT_STEP_SIZES", (0.008, 0.004))
+        patch.setattr(accuracy_cases, "ROPE_STEP_SIZES", {label: (0.0025, 0.000625) for label in ("S6", "S6-still")})
+        patch.setattr("plots.accuracy_points.CLOTH_SCENES", {label: scene.as_dict() for label, scene in scenes.items()})
+        how = {"precisions": ["float64"], "backends": ["cpu"], "progress": False, "quick": True}
+        with Store(folder / "results.sqlite") as store:
+            run_accuracy(store, integrators=["rk4", "implicit-euler"], scenes=["S4"], **how)
+            summary = run_accuracy(store, integrators=[GAUSS_SEIDEL], scenes=["S6", "S6-still"], **how)
+            return summary, points(load(store).featured[0]), work_precision.draw(load(store))
 
 
 def test_errors_of_the_rope(small_run):

@@ -292,15 +292,14 @@ def test_residuals_of_one_constraint_vanish():
 @pytest.fixture(scope="module")
 def small_run(tmp_path_factory):
     """S1 in float64 with rk4 and Gauss-Seidel at two step sizes and three numbers of iterations."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(accuracy_cases, "STEP_SIZES", (0.01,))
-    patch.setattr(accuracy_cases, "XPBD_STEP_SIZES", (0.01, 0.0025))
-    patch.setattr(accuracy_cases, "ITERATIONS", (1, 4, 8))
-    how = {"integrators": ["rk4", GAUSS_SEIDEL], "precisions": ["float64"], "backends": ["cpu"], "scenes": ["S1"]}
-    with Store(tmp_path_factory.mktemp("accuracy") / "results.sqlite") as store:
-        runs = [run_accuracy(store, quick=True, progress=False, **how) for _ in range(2)]
-        yield (*runs, points(load(store).featured[0]), measures(store))
-    patch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(accuracy_cases, "STEP_SIZES", (0.01,))
+        patch.setattr(accuracy_cases, "XPBD_STEP_SIZES", (0.01, 0.0025))
+        patch.setattr(accuracy_cases, "ITERATIONS", (1, 4, 8))
+        how = {"integrators": ["rk4", GAUSS_SEIDEL], "precisions": ["float64"], "backends": ["cpu"], "scenes": ["S1"]}
+        with Store(tmp_path_factory.mktemp("accuracy") / "results.sqlite") as store:
+            runs = [run_accuracy(store, quick=True, progress=False, **how) for _ in range(2)]
+            return *runs, points(load(store).featured[0]), measures(store)
 
 
 def test_two_errors_of_every_run(small_run):

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 import softlab
 
 KEYS = """
-    scene backend device threads precision math kernel method particles dimensions steps dt substeps iterations time
-    seconds compile_seconds particle_steps_per_second kinetic_energy potential_energy conserved max_speed max_strain
-    error error_reason outcome threads_reason
+    scene backend device threads threads_reason precision math kernel method particles dimensions steps dt substeps iterations
+    time seconds compile_seconds particle_steps_per_second kinetic_energy potential_energy conserved max_speed max_strain
+    error error_reason outcome
 """.split()  # noqa: SIM905
 SMALL = "--set grid.rows=6 --set grid.columns=6"
 

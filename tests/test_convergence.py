@@ -47,24 +47,23 @@ def test_colours_of_twelve_neighbours():
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
     """16 x 16 masses, up to eight iterations, on the CPU with a made-up clock: the results and the summaries."""
-    patch = pytest.MonkeyPatch()
+    with pytest.MonkeyPatch.context() as patch:
 
-    def interleaved(subjects, repeats, _):
-        for turn in range(max(repeats)):
-            for subject in subjects:
-                method = subject.simulation.scene.method
-                seconds = SECONDS[method.name] * method.iterations
-                yield subject, Sample(10 * seconds * (1 + 0.001 * turn), 10, None)
+        def interleaved(subjects, repeats, _):
+            for turn in range(max(repeats)):
+                for subject in subjects:
+                    method = subject.simulation.scene.method
+                    seconds = SECONDS[method.name] * method.iterations
+                    yield subject, Sample(10 * seconds * (1 + 0.001 * turn), 10, None)
 
-    patch.setattr("bench.costs_timing.interleaved", interleaved)
-    patch.setattr(convergence, "warm_up", lambda subject: (0.0, 0.0))
-    patch.setattr(convergence, "choose_steps", lambda subject, *_: 10)
-    patch.setattr(convergence, "SIZES", (16,))
-    patch.setattr(convergence, "ITERATIONS", (1, 2, 8))
-    with Store(tmp_path_factory.mktemp("convergence") / "results.sqlite") as store:
-        runs = [run_convergence(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
-        yield load(store), runs
-    patch.undo()
+        patch.setattr("bench.costs_timing.interleaved", interleaved)
+        patch.setattr(convergence, "warm_up", lambda subject: (0.0, 0.0))
+        patch.setattr(convergence, "choose_steps", lambda subject, *_: 10)
+        patch.setattr(convergence, "SIZES", (16,))
+        patch.setattr(convergence, "ITERATIONS", (1, 2, 8))
+        with Store(tmp_path_factory.mktemp("convergence") / "results.sqlite") as store:
+            runs = [run_convergence(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
+            return load(store), runs
 
 
 def test_nothing_is_measured_twice(measured):

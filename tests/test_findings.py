@@ -24,18 +24,19 @@ OMEGA = math.sqrt(10 / 0.01)  # 1/s, of A3
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
     """Everything on 8 x 8 with few variants, run twice: (store, first, second)."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(findings, "load_scene", lambda name: load_scene(name).replace({"grid.rows": 8, "grid.columns": 8}))
-    patch.setattr(findings, "FLOOR_METHODS", ("rk4",))
-    patch.setattr(findings, "FLOOR_STEPS", (0.02, 0.01, 0.005, 0.0003))
-    patch.setattr(findings, "PRECISIONS", ("float32",))
-    patch.setattr(findings, "AWAY_METHODS", ("lab",))
-    patch.setattr(findings, "EXACT_SIZES", (8, 16))
-    patch.setattr(findings, "EXACT_METHOD", "lab")
-    with Store(tmp_path_factory.mktemp("findings") / "results.sqlite") as store:
-        runs = [run_findings(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
-        yield (store, *runs)
-    patch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            findings, "load_scene", lambda name: load_scene(name).replace({"grid.rows": 8, "grid.columns": 8})
+        )
+        patch.setattr(findings, "FLOOR_METHODS", ("rk4",))
+        patch.setattr(findings, "FLOOR_STEPS", (0.02, 0.01, 0.005, 0.0003))
+        patch.setattr(findings, "PRECISIONS", ("float32",))
+        patch.setattr(findings, "AWAY_METHODS", ("lab",))
+        patch.setattr(findings, "EXACT_SIZES", (8, 16))
+        patch.setattr(findings, "EXACT_METHOD", "lab")
+        with Store(tmp_path_factory.mktemp("findings") / "results.sqlite") as store:
+            runs = [run_findings(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
+            yield (store, *runs)
 
 
 @pytest.fixture(scope="module")

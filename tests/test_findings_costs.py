@@ -58,17 +58,18 @@ def short_intervals():
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
     """Both findings at one small size, run twice: (store, first, second)."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(findings_costs, "source_hash", cache(findings_costs.source_hash))  # sources may be edited meanwhile
-    patch.setattr(findings_costs, "QUICK", TINY)
-    patch.setattr(findings_costs, "LOOK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
-    patch.setattr(findings_determinism, "SIZES", {"cpu": (8, 600)})
-    patch.setattr(findings_costs, "PRECISIONS", ("float32",))
-    patch.setattr(findings_determinism, "PRECISIONS", ("float32",))
-    with Store(tmp_path_factory.mktemp("costs") / "results.sqlite") as store:
-        runs = [run_costs(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
-        yield (store, *runs)
-    patch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            findings_costs, "source_hash", cache(findings_costs.source_hash)
+        )  # sources may be edited meanwhile
+        patch.setattr(findings_costs, "QUICK", TINY)
+        patch.setattr(findings_costs, "LOOK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
+        patch.setattr(findings_determinism, "SIZES", {"cpu": (8, 600)})
+        patch.setattr(findings_costs, "PRECISIONS", ("float32",))
+        patch.setattr(findings_determinism, "PRECISIONS", ("float32",))
+        with Store(tmp_path_factory.mktemp("costs") / "results.sqlite") as store:
+            runs = [run_costs(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
+            yield (store, *runs)
 
 
 @pytest.fixture(scope="module")
