@@ -27,6 +27,7 @@ UNITS = {
     "max_speed": "m/s",
     "error": "of the spacing",
 }
+ABSENT = ("error", "threads_reason")  # no line where there is none
 
 
 def number(value: Any) -> str:
@@ -45,7 +46,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
-        if key in ("error_reason", "waiting", "waiting_particles") or (key == "error" and value is None):
+        if key in ("error_reason", "waiting", "waiting_particles") or (key in ABSENT and value is None):
             continue
         unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
         more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
