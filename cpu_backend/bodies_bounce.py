@@ -7,14 +7,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.bodies_damping import make_damping
 from cpu_backend.bodies_rebound import AXES, make_rebound
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
 from cpu_backend.particle_contacts_bounce import make_passes
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from model.formulas import rebound
 from model.formulas.pace import MOTION
 
@@ -131,12 +130,4 @@ def make_bodies_bounce_stage(real: Any, math: str, place: int) -> Any:
     make_bodies_bounce."""
     bounce_all = make_bodies_bounce(real, math, place)
 
-    def bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
-        team = new_team(bands)
-        for member in prange(bands):
-            bounce_all(
-                team, np.int64(member), bands, position, old, velocity, weights, record, neighbours, contacts, arrays,
-                scratch, pitch,
-            )  # fmt: skip
-
-    return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math).kernel(bounce)
+    return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math).team(bounce_all)

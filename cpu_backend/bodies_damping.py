@@ -7,11 +7,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.bodies_shapes import AT_SHAPES
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.progress import shares
 from model.cluster_tables import shaping
 from model.formulas import cluster, pace
 from model.formulas.cluster import LANES
@@ -133,13 +133,13 @@ def make_damping_stage(real: Any, math: str, place: int) -> Any:
     made = make_damping(compiler, real, True, place)
     gather, slow = made.gather, made.slow
 
-    def damp(bands, position, velocity, count, arrays, scratch, pitch):
+    def damp(team, member, bands, position, velocity, count, arrays, scratch, pitch):
         clusters = arrays[5].size // 4
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                 gather(c, position, velocity, count, arrays, room)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             slow(count * band // bands, count * (band + 1) // bands, position, velocity, count, arrays)
 
-    return compiler.kernel(damp)
+    return compiler.team(damp)

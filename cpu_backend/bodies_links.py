@@ -6,7 +6,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from model.formulas import distance
@@ -49,9 +48,8 @@ def make_link_stage(real: Any, math: str) -> Any:
     compiler = Compiler(f"bodies_links_{np.dtype(real).name}_{math}", math)
     some = make_link_projection(compiler, real)
 
-    def project(bands, start, stop, position, weights, ends, values, multipliers, fresh):
-        for band in prange(bands):
-            first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
-            some(first, last, position, weights, ends, values, multipliers, fresh)
+    def project(band, bands, start, stop, position, weights, ends, values, multipliers, fresh):
+        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
+        some(first, last, position, weights, ends, values, multipliers, fresh)
 
-    return compiler.kernel(project)
+    return compiler.banded(project)

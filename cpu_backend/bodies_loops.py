@@ -35,19 +35,17 @@ def make_matching_stages(real: Any, math: str, shaping: frozenset[str] = frozens
     made = make_matching(real, math, shaping)
     match_some, move_some = made.match, made.move
 
-    def match(bands, position, count, arrays, rotation, turned, frames, scratch):
+    def match(band, bands, position, count, arrays, rotation, turned, frames, scratch):
         clusters = arrays[5].size // 4
-        for band in prange(bands):
-            room = row_at(scratch, np.int64(SCRATCH * LANES * band))
-            stop = clusters * (band + 1) // bands
-            for first in range(clusters * band // bands, stop, LANES):
-                match_some(first, min(first + LANES, stop), position, count, arrays, rotation, turned, frames, room)
+        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+        stop = clusters * (band + 1) // bands
+        for first in range(clusters * band // bands, stop, LANES):
+            match_some(first, min(first + LANES, stop), position, count, arrays, rotation, turned, frames, room)
 
-    def move(bands, position, count, own, own_factors, frames):
-        for band in prange(bands):
-            move_some(count * band // bands, count * (band + 1) // bands, position, count, own, own_factors, frames)
+    def move(band, bands, position, count, own, own_factors, frames):
+        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, own_factors, frames)
 
-    return SimpleNamespace(match=compiler.kernel(match), move=compiler.kernel(move))
+    return SimpleNamespace(match=compiler.banded(match), move=compiler.banded(move))
 
 
 @cache
@@ -80,18 +78,18 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
             position[k] = predicted(before[k], h, kicked(velocity[k], keep, h, a[k])) if goes else before[k]
             a[k] = zero
 
-    def update(bands, before, position, velocity, weights, count, record):
-        for band in prange(bands):
-            first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
-            rate_some(first, last, count, before, position, velocity, weights, record)
+    def update(band, bands, before, position, velocity, weights, count, record):
+        first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
+        rate_some(first, last, count, before, position, velocity, weights, record)
 
-    def collide(bands, number, before, position, velocity, weights, count, record, bodies, kinds):
-        for band in prange(bands):
-            first, last = count * band // bands, count * (band + 1) // bands
-            collide_some(first, last, count, number, before, position, velocity, weights, record, bodies, kinds)
+    def collide(band, bands, number, before, position, velocity, weights, count, record, bodies, kinds):
+        first, last = count * band // bands, count * (band + 1) // bands
+        collide_some(first, last, count, number, before, position, velocity, weights, record, bodies, kinds)
 
-    found = (gravity, poke, predict, update, collide)
-    return SimpleNamespace(**{f.__name__: compiler.kernel(f) for f in found})
+    return SimpleNamespace(
+        gravity=compiler.kernel(gravity), poke=compiler.kernel(poke), predict=compiler.kernel(predict),
+        update=compiler.banded(update), collide=compiler.banded(collide),
+    )  # fmt: skip
 
 
 @cache
@@ -172,26 +170,25 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
             go(first, last, after, velocity, count, arrays)
 
     def advance(
-        bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
+        band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
         own_factors, rotation, frames, scratch, record, poked, bodies, kinds,
     ):  # fmt: skip
-        for band in prange(bands):
-            room = row_at(scratch, np.int64(SCRATCH * LANES * band))
-            for g in range(bounds[band], bounds[band + 1]):
-                first, last, low, high, lone = groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3], groups[g, 4]
-                for n in range(steps * substeps):
-                    number = step * substeps + n
-                    before, after = (odd, even) if n % 2 else (even, odd)
-                    if lone:
-                        for c in range(low, high, LANES):
-                            pass_lone(
-                                c, min(c + LANES, high), number, iterations, before, after, velocity, weights, arrays,
-                                factors, rotation, frames, room, record, poked, bodies, kinds,
-                            )  # fmt: skip
-                    else:
-                        pass_any(
-                            first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own,
-                            own_factors, rotation, frames, room, record, poked, bodies, kinds,
+        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+        for g in range(bounds[band], bounds[band + 1]):
+            first, last, low, high, lone = groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3], groups[g, 4]
+            for n in range(steps * substeps):
+                number = step * substeps + n
+                before, after = (odd, even) if n % 2 else (even, odd)
+                if lone:
+                    for c in range(low, high, LANES):
+                        pass_lone(
+                            c, min(c + LANES, high), number, iterations, before, after, velocity, weights, arrays,
+                            factors, rotation, frames, room, record, poked, bodies, kinds,
                         )  # fmt: skip
+                else:
+                    pass_any(
+                        first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own,
+                        own_factors, rotation, frames, room, record, poked, bodies, kinds,
+                    )  # fmt: skip
 
-    return compiler.kernel(advance)
+    return compiler.banded(advance)

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.bodies_damping import at_damping, make_damping
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
+from cpu_backend.progress import shares
 from model.formulas import cluster, rebound
 from model.formulas.cluster import LANES
 from model.formulas.pace import MOTION
@@ -143,19 +143,18 @@ def make_rebound_stages(real: Any, math: str, place: int) -> SimpleNamespace:
     made = make_rebound(compiler, real, True, place)
     note_some, strike, answer, go = made.note, made.strike, made.answer, made.go
 
-    def note(bands, velocity, count, arrays):
-        for band in prange(bands):
-            note_some(count * band // bands, count * (band + 1) // bands, velocity, count, arrays)
+    def note(band, bands, velocity, count, arrays):
+        note_some(count * band // bands, count * (band + 1) // bands, velocity, count, arrays)
 
-    def rebound(bands, position, velocity, count, arrays, scratch, pitch):
+    def rebound(team, member, bands, position, velocity, count, arrays, scratch, pitch):
         clusters = arrays[5].size // 4
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             strike(count * band // bands, count * (band + 1) // bands, velocity, count, arrays)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                 answer(c, position, count, arrays, room)
-        for band in prange(bands):
+        for band in shares(team, member, bands):
             go(count * band // bands, count * (band + 1) // bands, position, velocity, count, arrays)
 
-    return SimpleNamespace(note=compiler.kernel(note), rebound=compiler.kernel(rebound))
+    return SimpleNamespace(note=compiler.banded(note), rebound=compiler.team(rebound))

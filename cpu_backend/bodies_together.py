@@ -7,7 +7,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.bodies_bounce import make_bodies_bounce
 from cpu_backend.bodies_damping import at_damping, make_damping
@@ -21,7 +20,7 @@ from cpu_backend.layout import row_at
 from cpu_backend.particle_contacts_bounce import make_bounce
 from cpu_backend.particle_contacts_find import make_find
 from cpu_backend.particle_contacts_project import PACES, make_project, make_settle
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from model.cloth_parts import COLLIDER_KINDS
 from model.cluster_tables import shaping
 from model.formulas.cluster import LANES
@@ -53,12 +52,11 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     rates_apart = has_pace or bounces or has_rigid or has_damping  # of what others look at before colliders
     at_once = not (has_contacts or has_damping or has_lattices)  # particles end with the last way to their goals
 
-    @compiler.compiled
-    def run(
+    def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
-        own_factors, rotation, frames, scratch, record, poked, bodies, kinds, numbers, of_particle, tables, in_order,
-        neighbours, touching, olds, lattices, lattice_frames,
+        own_factors, rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames,
     ):  # fmt: skip
+        numbers, of_particle, tables, in_order, neighbours, touching, olds = contacts
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
         for band in shares(team, member, bands):
@@ -155,17 +153,4 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                         if n < passes - 1:
                             begin(first, last, count, after, before, velocity, weights, record, poked)
 
-    def advance(
-        bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors, rotation,
-        frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames,
-    ):  # fmt: skip
-        team = new_team(bands)
-        numbers, of_particle, tables, in_order, neighbours, touching, olds = contacts  # parallel loops take flat tuples
-        for member in prange(bands):
-            run(
-                team, np.int64(member), bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays,
-                links, own, own_factors, rotation, frames, scratch, record, poked, bodies, kinds, numbers, of_particle,
-                tables, in_order, neighbours, touching, olds, lattices, lattice_frames,
-            )  # fmt: skip
-
-    return compiler.kernel(advance)
+    return compiler.team(advance)

@@ -12,12 +12,11 @@ from functools import cache
 from typing import Any
 
 import numba
-import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.compiler import Compiler as NumbaCompiler
 
-import cpu_backend.plain  # noqa: F401  # which the environment may switch on
+from cpu_backend.plain import in_python, still_time, translated
 from cpu_backend.progress import new_team
+from cpu_backend.region import BodyPipeline, LinkedPipeline, packed, region
 from model.digest import content_digest, file_name
 from model.kernel_cache import Kept, NamedByContent, Place, keep
 
@@ -34,7 +33,7 @@ class _KernelCache(Kept, FunctionCache):
     _impl_class = _KernelFiles
 
 
-class _RowPipeline(NumbaCompiler):
+class _RowPipeline(LinkedPipeline):
     """numba's pipeline for functions whose array arguments share no memory that is written.
 
     LLVM is told so. Else it checks at run time whether the arrays overlap, which takes longer than a short row, and
@@ -75,32 +74,68 @@ class Compiler:
         """A loop along rows. Its array arguments must not overlap, except for those that it only reads."""
         return self._made_once(function, pipeline_class=_RowPipeline)
 
-    def kernel(self, function: Callable) -> Any:
+    def kernel(self, function: Callable, parallel: bool = True) -> Any:
         """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
         label = f"{function.__name__} {self.variant}"
         named(function, content_digest(function, self.options))
-        dispatcher = numba.njit(parallel=True, **self.options)(function)
+        dispatcher = numba.njit(parallel=parallel, **self.options)(function)
         keep(dispatcher, _KernelCache, label)
         return dispatcher
 
     def team(self, function: Callable) -> Any:
         """A parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member, bands, ...): see
-        progress.shares. Arguments are numbers and arrays, no tuples."""
-        name = function.__name__
-        run = self.compiled(function)
+        progress.shares. Arguments are numbers, arrays and tuples of them."""
+        name, run, all_members = self._inside(function)
 
         def team(bands, *given):
             flags = new_team(bands)
-            for member in numba.prange(bands):
-                run(flags, np.int64(member), bands, *given)
+            entry, arguments = packed(run, (flags,), bands, given)
+            all_members(entry, arguments, bands)
+            flags[0, 1] = bands  # so that they live until here
 
         team.__name__ = f"team_{name}"
-        return self.kernel(team)
+        kernel = self.kernel(team, parallel=False)
 
-    def _made_once(self, function: Callable, **options: Any) -> Any:
-        content = content_digest(function, self.options, options)
+        @in_python(kernel)
+        def one_after_the_other(bands: int, *given: Any) -> None:
+            flags = translated(new_team)(bands)
+            for member in range(bands):
+                still_time()
+                translated(run)(flags, member, bands, *given)
+
+        return kernel
+
+    def banded(self, function: Callable) -> Any:
+        """A parallel kernel (bands, ...) that runs `function` (band, bands, ...) for every band, in any order."""
+        name, run, all_members = self._inside(function)
+
+        def banded(bands, *given):
+            entry, arguments = packed(run, (), bands, given)
+            all_members(entry, arguments, bands)
+
+        banded.__name__ = f"banded_{name}"
+        kernel = self.kernel(banded, parallel=False)
+
+        @in_python(kernel)
+        def one_after_the_other(bands: int, *given: Any) -> None:
+            for band in range(bands):
+                still_time()
+                translated(run)(band, bands, *given)
+
+        return kernel
+
+    def _inside(self, function: Any) -> tuple[str, Any, Any]:
+        """What a parallel kernel is made of: its name, what each member or band runs, and what starts them."""
+        known = getattr(function, "softlab_content", None)
+        name = function.__name__.removesuffix(f"_{known}")
+        return name, function if known else self._made_once(function, BodyPipeline), _region()
+
+    def _made_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, **options: Any) -> Any:
+        content = content_digest(function, self.options, options, pipeline_class.__name__)
         if content not in _shared:
-            _shared[content] = numba.njit(**self.options, **self._inner, **options)(named(function, content))
+            _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(
+                named(function, content)
+            )
             _shared[content].softlab_content = content
         return _shared[content]
 
@@ -109,6 +144,11 @@ def named(function: Callable, content: str) -> Callable:
     """The function under a name that holds its content, so that no two share a symbol or a file of machine code."""
     function.__name__ = function.__qualname__ = file_name(f"{function.__name__}_{content}")
     return function
+
+
+@cache
+def _region() -> Any:
+    return Compiler("of every team", "exact").kernel(region)
 
 
 @cache

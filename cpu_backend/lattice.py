@@ -12,13 +12,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.lattice_layout import FRAME, QUATERNION
 from cpu_backend.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_lattice_rows
 from cpu_backend.layout import row_at
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from model.formulas import lattice, rotation
 from model.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN, VALUES
 
@@ -326,17 +325,5 @@ def make_lattice_stages(real: Any, math: str) -> SimpleNamespace:
     """`match(bands, position, count, arrays, turned, frames, look)`, `move(bands, position, count, arrays)`: see
     make_lattice_matching."""
     made = make_lattice_matching(real, math)
-    match_all, move_all = made.match, made.move
-
-    def match(bands, position, count, arrays, turned, frames, look):
-        team = new_team(bands)
-        for member in prange(bands):
-            match_all(team, np.int64(member), bands, position, count, arrays, turned, frames, look)
-
-    def move(bands, position, count, arrays):
-        team = new_team(bands)
-        for member in prange(bands):
-            move_all(team, np.int64(member), bands, position, count, arrays)
-
     compiler = Compiler(f"lattice_stages_{np.dtype(real).name}_{math}", math)
-    return SimpleNamespace(match=compiler.kernel(match), move=compiler.kernel(move))
+    return SimpleNamespace(match=compiler.team(made.match), move=compiler.team(made.move))

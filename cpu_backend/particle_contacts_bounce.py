@@ -8,11 +8,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from model.formulas import particle_contact, rebound
 from model.particle_contact_record import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MOST_NEIGHBOURS
 
@@ -128,11 +127,4 @@ def make_bounce_stage(real: Any, math: str) -> Any:
     """bounce(bands, position, old, velocity, weights, record, neighbours, contacts): see make_bounce."""
     bounce_all = make_bounce(real, math)
 
-    def bounce(bands, position, old, velocity, weights, record, neighbours, contacts):
-        team = new_team(bands)
-        for member in prange(bands):
-            bounce_all(
-                team, np.int64(member), bands, position, old, velocity, weights, record, neighbours, contacts
-            )  # fmt: skip
-
-    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).kernel(bounce)
+    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(bounce_all)

@@ -14,13 +14,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange, types
+from numba import types
 from numba.extending import intrinsic
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
 from cpu_backend.plain import in_python
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from model.formulas import particle_contact
 from model.formulas.cluster import LANES
 from model.particle_contact_record import (
@@ -329,12 +329,4 @@ def make_find_stage(real: Any, math: str) -> Any:
     """find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): see make_find."""
     find_all = make_find(real, math)
 
-    def find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours):
-        team = new_team(bands)
-        for member in prange(bands):
-            find_all(
-                team, np.int64(member), bands, position, weights, record, reach, kinds, of_particle, tables, in_order,
-                neighbours,
-            )  # fmt: skip
-
-    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).kernel(find)
+    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(find_all)

@@ -8,11 +8,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.compile import Compiler
 from cpu_backend.layout import row_at
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from model.formulas import particle_contact
 from model.particle_contact_record import (
     G_ACTIVE,
@@ -146,14 +145,7 @@ def make_project_stage(real: Any, math: str, rubbing: bool, sticking: bool) -> A
     name = f"particles_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
     project_all = make_project(real, math, rubbing, sticking)
 
-    def project(bands, sweeps, before, position, weights, record, neighbours, contacts):
-        team = new_team(bands)
-        for member in prange(bands):
-            project_all(
-                team, np.int64(member), bands, sweeps, before, position, weights, record, neighbours, contacts
-            )  # fmt: skip
-
-    return Compiler(name, math).kernel(project)
+    return Compiler(name, math).team(project_all)
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -192,8 +184,7 @@ def make_settle_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
     compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts & PACES))}", math)
     settle_some = make_settle(compiler, real, parts)
 
-    def settle(bands, count, before, position, record):
-        for band in prange(bands):
-            settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record)
+    def settle(band, bands, count, before, position, record):
+        settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record)
 
-    return compiler.kernel(settle)
+    return compiler.banded(settle)

@@ -20,6 +20,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba._dispatcher import Dispatcher as BaseDispatcher
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 
@@ -28,6 +29,7 @@ SECONDS = "SOFTLAB_PLAIN_PYTHON_SECONDS"
 
 _equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that are another thing on one thread
 _translated: dict[Any, Callable] = {}
+_machine_code = BaseDispatcher.__call__  # what calling a kernel does unless it is plain
 _left = math.inf  # seconds until machine code takes over
 _end = math.inf  # of the processor's time, when the call under way has to end
 
@@ -114,8 +116,15 @@ def translated(dispatcher: Any) -> Callable:
     return _translated[dispatcher]
 
 
+def _is_made(dispatcher: Any) -> bool:
+    """Whether a kernel has machine code, of this process or kept."""
+    return bool(dispatcher.overloads) or getattr(dispatcher._cache, "has_any", False)
+
+
 def _call(dispatcher: Any, *arguments: Any) -> Any:
     global _left, _end
+    if _left < math.inf and _is_made(dispatcher):
+        return _machine_code(dispatcher, *arguments)
     begin = time.process_time()
     before = [(array, array.copy()) for array in arguments if isinstance(array, np.ndarray)] if _left < math.inf else []
     _end = begin + _left
@@ -125,7 +134,7 @@ def _call(dispatcher: Any, *arguments: Any) -> Any:
     except _TooLong:
         for array, copy in before:
             array[...] = copy
-        plain_python(False)
+        plain_python(False)  # the kernels that this one would be followed by would take too long, too
         return dispatcher(*arguments)
     finally:
         _left -= time.process_time() - begin
@@ -141,7 +150,8 @@ def _scalar(argument: Any) -> Any:
 def plain_python(on: bool, seconds: float = math.inf) -> None:
     """From here on calling a kernel runs its source (True) or its machine code (False).
 
-    `seconds`: of the processor's time, after which machine code takes over, with the same bits in `exact` math.
+    `seconds`: of the processor's time, after which machine code takes over, with the same bits in `exact` math; and where
+    there is machine code already, it runs at once.
     """
     global _left
     _left = seconds

@@ -11,13 +11,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from cpu_backend.cloth_colliders import make_collide_mass
 from cpu_backend.cloth_scratch import cloth_variant
 from cpu_backend.cloth_winds import make_air, make_triangle
 from cpu_backend.compile import Compiler
-from cpu_backend.progress import new_team, shares
+from cpu_backend.progress import shares
 from cpu_backend.xpbd_mesh_projections import make_projection
 from model.cloth_parts import COLLIDER_KINDS
 from model.cloth_record import C_DRAG, C_DT, C_EXTERNAL, C_GRAVITY, C_LIFT, C_POKE_X
@@ -168,43 +167,39 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     begin, attach_some, update_some, collide_some = made.begin, made.attach, made.update, made.collide
     edges_some, bends_some = made.edges, made.bends
 
-    def predict(bands, step, substep, position, velocity, before, record, integers, wind_lists):
+    def predict(team, member, bands, step, substep, position, velocity, before, record, integers, wind_lists):
         count = len(position)
-        for band in prange(bands):
-            first, last = count * band // bands, count * (band + 1) // bands
-            before[first:last] = position[first:last]
-        for band in prange(bands):
+        for band in shares(team, member, bands):
+            for k in range(count * band // bands, count * (band + 1) // bands):
+                for axis in range(position.shape[1]):
+                    before[k, axis] = position[k, axis]
+        for band in shares(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
             begin(first, last, step, substep, before, velocity, position, record, integers, wind_lists)
 
-    def edges(bands, start, stop, position, before, corners, values, multipliers, fresh, record):
-        for band in prange(bands):
-            first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
-            edges_some(first, last, position, before, corners, values, multipliers, fresh, record)
+    def edges(band, bands, start, stop, position, before, corners, values, multipliers, fresh, record):
+        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
+        edges_some(first, last, position, before, corners, values, multipliers, fresh, record)
 
-    def bends(bands, start, stop, position, before, corners, values, multipliers, fresh, record):
-        for band in prange(bands):
-            first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
-            bends_some(first, last, position, before, corners, values, multipliers, fresh, record)
+    def bends(band, bands, start, stop, position, before, corners, values, multipliers, fresh, record):
+        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
+        bends_some(first, last, position, before, corners, values, multipliers, fresh, record)
 
-    def attach(bands, position, anchors, reaches):
+    def attach(band, bands, position, anchors, reaches):
         count = len(position)
-        for band in prange(bands):
-            attach_some(count * band // bands, count * (band + 1) // bands, position, anchors, reaches)
+        attach_some(count * band // bands, count * (band + 1) // bands, position, anchors, reaches)
 
-    def update(bands, before, position, velocity, record):
+    def update(band, bands, before, position, velocity, record):
         count = len(position)
-        for band in prange(bands):
-            update_some(count * band // bands, count * (band + 1) // bands, before, position, velocity, record)
+        update_some(count * band // bands, count * (band + 1) // bands, before, position, velocity, record)
 
-    def collide(bands, substep, before, position, velocity, record, bodies, kinds):
+    def collide(band, bands, substep, before, position, velocity, record, bodies, kinds):
         count = len(position)
-        for band in prange(bands):
-            first, last = count * band // bands, count * (band + 1) // bands
-            collide_some(first, last, substep, before, position, velocity, record, bodies, kinds)
+        first, last = count * band // bands, count * (band + 1) // bands
+        collide_some(first, last, substep, before, position, velocity, record, bodies, kinds)
 
-    found = (predict, edges, bends, attach, update, collide)
-    return SimpleNamespace(**{f.__name__: compiler.kernel(f) for f in found})
+    found = {f.__name__: compiler.banded(f) for f in (edges, bends, attach, update, collide)}
+    return SimpleNamespace(predict=compiler.team(predict), **found)
 
 
 @cache
@@ -219,8 +214,7 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_edges, has_bends = "structural" in parts, "bending" in parts
     has_attachments, has_bodies = "attachments" in parts, bool(parts & set(COLLIDER_KINDS))
 
-    @compiler.compiled
-    def run(
+    def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists,
         edge_family, bend_family, anchors, reaches, bodies, kinds,
     ):  # fmt: skip
@@ -266,15 +260,4 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if has_bodies:
                     collide(first, last, number, before, position, velocity, record, bodies, kinds)
 
-    def advance(
-        bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists, edge_family,
-        bend_family, anchors, reaches, bodies, kinds,
-    ):  # fmt: skip
-        team = new_team(bands)
-        for member in prange(bands):
-            run(
-                team, np.int64(member), bands, steps, step, substeps, iterations, position, velocity, before, record,
-                integers, wind_lists, edge_family, bend_family, anchors, reaches, bodies, kinds,
-            )  # fmt: skip
-
-    return compiler.kernel(advance)
+    return compiler.team(advance)

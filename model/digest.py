@@ -84,7 +84,7 @@ class _Walk:
         elif hasattr(value, "dtype") and hasattr(value, "tobytes"):  # numpy's numbers and arrays
             yield f"{value.dtype} {getattr(value, 'shape', ())}".encode()
             yield value.tobytes()
-        elif type(value).__module__.split(".")[0] in ("numpy", "numba"):  # element types, numba's types, ufuncs
+        elif type(value).__module__.split(".")[0] in ("numpy", "numba", "llvmlite"):  # their types, and ufuncs
             yield repr(value).encode()
         elif callable(value) and hasattr(value, "__qualname__"):  # functions of Python itself and of its libraries
             yield f"{value.__module__}.{value.__qualname__}".encode()

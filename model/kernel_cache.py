@@ -165,6 +165,11 @@ class Kept:
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return sig, codegen.magic_tuple(), _versions()
 
+    @property
+    def has_any(self) -> bool:
+        """Whether machine code of this function is kept, for arguments of some type."""
+        return os.path.exists(self._cache_file._index_path)
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             found = super().load_overload(sig, target_context)  # type: ignore[misc]

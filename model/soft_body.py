@@ -267,7 +267,8 @@ class SoftBody(RigidBody):
 
 def check_masses(parameters: RigidBody, mass: np.ndarray) -> None:
     """Raise SceneError for particles of a body without a mass, or with one beyond all numbers [kg]."""
-    if not (np.isfinite(mass).all() and (mass > 0).all() and np.isfinite(1 / mass.min())):
+    smallest = 1 / np.finfo(np.float64).max  # of lighter ones the inverse is no number
+    if not (np.isfinite(mass).all() and (mass > smallest).all()):
         field = "density" if parameters.mass is None else "mass"
         raise SceneError(
             field, getattr(parameters, field),

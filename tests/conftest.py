@@ -109,7 +109,7 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
 
 
-PLAIN_SECONDS = 5.0  # of a test, until its kernels are compiled after all: about what compiling one takes
+PLAIN_SECONDS = 2.0  # of a test, until its kernels are compiled after all: about what compiling one takes
 
 # Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
 # others they run as plain Python (cpu_backend/plain.py), whose bits are the same. Tables: file -> patterns of tests' names.

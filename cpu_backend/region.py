@@ -1,0 +1,116 @@
+"""The one parallel region of all team kernels: its members enter a kernel by address.
+
+numba makes of a parallel loop's body four functions, one around the other, and optimises and emits all that the body calls
+with each: most of the time that a large kernel takes to compile. So there is one such loop, of whole numbers, that calls a
+function at an address; a kernel hands it the address of its own body and of the arguments, which lie packed on the stack of
+the thread that called the kernel.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler as NumbaCompiler
+from numba.extending import intrinsic
+
+_built_in: Any = intrinsic  # typed by numba when they are compiled
+_ENTRY = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), ir.IntType(64)])  # packed arguments, member
+
+
+class _NoEnvironment:
+    """In place of the engine that a library's code is emitted by."""
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """What is not emitted has no environment; it needs none, see Compiler."""
+
+
+class LinkedLibrary(JITCodeLibrary):
+    """Code that is only ever linked into other code: emitted there, not by itself."""
+
+    codegen = _NoEnvironment()
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0
+
+
+class _BodyLibrary(LinkedLibrary):
+    """Code that a single function contains: optimised there, not by itself."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+
+class LinkedPipeline(NumbaCompiler):
+    """numba's pipeline for functions that only kernels call."""
+
+    library = LinkedLibrary
+
+    def define_pipelines(self) -> Any:
+        self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+class BodyPipeline(LinkedPipeline):
+    """The same for the body of a parallel kernel."""
+
+    library = _BodyLibrary
+
+
+@_built_in
+def enter(typing_context, entry, arguments, member):
+    """Call the body at address `entry` with the packed arguments, as `member` of its team."""
+
+    def build(context, builder, signature, values):
+        function = builder.inttoptr(values[0], _ENTRY.as_pointer())
+        packed = builder.inttoptr(values[1], ir.IntType(8).as_pointer())
+        builder.call(function, [packed, values[2]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), build
+
+
+def region(entry, arguments, members):
+    """The body, once for each member."""
+    for member in numba.prange(members):
+        enter(entry, arguments, np.int64(member))
+
+
+@_built_in
+def packed(typing_context, body, first, members, given):
+    """(address of a kernel's body, address of its arguments); the body takes (*first, member, members, *given)."""
+    taken = (*first.types, types.int64, members, *given.types)
+    place_of_member = len(first.types)
+
+    def build(context, builder, signature, values):
+        compiled = body.dispatcher.overloads[taken]
+        context.active_code_library.add_linking_library(compiled.library)
+        handed = [*cgutils.unpack_tuple(builder, values[1]), values[2], *cgutils.unpack_tuple(builder, values[3])]
+        layout = ir.LiteralStructType([value.type for value in handed])
+        memory = cgutils.alloca_once(builder, layout)
+        for k, value in enumerate(handed):
+            builder.store(value, cgutils.gep_inbounds(builder, memory, 0, k))
+
+        entry = ir.Function(builder.module, _ENTRY, name=f"entry.{compiled.fndesc.mangled_name}")
+        entry.linkage = "internal"
+        inner = ir.IRBuilder(entry.append_basic_block())
+        source = inner.bitcast(entry.args[0], layout.as_pointer())
+        arguments = [inner.load(cgutils.gep_inbounds(inner, source, 0, k)) for k in range(len(handed))]
+        arguments.insert(place_of_member, entry.args[1])
+        function = context.declare_function(builder.module, compiled.fndesc)
+        returned, expected = compiled.fndesc.restype, compiled.fndesc.argtypes
+        context.call_conv.call_function(inner, function, returned, expected, arguments)  # bodies raise nothing
+        inner.ret_void()
+        addresses = [builder.ptrtoint(pointer, ir.IntType(64)) for pointer in (entry, memory)]
+        return context.make_tuple(builder, signature.return_type, addresses)
+
+    body.dispatcher.compile(taken)  # before the code around it is written
+    return types.UniTuple(types.int64, 2)(body, first, members, given), build
