@@ -197,7 +197,9 @@ def labbook(
 
 @app.command(epilog="Example: softlab lab --quick")
 def lab(
-    quick: Annotated[bool, typer.Option("--quick", help="Small: two minutes or so on two cores, later one.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small: a minute or two on two cores, later less than one.")
+    ] = False,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Everything: doctor, sweep, accuracy, stability, figures, lab book."""
