@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from app.command_line import (
+from app.command.command_line import (
     DEFAULT_STORE,
     Backend,
     Commands,
@@ -32,7 +32,7 @@ from app.command_line import (
     usage_status,
 )
 from bench.commands import measuring
-from model.errors import SoftlabError
+from model.core.errors import SoftlabError
 
 app = typer.Typer(
     cls=Commands,
@@ -111,8 +111,8 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Run a scene without a window."""
-    from app.run import Request, parse_record, run_scene
-    from bench.judge import judge_run
+    from app.command.run import Request, parse_record, run_scene
+    from bench.experiments.accuracy.judge import judge_run
 
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
@@ -130,7 +130,7 @@ def run(
     if as_json:
         print(json.dumps(result.report))
     else:
-        from app.tables import print_report
+        from app.command.tables import print_report
 
         print_report(out, result.report, result.written)
     if result.diverged:
@@ -155,8 +155,8 @@ def demo(
     frames: Annotated[int | None, typer.Option(help="Close after so many frames.")] = None,
 ) -> None:
     """Show scenes in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
-    from app.viewer import run_demo
-    from model.errors import SceneError
+    from app.window.viewer import run_demo
+    from model.core.errors import SceneError
 
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be at least 1")
@@ -211,7 +211,7 @@ def lab(
 @app.command(epilog="Example: softlab scenes")
 def scenes() -> None:
     """List the scenes that come with the lab."""
-    from app.tables import print_scenes
+    from app.command.tables import print_scenes
 
     print_scenes(out)
 
@@ -227,7 +227,7 @@ def plan(
 ) -> None:
     """Print the stages of a step, their bytes and operations, each backend's kernel, and the stability limit."""
     from app.driver import BACKENDS
-    from app.plan_report import plan_report
+    from app.plan.report import plan_report
 
     wanted = BACKENDS if backend is None else (backend,)
     with compilations_told():
@@ -235,7 +235,7 @@ def plan(
     if as_json:
         print(json.dumps(report.as_dict()))
     else:
-        from app.plan_table import print_plan
+        from app.plan.table import print_plan
 
         print_plan(out, report)
 
@@ -243,8 +243,8 @@ def plan(
 @app.command(epilog="Example: softlab doctor")
 def doctor() -> None:
     """Say what works on this machine, and how to get the rest."""
-    from app.doctor import examine
-    from app.tables import print_findings
+    from app.command.doctor import examine
+    from app.command.tables import print_findings
 
     print_findings(out, examine())
 
@@ -254,8 +254,8 @@ def export(
     file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
 ) -> None:
     """Write the store to one file, to keep or to send."""
-    from bench.store import Store
-    from bench.transfer import export as export_store
+    from bench.store.database import Store
+    from bench.store.transfer import export as export_store
 
     with Store(store, readonly=True) as opened:
         out.print(str(export_store(opened, file)), markup=False)
@@ -266,8 +266,8 @@ def merge(
     other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
 ) -> None:
     """Take the measurements of another store into this one; doing it twice adds nothing."""
-    from bench.store import Store
-    from bench.transfer import merge as merge_store
+    from bench.store.database import Store
+    from bench.store.transfer import merge as merge_store
 
     with Store(store) as opened:
         new = merge_store(opened, other)

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.auto_threads import AUTO, open_quickest
-from model.diagnosis import refusal
-from model.errors import SceneError
-from model.scene import Scene, load_scene
-from model.simulation import Options, Simulation, State
+from model.core.diagnosis import refusal
+from model.core.errors import SceneError
+from model.core.simulation import Options, Simulation, State
+from model.scene.scene import Scene, load_scene
 
 BACKENDS = ("cpu", "gpu")
 
@@ -49,7 +49,7 @@ def open_simulation(
     if backend not in BACKENDS:
         raise SceneError("--backend", backend, f"must be one of {', '.join(BACKENDS)}")
     if backend == "cpu" and threads == AUTO:
-        from cpu_backend.threads import core_count
+        from cpu_backend.core.threads import core_count
 
         simulation = open_quickest(lambda count: _open(scene, backend, options, count), core_count())
     else:
@@ -67,44 +67,44 @@ def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> S
     """The solver of the scene on the backend; the other backend is not even imported."""
     if backend == "cpu":
         if scene.bodies:
-            from cpu_backend.bodies import Bodies
+            from cpu_backend.shape_matching.solver import Bodies
 
             return Bodies(scene, options, threads)
         if scene.mesh:
-            from cpu_backend.xpbd_mesh import MeshPositionBased
+            from cpu_backend.xpbd.mesh import MeshPositionBased
 
             return MeshPositionBased(scene, options, threads)
         if scene.method.matches_shapes:
-            from cpu_backend.shape_matching import ShapeMatching
+            from cpu_backend.shape_matching.grid_solver import ShapeMatching
 
             return ShapeMatching(scene, options, threads)
         if scene.method.position_based:
-            from cpu_backend.xpbd import PositionBased
+            from cpu_backend.xpbd.solver import PositionBased
 
             return PositionBased(scene, options, threads)
         if scene.cloth:
-            from cpu_backend.cloth import ClothMassSpring
+            from cpu_backend.mass_spring.cloth.solver import ClothMassSpring
 
             return ClothMassSpring(scene, options, threads)
-        from cpu_backend.mass_spring import MassSpring
+        from cpu_backend.mass_spring.grid.solver import MassSpring
 
         return MassSpring(scene, options, threads)
     if scene.bodies:
-        from gpu_backend.bodies import Bodies as CudaBodies
+        from gpu_backend.shape_matching.solver import Bodies as CudaBodies
 
         return CudaBodies(scene, options)
     if scene.mesh:
-        from gpu_backend.xpbd_mesh import MeshPositionBased as CudaMeshPositionBased
+        from gpu_backend.xpbd.mesh import MeshPositionBased as CudaMeshPositionBased
 
         return CudaMeshPositionBased(scene, options)
     if scene.method.position_based:
-        from gpu_backend.xpbd import PositionBased as CudaPositionBased
+        from gpu_backend.xpbd.solver import PositionBased as CudaPositionBased
 
         return CudaPositionBased(scene, options)
     if scene.cloth:
-        from gpu_backend.cloth import ClothMassSpring as CudaClothMassSpring
+        from gpu_backend.mass_spring.cloth.solver import ClothMassSpring as CudaClothMassSpring
 
         return CudaClothMassSpring(scene, options)
-    from gpu_backend.mass_spring import MassSpring as CudaMassSpring
+    from gpu_backend.mass_spring.grid.solver import MassSpring as CudaMassSpring
 
     return CudaMassSpring(scene, options)

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from app.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
-from bench.took import Timed
-from model.errors import SceneError
+from app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+from bench.measure.took import Timed
+from model.core.errors import SceneError
 
 measuring = typer.Typer()
 Methods = Annotated[
@@ -22,7 +22,7 @@ Methods = Annotated[
 
 def _precisions(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
     """Those that were chosen, each once, else the `usual`, else all. Raises SceneError."""
-    from model.simulation import PRECISIONS, Options
+    from model.core.simulation import PRECISIONS, Options
 
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
 
@@ -57,8 +57,8 @@ def sweep(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
-    from bench.store import Store
-    from bench.tables import print_kernels, print_sweep
+    from bench.store.database import Store
+    from bench.store.tables import print_kernels, print_sweep
 
     if peers and (kernels or kernel):
         raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
@@ -72,18 +72,18 @@ def sweep(
     summary: Any
     with Store(store) as opened:
         if kernels:
-            from bench.kernel_sweep import run_kernel_sweep
+            from bench.experiments.kernel_sweep import run_kernel_sweep
 
             summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, **how)
             print_kernels(out, opened, summary.machine)
         elif peers:
-            from bench.peer_results import print_peers
-            from bench.peer_sweep import run_peers
+            from bench.peers.results import print_peers
+            from bench.peers.sweep import run_peers
 
             summary = run_peers(opened, **how)
             print_peers(out, opened, summary.machine)
         else:
-            from bench.sweep import run_sweep
+            from bench.experiments.sweep import run_sweep
 
             summary = run_sweep(opened, graphics=graphics, **how)
         print_sweep(out, summary)
@@ -112,12 +112,12 @@ def accuracy(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Hold every method, step size and precision against a converged reference: speed against error (bodies: softlab bar)."""
-    from bench.accuracy import run_accuracy
-    from bench.accuracy_points import labels_of
-    from bench.convergence import run_convergence
-    from bench.findings import run_findings
-    from bench.findings_costs import run_costs
-    from bench.store import Store
+    from bench.experiments.accuracy.experiment import run_accuracy
+    from bench.experiments.accuracy.points import labels_of
+    from bench.experiments.convergence import run_convergence
+    from bench.experiments.findings import run_findings
+    from bench.experiments.findings_costs import run_costs
+    from bench.store.database import Store
 
     how: dict[str, Any] = {"quick": quick, "backends": backend, "command": typed()}
     scenes = labels_of([*(names or []), *(scene or [])]) or None
@@ -137,8 +137,8 @@ def stability(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
-    from bench.stability import run_stability
-    from bench.store import Store
+    from bench.experiments.stability.experiment import run_stability
+    from bench.store.database import Store
 
     with Store(store) as opened:
         summary = run_stability(
@@ -166,9 +166,9 @@ def hard(
 ) -> None:
     """Run the hard cases: grids collapsed, flipped, poked, far away, bodies squashed, shot, stacked (--integrator
     shape-matching); pass, fail, or refused with a diagnosis."""
-    from bench.hard import run_hard
-    from bench.hard_results import failed, print_hard
-    from bench.store import Store
+    from bench.store.database import Store
+    from bench.stress.experiment import run_hard
+    from bench.stress.results import failed, print_hard
 
     with Store(store) as opened:
         summary = run_hard(
@@ -199,8 +199,8 @@ def projections(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
-    from bench.projections import run_projections
-    from bench.store import Store
+    from bench.experiments.projections import run_projections
+    from bench.store.database import Store
 
     with Store(store) as opened:
         summary = run_projections(
@@ -224,8 +224,8 @@ def crowds(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time bodies: how many particles a second, soft, rigid, in a heap that collides, the grid and a cube as jelly."""
-    from bench.crowds import print_crowds, run_crowds
-    from bench.store import Store
+    from bench.experiments.crowds import print_crowds, run_crowds
+    from bench.store.database import Store
 
     with Store(store) as opened:
         summary = run_crowds(
@@ -243,8 +243,8 @@ def busy(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time CPU threads beside another program: on one thread and on one a core, alone, beside a niced and a busy one."""
-    from bench.busy import print_busy, run_busy
-    from bench.store import Store
+    from bench.experiments.busy import print_busy, run_busy
+    from bench.store.database import Store
 
     with Store(store) as opened:
         summary = run_busy(opened, quick=quick, scenes=scene or (), command=typed())
@@ -265,8 +265,8 @@ def bar(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Three solvers, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
-    from bench.bar import run_bar
-    from bench.store import Store
+    from bench.experiments.bar import run_bar
+    from bench.store.database import Store
 
     with Store(store) as opened:
         summary = run_bar(opened, quick=quick, backends=backend, command=typed())
@@ -291,10 +291,10 @@ def advise(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
-    from app.scene_file import check_scene_target, write_scene
-    from bench.advise import advise as find
-    from bench.advise_check import brute_force
-    from bench.store import Store
+    from app.command.scene_file import check_scene_target, write_scene
+    from bench.experiments.advise.check import brute_force
+    from bench.experiments.advise.experiment import advise as find
+    from bench.store.database import Store
 
     if write is not None:
         check_scene_target(write, force)  # before the work whose result it holds
@@ -327,9 +327,9 @@ def ablate(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
-    from bench.ablate import ablate as measure
-    from bench.ablation_results import print_ablation
-    from bench.store import Store
+    from bench.experiments.advise.ablate import ablate as measure
+    from bench.experiments.advise.ablation_results import print_ablation
+    from bench.store.database import Store
 
     command = typed()
     with Store(store) as opened:

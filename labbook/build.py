@@ -4,7 +4,7 @@
 >>> build("softlab-results/results.sqlite", "labbook.pdf")
 
 A chapter is a file in entries/ and its name in CHAPTERS. Entries hold text alone: numbers of the design come from
-labbook/facts.py, sentences that compare from labbook/claims.py, and both as data, so that no number is typed by hand.
+labbook/facts.py, sentences that compare from labbook/claims/claim.py, and both as data, so that no number is typed by hand.
 """
 
 from __future__ import annotations
@@ -17,32 +17,30 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from labbook import (
-    ablation_claims,
-    accuracy_claims,
-    body_claims,
-    busy_claims,
-    claims,
-    cloth_claims,
-    comparison_claims,
-    convergence_claims,
-    costs_claims,
-    crowd_claims,
-    findings_claims,
-    hard_body_claims,
-    hard_claims,
-    kernel_claims,
-    stability_claims,
-)
+from labbook.claims import ablation as ablation_claims
+from labbook.claims import accuracy as accuracy_claims
+from labbook.claims import bodies as body_claims
+from labbook.claims import busy as busy_claims
+from labbook.claims import claim as claims
+from labbook.claims import cloth as cloth_claims
+from labbook.claims import comparison as comparison_claims
+from labbook.claims import convergence as convergence_claims
+from labbook.claims import costs as costs_claims
+from labbook.claims import crowds as crowd_claims
+from labbook.claims import findings as findings_claims
+from labbook.claims import hard as hard_claims
+from labbook.claims import hard_bodies as hard_body_claims
+from labbook.claims import kernels as kernel_claims
+from labbook.claims import stability as stability_claims
 from labbook.facts import facts
 from labbook.kernel_tables import joule_tables, kernel_tables, region_tables, roof_tables
 from labbook.stability_tables import edge_tables
 from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
-from model.errors import BackendUnavailable, InputError
-from model.files import replacing
-from plots.data import Origin, Results, is_suspect, load
-from plots.draw import FigureFiles, draw_figures
-from plots.style import without_footer
+from model.core.errors import BackendUnavailable, InputError
+from model.core.files import replacing
+from plots.core.data import Origin, Results, is_suspect, load
+from plots.core.draw import FigureFiles, draw_figures
+from plots.core.style import without_footer
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
@@ -88,9 +86,9 @@ def build(
     """Build the lab book from the user's own store(s) and the committed measurements; the path of the PDF.
 
     `own`: open stores or paths (.sqlite, .csv); None: the committed measurements alone. `committed`: text exports (None:
-    those in labbook/data/). `helped`: see plots/draw.py. Written to a temporary name and renamed, so that an earlier book
-    survives a failure. Raises InputError (a store or the output cannot be used, nothing was measured), BackendUnavailable
-    (typst is missing).
+    those in labbook/data/). `helped`: see plots/core/draw.py. Written to a temporary name and renamed, so that an earlier
+    book survives a failure. Raises InputError (a store or the output cannot be used, nothing was measured),
+    BackendUnavailable (typst is missing).
     """
     path = _target(out_pdf)
     return write_book(load(own, committed_data() if committed is None else committed), path, helped=helped)

@@ -6,28 +6,26 @@ Constants of the GPU backend are read from its source instead of importing it, w
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.accuracy import END, RESOLVED, STEP_SIZES
-from bench.checks import AMPLITUDE, CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS, OWN_SIZE_STEPS
-from bench.results import SPREAD_LIMIT
-from bench.stability import LINKS
-from bench.stability import ROWS as STABILITY_ROWS
-from bench.stability_runs import END as STABILITY_END
-from bench.stability_runs import TOLERANCE as STABILITY_TOLERANCE
-from bench.sweep import FULL, QUICK
-from bench.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
-from cpu_backend.threads import MULTIPLES
+from bench.experiments.accuracy.experiment import END, RESOLVED, STEP_SIZES
+from bench.experiments.checks import AMPLITUDE, CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS, OWN_SIZE_STEPS
+from bench.experiments.stability.experiment import LINKS
+from bench.experiments.stability.experiment import ROWS as STABILITY_ROWS
+from bench.experiments.stability.runs import END as STABILITY_END
+from bench.experiments.stability.runs import TOLERANCE as STABILITY_TOLERANCE
+from bench.experiments.sweep import FULL, QUICK
+from bench.measure.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
+from bench.store.results import SPREAD_LIMIT
+from cpu_backend.core.threads import MULTIPLES
 from labbook.words import percent, seconds
-from model.divergence import DIVERGED_SIZE
-from model.integrators import INTEGRATORS, stability_limit
-from model.plan import mass_spring_plan
-from model.scene import load_scene
-
-ROOT = Path(__file__).resolve().parent.parent
+from model.core.digest import ROOT
+from model.core.divergence import DIVERGED_SIZE
+from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.plan import mass_spring_plan
+from model.scene.scene import load_scene
 
 
 def constant(module: str, name: str) -> Any:
@@ -40,8 +38,8 @@ def constant(module: str, name: str) -> Any:
 
 def facts() -> dict[str, str]:
     """Name in the text -> the number as it is printed."""
-    block = constant("gpu_backend/mass_spring_kernels.py", "BLOCK")
-    passes = constant("gpu_backend/launch.py", "CHUNKS")
+    block = constant("gpu_backend/mass_spring/grid/kernels.py", "BLOCK")
+    passes = constant("gpu_backend/core/launch.py", "CHUNKS")
     scene = load_scene("lab-grid")
     plan = mass_spring_plan(scene)
     return {

@@ -9,13 +9,13 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from bench.progress import Whole, keep_seconds, last_seconds, progress_bar
-from bench.store import DEFAULT_PATH
+from bench.measure.progress import Whole, keep_seconds, last_seconds, progress_bar
+from bench.store.database import DEFAULT_PATH
 from labbook.build import build, committed_data, write_book
-from model.errors import InputError, SoftlabError
-from plots.data import Results, load
-from plots.draw import FIGURES, FigureFiles, draw_figures, figures_folder
-from plots.energies import draw_energies
+from model.core.errors import InputError, SoftlabError
+from plots.core.data import Results, load
+from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
+from plots.figures.energies import draw_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes that `softlab lab` asks what they need
 
@@ -65,11 +65,11 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
 
     What the machine lacks is skipped with its reason. Raises InputError (the store, the folders).
     """
-    from app.doctor import examine
-    from app.tables import print_findings
-    from bench.machine import enter_machine
-    from bench.store import Store
-    from bench.tables import print_fastest
+    from app.command.doctor import examine
+    from app.command.tables import print_findings
+    from bench.measure.machine import enter_machine
+    from bench.store.database import Store
+    from bench.store.tables import print_fastest
 
     kind = "lab --quick" if quick else "lab"
     last = last_seconds(kind)
@@ -108,22 +108,22 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
 
 def _measurements(console: Console, store: Any, quick: bool, command: str) -> dict[str, Callable[[], Any]]:
     """What `softlab lab` measures, by name, in order; each prints what it found."""
-    from bench.ablate import ablate
-    from bench.ablation_results import print_ablation
-    from bench.accuracy import run_accuracy
-    from bench.bar import run_bar
-    from bench.busy import run_busy
-    from bench.convergence import run_convergence
-    from bench.crowds import run_crowds
-    from bench.findings import run_findings
-    from bench.findings_costs import run_costs
-    from bench.hard import run_hard
-    from bench.hard_results import print_hard
-    from bench.projections import run_projections
-    from bench.stability import run_stability
-    from bench.sweep import run_sweep
-    from bench.tables import print_sweep
-    from model.scene import load_scene
+    from bench.experiments.accuracy.experiment import run_accuracy
+    from bench.experiments.advise.ablate import ablate
+    from bench.experiments.advise.ablation_results import print_ablation
+    from bench.experiments.bar import run_bar
+    from bench.experiments.busy import run_busy
+    from bench.experiments.convergence import run_convergence
+    from bench.experiments.crowds import run_crowds
+    from bench.experiments.findings import run_findings
+    from bench.experiments.findings_costs import run_costs
+    from bench.experiments.projections import run_projections
+    from bench.experiments.stability.experiment import run_stability
+    from bench.experiments.sweep import run_sweep
+    from bench.store.tables import print_sweep
+    from bench.stress.experiment import run_hard
+    from bench.stress.results import print_hard
+    from model.scene.scene import load_scene
 
     def told(
         run: Callable[..., Any], show: Callable[[Console, Any], None] | None = None, **how: Any

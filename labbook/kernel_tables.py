@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from bench.results import Timing
+from bench.store.results import Timing
 from labbook import words
 from labbook.tables import DASH, Table, table, time_cell
 from labbook.words import number, percent
-from plots.data import Results, Source
-from plots.joules import has_joules, joules
-from plots.ladder import BACKENDS, fastest, in_order, machine_of, title
-from plots.roofline import roofs
+from plots.core.data import Results, Source
+from plots.core.ladder import BACKENDS, fastest, in_order, machine_of, title
+from plots.figures.joules import has_joules, joules
+from plots.figures.roofline import roofs
 
 PRECISIONS = ("float32", "float64")
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from labbook.stability_claims import edge_pairs, edge_rows
+from labbook.claims.stability import edge_pairs, edge_rows
 from labbook.tables import Table, table
-from plots.data import Results, provenance
-from plots.stability import stability_runs
+from plots.core.data import Results, provenance
+from plots.figures.stability import stability_runs
 
 
 def edge_tables(results: Results) -> list[Table]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bench.accuracy_points import pareto_front
-from bench.equal_error import Fastest, equal_error
-from bench.results import Timing
+from bench.experiments.accuracy.equal_error import Fastest, equal_error
+from bench.experiments.accuracy.points import pareto_front
+from bench.store.results import Timing
 from labbook import words
 from labbook.words import number
-from model.integrators import IMPLICIT, INTEGRATORS
-from plots.accuracy_points import Point, order_points, points
-from plots.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
-from plots.work_precision import SCENES, accurate_source
+from model.core.integrators import IMPLICIT, INTEGRATORS
+from plots.core.accuracy_points import Point, order_points, points
+from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
+from plots.figures.work_precision import SCENES, accurate_source
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: columns that align left
 DASH = "\N{EN DASH}"

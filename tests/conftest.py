@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from variants import covering
 
-from cpu_backend.threads import core_count  # before numba: it asks for four times the cores
+from cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores
 
 MOST_WORKERS = 8  # each may take a gigabyte
 DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begin with and share
@@ -27,7 +27,7 @@ DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begi
 def backend(request: pytest.FixtureRequest) -> str:
     """`cpu`, and `gpu` where there is one (kernels under the CUDA simulator have their own tests, on small grids)."""
     if request.param == "gpu":
-        from gpu_backend.device import gpu_available, simulated
+        from gpu_backend.core.device import gpu_available, simulated
 
         available, reason = gpu_available()
         if not available or simulated():
@@ -82,8 +82,8 @@ def start_at() -> Callable[..., Any]:
     """start_at(scene, position, velocity=0) -> a State at time 0 to open the scene with."""
     import numpy as np
 
-    from model.build import build
-    from model.simulation import State
+    from model.core.build import build
+    from model.core.simulation import State
 
     def state(scene: Any, position: Any, velocity: Any = None) -> State:
         position = np.asarray(position, dtype=np.float64).reshape(-1, 2)
@@ -112,7 +112,8 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 PLAIN_SECONDS = 2.0  # of a test, until its kernels are compiled after all: about what compiling one takes
 
 # Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
-# others they run as plain Python (cpu_backend/plain.py), whose bits are the same. Tables: file -> patterns of tests' names.
+# others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
+# names.
 COMPILED = {
     "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
@@ -150,12 +151,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     plain = item.stash[in_plain_python]
     os.environ["SOFTLAB_PLAIN_PYTHON"] = str(int(plain))  # for the first import, and for processes that tests start
     os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
-    if "cpu_backend.plain" in sys.modules:
-        sys.modules["cpu_backend.plain"].plain_python(plain, PLAIN_SECONDS)
+    if "cpu_backend.core.plain" in sys.modules:
+        sys.modules["cpu_backend.core.plain"].plain_python(plain, PLAIN_SECONDS)
 
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
-# value of every parameter (tests/variants.py).
+# value of every parameter (tests/tools/variants.py).
 THINNED = {
     "test_simulated_xpbd.py", "test_simulated_cloth_tiles.py", "test_simulated_mesh.py", "test_simulated_contacts.py",
     "test_simulated_motion.py", "test_simulated_matching.py", "test_simulated_bodies.py", "test_simulated_cloth.py",

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from model.build import build
-from model.record import PARAMETERS, parameter_record
-from model.scene import Scene
-from model.simulation import PRECISIONS
+from model.core.build import build
+from model.core.parameters import PARAMETERS, parameter_record
+from model.core.simulation import PRECISIONS
+from model.scene.scene import Scene
 
 
 class Opened(ABC):

@@ -12,8 +12,8 @@ from functools import cache
 from pathlib import Path
 
 from bench.peers.base import PeerError
-from cpu_backend.mass_spring import processor_name
-from model.kept import cache_folder
+from cpu_backend.mass_spring.grid.solver import processor_name
+from model.core.disk_cache import cache_folder
 
 COMPILERS = ("g++", "clang++")  # g++ first: it shares its OpenMP threads with numba, two teams would disturb each other
 COMPILE = ("-std=c++17", "-O3", "-march=native", "-ffast-math", "-fopenmp", "-fPIC", "-c")

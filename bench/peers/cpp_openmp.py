@@ -13,7 +13,7 @@ import numpy as np
 
 from bench.peers.base import GridConstants, Opened, Peer
 from bench.peers.compiler import find_compiler, load_library
-from model.scene import Scene
+from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cpp")
 MOST_LEVELS = 8  # more gained nothing

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bench.peers.base import GridConstants, Opened, Peer, PeerError
-from model.scene import Scene
+from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cu")
 BLOCK = (32, 8)  # columns, rows: as grid.cu has it

@@ -10,11 +10,11 @@ import numpy as np
 
 from bench.peers import cuda_cpp
 from bench.peers.base import Opened
-from model.build import build
-from model.cloth_plan import cloth_parts
-from model.cloth_record import CLOTH_PARAMETERS, cloth_record
-from model.scene import Scene
-from model.simulation import PRECISIONS
+from model.core.build import build
+from model.core.simulation import PRECISIONS
+from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, cloth_record
+from model.mass_spring.cloth_plan import cloth_parts
+from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("cloth.cu")
 TYPES = {"float32": ("-DReal=float",), "float64": ("-DReal=double",)}

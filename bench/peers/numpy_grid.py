@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.peers.base import GridConstants, Opened, Peer
-from model.scene import Scene
+from model.scene.scene import Scene
 
 
 class NumpyGrid(Peer):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.peers.base import GridConstants, Opened, Peer, PeerError
-from model.scene import Scene
+from model.scene.scene import Scene
 
 CHUNKS = (256, 32, 4, 2)  # steps in a graph; even, so that the two buffers are back in place after each
 REMEDY = "pip install 'softlab[peers]'"

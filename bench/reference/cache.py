@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.reference.mass_spring import converged
-from model.kept import read_arrays, write_arrays
-from model.scene import Scene
+from model.core.disk_cache import read_arrays, write_arrays
+from model.scene.scene import Scene
 
 TOLERANCE = 5e-9  # spacings; RK4 at dt 0.0025 on the accuracy scenes is at 8e-8, and shall be resolved tenfold
 

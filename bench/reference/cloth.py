@@ -21,10 +21,10 @@ import numpy as np
 from bench.reference import distance_field, mesh_collider
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke, masses, named_mask, pinned_mask
-from model.distance_field import DistanceField
-from model.errors import SceneError
-from model.mesh_collider import MeshCollider
-from model.scene import Scene
+from model.contact.mesh_collider import MeshCollider
+from model.core.errors import SceneError
+from model.geometry.distance_field import DistanceField
+from model.scene.scene import Scene
 
 # (rows, columns) from one end of a spring to the other, by kind
 WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}

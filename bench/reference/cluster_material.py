@@ -1,7 +1,7 @@
 """What clusters do beside turning, in NumPy, float64, cluster by cluster: creep and damping, none of the lab's formulas.
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.5; M. Mueller et al., "Position Based
-Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5. Linear goals are those of model/clusters.py, `deformations`.
+Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5. Linear goals are those of model/shape_matching/clusters.py, `deformations`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.reference.particle_contacts import Contacts
-from model.clusters import Clusters
+from model.shape_matching.clusters import Clusters
 
 
 def crept(
@@ -64,7 +64,7 @@ def damped(
 
 def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) -> tuple[float, np.ndarray]:
     """(what the rigid motion is multiplied by, its velocities (entries, 3)) of what the particles of cluster c got, `struck`;
-    see model/rigid_rebound.py."""
+    see model/shape_matching/rigid_rebound.py."""
     own = slice(clusters.offsets[c], clusters.offsets[c + 1])
     k, m = clusters.indices[own], clusters.masses[own]
     rigid = rigid_motion(clusters, c, position, struck)
@@ -76,7 +76,7 @@ def rebounded(
     clusters: Clusters, whole: np.ndarray, position: np.ndarray, old: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
     """(particles, 3) [m/s]: from the velocities before and after colliders those of the `whole` clusters as rigid bodies;
-    see model/rigid_rebound.py."""
+    see model/shape_matching/rigid_rebound.py."""
     found = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])

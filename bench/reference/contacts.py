@@ -16,8 +16,8 @@ import numpy as np
 
 from bench.reference import cloth, xpbd
 from bench.reference.steps import pinned_mask
-from model.errors import SceneError
-from model.scene import Scene, SelfCollision
+from model.core.errors import SceneError
+from model.scene.scene import Scene, SelfCollision
 
 # thicknesses: what a contact is made for beyond the predicted motion; ...
 MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3

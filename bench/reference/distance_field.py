@@ -1,7 +1,7 @@
 """A sampled signed distance as a collider, in slow, plain NumPy float64: weights of eight samples, mass by mass.
 
-From what model/distance_field.py says of it, without model/formulas: in the body's frame a way that enters the body ends
-there; then a mass nearer than the thickness is pushed along the gradient by what it lacks, four times at most.
+From what model/geometry/distance_field.py says of it, without model/formulas: in the body's frame a way that enters the
+body ends there; then a mass nearer than the thickness is pushed along the gradient by what it lacks, four times at most.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from model.distance_field import DistanceField, Field
+from model.geometry.distance_field import DistanceField, Field
 
 ROUNDS, STEPS = 4, 64
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther than that stays

@@ -24,7 +24,7 @@ import numpy as np
 
 from bench.reference import cloth
 from bench.reference.steps import Poke, masses, pinned_mask
-from model.scene import Scene
+from model.scene.scene import Scene
 
 NAMES = ("implicit-euler", "implicit-euler-linear")
 ENOUGH = 1e-13  # of the first residual

@@ -22,8 +22,8 @@ from bench.reference.richardson import refine
 from bench.reference.steps import EXPLICIT_DAMPING_VERLET as EXPLICIT_DAMPING_VERLET
 from bench.reference.steps import Accelerate, Poke, masses, one_step
 from bench.reference.steps import pinned_mask as pinned_mask
-from model.errors import SceneError
-from model.scene import Scene
+from model.core.errors import SceneError
+from model.scene.scene import Scene
 
 
 def rest(scene: Scene) -> np.ndarray:

@@ -1,8 +1,8 @@
 """A mesh as a collider, in slow, plain NumPy float64: every triangle is looked at, mass by mass, without a tree.
 
-From what model/mesh_collider.py says of it, without model/formulas: in the mesh's frame the first triangle between where a
-mass was and where it is puts it at the thickness on the side it came from; else the nearest point pushes it out to there.
-Four times at most; a mass that has a triangle in its way even then stays where it was.
+From what model/contact/mesh_collider.py says of it, without model/formulas: in the mesh's frame the first triangle between
+where a mass was and where it is puts it at the thickness on the side it came from; else the nearest point pushes it out to
+there. Four times at most; a mass that has a triangle in its way even then stays where it was.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model.mesh_collider import MeshCollider
+from model.contact.mesh_collider import MeshCollider
 
 ROUNDS = 4
 SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther than that stays

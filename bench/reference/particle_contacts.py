@@ -1,13 +1,13 @@
 """Contacts between particles in NumPy, float64, all pairs by brute force: none of the lab's formulas or records.
 
-See model/particle_contact.py for what they are, and model/formulas/particle_contact.py for where from.
+See model/scene/particle_contact.py for what they are, and model/formulas/particle_contact.py for where from.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from model.scene import Scene
+from model.scene.scene import Scene
 
 MARGIN = 0.2  # of the distance: how much farther neighbours are looked for
 BESIDE = 1.001  # distances: nearer than that at the substep's end they touch

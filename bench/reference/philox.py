@@ -1,7 +1,7 @@
 """Philox4x32-10 on arrays of NumPy integers, written from the paper; independent of model/formulas/random.py.
 
 J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011, section 3.3.
-Held against the known-answer vectors that its authors publish with Random123 (tests/test_reference.py).
+Held against the known-answer vectors that its authors publish with Random123 (tests/physics/test_reference.py).
 """
 
 from __future__ import annotations

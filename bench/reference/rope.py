@@ -6,8 +6,8 @@ import numpy as np
 
 from bench.reference import cloth
 from bench.reference.steps import masses, pinned_mask
-from model.errors import SceneError
-from model.scene import Scene
+from model.core.errors import SceneError
+from model.scene.scene import Scene
 
 
 def hanging(scene: Scene) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values, none of the lab's formulas.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; see model/clusters.py for split masses and
-its matching_share for how far a particle goes towards its goals.
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; see model/shape_matching/clusters.py for
+split masses and its matching_share for how far a particle goes towards its goals.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import numpy as np
 
 from bench.reference import cloth, cluster_material, mass_spring, xpbd
 from bench.reference.particle_contacts import Contacts
-from model.clusters import Clusters
-from model.errors import SceneError
-from model.matching import lattice_clusters
-from model.scene import Scene
+from model.core.errors import SceneError
+from model.scene.scene import Scene
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.matching import lattice_clusters
 
 
 def iterate(

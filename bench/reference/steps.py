@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model.errors import SceneError
-from model.scene import Scene
+from model.core.errors import SceneError
+from model.scene.scene import Scene
 
 Poke = tuple[int, tuple[float, ...]]
 Accelerate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]

@@ -23,8 +23,8 @@ import numpy as np
 from bench.reference import cloth, mass_spring
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke, Settle, pinned_mask
-from model.errors import SceneError
-from model.scene import Scene
+from model.core.errors import SceneError
+from model.scene.scene import Scene
 
 # ascending: constraint after constraint from the first mass on, which no parallel machine does; for tests
 ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged-jacobi")

@@ -16,9 +16,9 @@ import numpy as np
 from bench.reference import cloth
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke
-from model.mesh_constraints import families
-from model.scene import Scene
-from model.topology import mesh_of, pinned_vertices, triangles_of
+from model.geometry.topology import mesh_of, pinned_vertices, triangles_of
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import families
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ def simulate(
 
 def pinned_of(scene: Scene) -> np.ndarray:
     """(pins,): the pinned vertices."""
-    from model.build import pinned_indices
+    from model.core.build import pinned_indices
 
     assert scene.mesh is not None
     return pinned_vertices(scene.mesh) if scene.mesh.file is not None else pinned_indices(scene.mesh)

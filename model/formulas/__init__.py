@@ -5,7 +5,7 @@ A topic is a factory `make(real, compiled)`: `real` is the arithmetic (numpy.flo
 nothing at all in tests). Functions take and return scalars, so that both backends inline them into their own loops.
 
 The CUDA backend re-reads a factory's source and, in `exact` math, compiles each product in it as a round-to-nearest
-multiply, so that nothing is contracted into a fused multiply-add (see gpu_backend/formulas.py). Therefore floating-point
+multiply, so that nothing is contracted into a fused multiply-add (see gpu_backend/core/formulas.py). Therefore floating-point
 formulas live *inside* `make`; integer arithmetic (random.py) lives outside of it, at module level.
 """
 

@@ -2,7 +2,7 @@
 
 M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 and 4.5. With A = sum m (x - c) rest'
 and G = (sum m rest rest')^-1, the map is F = A G; bent offsets Sp rest have the moments A Sp' and the map F Sp^-1. Goals are
-T Sp rest, T of `blended`, from the centre: why momentum is kept is said in model/clusters.py, `deformations`.
+T Sp rest, T of `blended`, from the centre: why momentum is kept is said in model/shape_matching/clusters.py, `deformations`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from model.formulas import plain
 # Of the volume at rest, below which the linear map's part falls to 0 with the volume: 1 / cbrt(det F) lengthens what is long
 # already, and what is crushed and cannot get its volume back would flee sideways, ever faster.
 LEAST_VOLUME = 0.5
-# a cluster's constants: see model/cluster_tables.py, `shape_table`
+# a cluster's constants: see model/shape_matching/cluster_tables.py, `shape_table`
 SHAPE = 12  # numbers: three quads
 S_INVERSE, S_LINEAR, S_THRESHOLD, S_CREEP, S_LIMIT = 0, 6, 7, 8, 9
 

@@ -1,7 +1,7 @@
 """The time steps, one axis of one mass at a time: (position, velocity, acceleration) -> (position, velocity).
 
 Orders are of the error at a fixed time against Newton's law. Limits are for x'' = -w^2 x - gamma x' with the damper
-evaluated at the step's start (velocity Verlet: implicit in the second half kick); model/integrators.py computes them.
+evaluated at the step's start (velocity Verlet: implicit in the second half kick); model/core/integrators.py computes them.
 
 Sources: Hairer, Lubich and Wanner, "Geometric numerical integration", 2nd ed. (2006), I.1 (Euler methods, Verlet);
 Swope, Andersen, Berens and Wilson (1982) for the velocity form; Kutta (1901) for RK4; the step called `lab` is the

@@ -1,4 +1,5 @@
-"""What a rigid body makes of the velocities that a collider gave to some of its particles; see model/rigid_rebound.py.
+"""What a rigid body makes of the velocities that a collider gave to some of its particles; see
+model/shape_matching/rigid_rebound.py.
 
 Sums over a cluster have the order of cluster.py. The rigid motion of what particles got is that of pace.py.
 """

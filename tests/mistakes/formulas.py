@@ -237,7 +237,7 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "model/particle_contact_record.py",
+        "model/contact/particle_parameters.py",
         "test_particle_pairs.py",
         {
             "a cell smaller than the search": ('"inverse_cell": 1 / float(rows[:, :, G_REACH].max())', '"inverse_cell": 2 / float(rows[:, :, G_REACH].max())'),
@@ -245,7 +245,7 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "model/divergence.py",
+        "model/core/divergence.py",
         "test_physics_diverged.py::test_a_coordinate_beyond_a_million_times_the_size_has_diverged",
         {"diverged beyond 1e9 sizes": ("DIVERGED_SIZE = 1e6", "DIVERGED_SIZE = 1e9")},
     ),

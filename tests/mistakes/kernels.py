@@ -11,7 +11,7 @@ SIMULATED_XPBD = "simulator/test_simulated_xpbd.py::test_the_reference_is_met_wi
 
 CPU: tuple[Mistake, ...] = (
     *in_file(
-        "cpu_backend/rows.py",
+        "cpu_backend/mass_spring/grid/rows.py",
         GRID,
         {
             "the spring above pushes (cpu)": ("return (right - left) + (below - above)", "return (right - left) + (below + above)"),
@@ -20,14 +20,14 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/rows.py",
+        "cpu_backend/mass_spring/grid/rows.py",
         "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_step_and_pins_stay_at_rest",
         {
             "both kicks take the random force of one step (cpu)": ("columns + column, step - 1, integers[0]", "columns + column, step, integers[0]"),
         },
     ),
     *in_file(
-        "cpu_backend/row_step.py",
+        "cpu_backend/mass_spring/grid/row_step.py",
         GRID,
         {
             "the spring from the left has lost its sign (cpu)": ("ax = sum_pulls(right_x, left_x, below_x, above_x[j])\n                    ay", "ax = sum_pulls(right_x, -left_x, below_x, above_x[j])\n                    ay"),
@@ -36,7 +36,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/rk4_kernels.py",
+        "cpu_backend/mass_spring/grid/rk4.py",
         "test_cpu_reference.py::test_odd_grids_free[fused-1-7-rk4] " + GRID,
         {
             "Runge-Kutta's middle stages weigh a sixth (cpu)": ("elif stage == 1:\n            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT]", "elif stage == 1:\n            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_SIXTH_DT]"),
@@ -44,7 +44,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/mass_spring_kernels.py",
+        "cpu_backend/mass_spring/grid/kernels.py",
         "test_cpu_bits.py::test_bits_do_not_depend_on_threads_kernel_or_batches test_cpu_reference.py::test_odd_grids_free",
         {
             "a band ends a row early (cpu)": ("first, last = rows * band // bands, rows * (band + 1) // bands", "first, last = rows * band // bands, rows * (band + 1) // bands - 1"),
@@ -52,7 +52,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/cloth_colliders.py",
+        "cpu_backend/contact/colliders.py",
         "test_collider_formulas.py",
         {
             "a capsule stays where it began (cpu)": (
@@ -65,7 +65,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/cloth_rows.py",
+        "cpu_backend/mass_spring/cloth/rows.py",
         "test_cloth_cpu.py::test_stages_follow_the_reference test_cloth_cpu.py::test_fused_gives_the_bits_of_the_stages",
         {
             "a shear spring leads to the wrong mass (cpu)": ("below_right, below_left = below + 1, below - 1", "below_right, below_left = below, below - 1"),
@@ -73,7 +73,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/bodies_kernels.py",
+        "cpu_backend/shape_matching/kernels.py",
         "test_bodies_solver.py",
         {
             "bodies move with twice the substep (cpu)": ("inverse = record[X_INVERSE_SUBSTEP]\n", "inverse = record[X_INVERSE_SUBSTEP] + record[X_INVERSE_SUBSTEP]\n"),
@@ -81,7 +81,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/contacts_project.py",
+        "cpu_backend/contact/self_project.py",
         "test_contacts.py::test_what_is_found_and_projected_is_the_references",
         {
             "a triangle's corners are pushed along with the mass (cpu)": ("x = taken(x, part, forces[slot, F_X])", "x = taken(x, -part, forces[slot, F_X])"),
@@ -89,7 +89,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/particle_contacts_find.py",
+        "cpu_backend/contact/particles_find.py",
         "test_particle_contacts.py::test_neighbours_are_those_of_asking_all",
         {
             "a row of cells is looked at too short (cpu)": ("runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]", "runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 1]"),
@@ -97,7 +97,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/xpbd_stages.py",
+        "cpu_backend/xpbd/stages.py",
         "test_xpbd_cpu_reference.py::test_stages_follow_the_reference",
         {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[C_DT], v) if w > zero else p", "position[axis, i, j] = predicted(p, record[C_DT], velocity[axis, i, j]) if w > zero else p")},
     ),
@@ -105,7 +105,7 @@ CPU: tuple[Mistake, ...] = (
 
 GPU: tuple[Mistake, ...] = (
     *in_file(
-        "gpu_backend/point.py",
+        "gpu_backend/mass_spring/grid/point.py",
         SIMULATED_GRID,
         {
             "the second column has no left neighbour (gpu)": ("def spring_sum(position, k, i, j, rows, columns, record):\n        \"\"\"Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j.\"\"\"\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 0 else k)", "def spring_sum(position, k, i, j, rows, columns, record):\n        \"\"\"Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j.\"\"\"\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 1 else k)"),
@@ -115,7 +115,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/mass_spring_kernels.py",
+        "gpu_backend/mass_spring/grid/kernels.py",
         SIMULATED_GRID,
         {
             "threads beyond the last row (gpu)": ("if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step =", "if i <= rows and j < columns:\n                k = np.int32(i * columns + j)\n                step ="),
@@ -125,7 +125,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/tiled_kernels.py",
+        "gpu_backend/mass_spring/grid/tiles.py",
         "simulator/test_simulated_tiles.py::test_every_mass_is_owned_by_one_tile simulator/test_simulated_tiles.py::test_tiles_with_halos_do_what_the_cpu_does simulator/test_simulated_tiles.py::test_one_block_holds_any_small_shape",
         {
             "a tile owns its halo (gpu)": ("end = np.int32(start + size - halo)", "end = np.int32(start + size)"),
@@ -133,7 +133,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/cloth_contact.py",
+        "gpu_backend/contact/colliders.py",
         "simulator/test_simulated_colliders.py",
         {
             "a capsule stays where it began (gpu)": ("surface = capsule(\n            px - x, py - y, pz - z,", "surface = capsule(\n            px - bodies[at + B_X], py - bodies[at + B_Y], pz - bodies[at + B_Z],"),
@@ -141,7 +141,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/cloth_point.py",
+        "gpu_backend/mass_spring/cloth/point.py",
         SIMULATED_CLOTH,
         {
             "a cloth's springs read the wrong way (gpu)": ("dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]\n            stiffness", "dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n            stiffness"),
@@ -149,7 +149,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/xpbd_kernels.py",
+        "gpu_backend/xpbd/kernels.py",
         SIMULATED_XPBD,
         {
             "a colour projects the other colour's rows (gpu)": ("i % down + down * colour)", "i % down + down * (np.int32(1) - colour))"),
@@ -159,12 +159,12 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/contacts_find.py",
+        "gpu_backend/contact/self_find.py",
         "simulator/test_simulated_contacts.py::test_what_is_found_and_projected_is_the_references",
         {"a cell's box does not grow by its motion (gpu)": ("least(qa[0], qb[0], qc[0], qd[0]) - moved", "least(qa[0], qb[0], qc[0], qd[0])")},
     ),
     *in_file(
-        "gpu_backend/particle_contacts_find.py",
+        "gpu_backend/contact/particles_find.py",
         "simulator/test_simulated_particle_contacts.py::test_neighbours_are_those_of_asking_all",
         {
             "the hash cell of bodies forgets a row of cells (gpu)": ("for row in range(9):", "for row in range(8):"),
@@ -173,7 +173,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/particle_contacts_project.py",
+        "gpu_backend/contact/particles_project.py",
         "simulator/test_simulated_particle_contacts.py::test_what_is_projected_is_the_references simulator/test_simulated_particle_contacts.py::test_two_in_one_place_part_upwards_and_downwards",
         {
             "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                        active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                        active"),
@@ -181,7 +181,7 @@ GPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "gpu_backend/bodies_kernels.py",
+        "gpu_backend/shape_matching/kernels.py",
         "simulator/test_simulated_bodies.py::test_the_bits_of_the_cpu",
         {
             "a lane skips its second entry (gpu)": ("np.int32(starts[c] + lane), starts[c + one], lanes)", "np.int32(starts[c] + lane), starts[c + one], lanes + lanes)"),

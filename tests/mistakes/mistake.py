@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Mistake:
-    """In `file`, the text `old`, which stands there once, becomes `new`. `tests`: near by, each a file under tests/ or one
+    """In `file`, the text `old`, which stands there once, becomes `new`. `tests`: near by, each a file somewhere under tests/ or one
     test of it (`test_bending.py::test_x`); some of them must fail with it."""
 
     name: str
@@ -31,6 +31,13 @@ class Mistake:
     def read(self, root: Path = ROOT) -> str:
         """The file it is made in, as it is."""
         return (root / self.file).read_text(encoding="utf-8")
+
+
+def path_of(test: str, root: Path = ROOT) -> str:
+    """Where below `root` a test's file lies; the test as it was where there is no such file."""
+    file, *name = test.split("::")
+    found = [path.relative_to(root).as_posix() for path in (root / "tests").rglob(Path(file).name)]
+    return "::".join([*found[:1], *name]) if found else f"tests/{test}"
 
 
 def in_file(file: str, tests: str, mistakes: dict[str, tuple[str, str]]) -> tuple[Mistake, ...]:

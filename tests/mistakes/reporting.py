@@ -6,52 +6,52 @@ from .mistake import Mistake, in_file
 
 FIGURES: tuple[Mistake, ...] = (
     *in_file(
-        "plots/lab_step.py", "test_figure_axes.py",
+        "plots/figures/lab_step.py", "test_figure_axes.py",
         {
             "an axis in s with ticks in ms": ('ax.set_xlabel("step size / ms")', 'ax.set_xlabel("step size / s")'),
             "ticks ten times too small": ('[f"{1000 * dt:g}" for dt in steps]', '[f"{100 * dt:g}" for dt in steps]'),
         },
     ),
     *in_file(
-        "plots/findings_damping.py", "test_figure_axes.py",
+        "plots/findings/damping.py", "test_figure_axes.py",
         {"ticks of a finding in seconds": ('[f"{1000 * dt:g}" for dt in steps]', '[f"{dt:g}" for dt in steps]')},
     ),
     *in_file(
-        "plots/energies.py", "test_figure_axes.py",
+        "plots/figures/energies.py", "test_figure_axes.py",
         {
             "energies in mJ": ('ax.set_ylabel("energy / J")', 'ax.set_ylabel("energy / mJ")'),
             "kinetic energy under the name of the springs'": ('("spring", "in the springs"', '("kinetic", "in the springs"'),
         },
     ),
     *in_file(
-        "plots/bandwidth.py", "test_figure_axes.py test_figures.py::test_fraction_of_the_copy_bandwidth",
+        "plots/figures/bandwidth.py", "test_figure_axes.py test_figures.py::test_fraction_of_the_copy_bandwidth",
         {
             "per cent without the hundred": ("return lambda timing, seconds: 100 * (fraction", "return lambda timing, seconds: (fraction"),
             "the GPU's share of the host's bandwidth": ('"gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth"', '"copy_bandwidth" if backend == "gpu" else "gpu_copy_bandwidth"'),
         },
     ),
     *in_file(
-        "plots/joules.py", "test_figure_axes.py",
+        "plots/figures/joules.py", "test_figure_axes.py",
         {"joules of a step under the name of a million": ("MILLION = 1e6", "MILLION = 1e3")},
     ),
     *in_file(
-        "plots/roofline.py", "test_figure_axes.py",
+        "plots/figures/roofline.py", "test_figure_axes.py",
         {"the roof of a mass, not of the grid": ("return self.pass_seconds * timing.particles /", "return self.pass_seconds /")},
     ),
     *in_file(
-        "plots/convergence.py", "test_convergence.py::test_figure_and_sentence",
+        "plots/figures/convergence.py", "test_convergence.py::test_figure_and_sentence",
         {"milliseconds that are seconds": ("lambda entry: 1e3 * entry.seconds", "lambda entry: entry.seconds")},
     ),
     *in_file(
-        "plots/thread_scaling.py", "test_figure_axes.py",
+        "plots/figures/thread_scaling.py", "test_figure_axes.py",
         {"a speed-up upside down": ("return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / held[timing.rows, timing.columns].median")},
     ),
     *in_file(
-        "plots/style.py", "test_figure_axes.py",
+        "plots/core/style.py", "test_figure_axes.py",
         {"times in kiloseconds": ('EngFormatter(unit="s")', 'EngFormatter(unit="ks")'), "curves of the quickest repeat": ("y = np.array([value(timing, timing.median) for timing in sound])", "y = np.array([value(timing, timing.low) for timing in sound])")},
     ),
     *in_file(
-        "plots/data.py", "test_figures.py test_claims_by_hand.py",
+        "plots/core/data.py", "test_figures.py test_claims_by_hand.py",
         {
             "an infinite error is right": ('infinite = timing.error is not None and timing.error == float("inf")', "infinite = False"),
             "curves of any precision": ("and timing.precision == precision\n            and timing.graphics == graphics", "and timing.graphics == graphics"),
@@ -62,7 +62,7 @@ FIGURES: tuple[Mistake, ...] = (
 HAND = "test_claims_by_hand.py"
 CLAIMS: tuple[Mistake, ...] = (
     *in_file(
-        "labbook/claims.py", HAND,
+        "labbook/claims/claim.py", HAND,
         {
             "wrong answers take part": ("return [timing for timing in times_ if not is_wrong(timing)]", "return list(times_)"),
             "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
@@ -73,7 +73,7 @@ CLAIMS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "labbook/comparison_claims.py", HAND,
+        "labbook/claims/comparison.py", HAND,
         {
             "the slower backend is the faster one": ("if last.ratio < 1:", "if last.ratio > 1:"),
             "with graphics the slower backend is the faster one": ("if last.ratio > 1:\n        return Claim(f\"{at} the GPU's", "if last.ratio < 1:\n        return Claim(f\"{at} the GPU's"),
@@ -82,7 +82,7 @@ CLAIMS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "labbook/accuracy_claims.py", HAND,
+        "labbook/claims/accuracy.py", HAND,
         {
             "at equal error the slower backend is the faster one": ('("GPU", "CPU", ratio) if ratio > 1', '("GPU", "CPU", ratio) if ratio < 1'),
             "float32's floor told at twenty times": ("if single.error < 2 * double.error:", "if single.error < 20 * double.error:"),
@@ -90,11 +90,11 @@ CLAIMS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "labbook/findings_claims.py", HAND,
+        "labbook/claims/findings.py", HAND,
         {"smaller steps make it worse at any rate": ("worse = worse and smallest.value > 2 * least.value", "worse = worse and smallest.value > 20 * least.value")},
     ),
     *in_file(
-        "labbook/hard_claims.py", HAND,
+        "labbook/claims/hard.py", HAND,
         {
             "failed hard runs are no bug": ('failed otherwise, which is a bug of this lab:', 'failed otherwise:'),
             "failed hard runs support the claim": ('"runs": float(len(rows))}, not counts["fail"])', '"runs": float(len(rows))}, True)'),
@@ -105,7 +105,7 @@ CLAIMS: tuple[Mistake, ...] = (
 
 RESULTS: tuple[Mistake, ...] = (
     *in_file(
-        "bench/results.py", "test_results.py",
+        "bench/store/results.py", "test_results.py",
         {
             "suspect only beyond half": ("SPREAD_LIMIT = 0.10", "SPREAD_LIMIT = 0.50"),
             "quartiles are extremes": ("np.percentile(per_step, (25, 75))", "np.percentile(per_step, (0, 100))"),
@@ -113,14 +113,14 @@ RESULTS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "bench/store.py", "test_results.py",
+        "bench/store/database.py", "test_results.py",
         {
             "another machine's measure is held": ('"WHERE configuration = ? AND machine = ? AND sources = ? AND name = ? LIMIT 1",\n                (configuration_hash(description), machine, sources, name),', '"WHERE configuration = ? AND sources = ? AND name = ? LIMIT 1",\n                (configuration_hash(description), sources, name),'),
             "another stage's samples are held": ('"WHERE configuration = ? AND machine = ? AND sources = ? AND stage = ?",\n            (configuration_hash(description), machine, sources, stage),', '"WHERE configuration = ? AND machine = ? AND sources = ?",\n            (configuration_hash(description), machine, sources),'),
         },
     ),
     *in_file(
-        "bench/timing.py", "test_timing.py",
+        "bench/measure/timing.py", "test_timing.py",
         {
             "a busy neighbour is not noticed": ("if busy > spare + BUSY_NEIGHBOUR:", "if busy > cores + BUSY_NEIGHBOUR:"),
             "one's own time is a neighbour's": ("max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed", "max(0.0, used - self._seen[1]) / passed"),
@@ -131,24 +131,24 @@ RESULTS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "bench/measure_group.py", "test_marks.py",
+        "bench/measure/group.py", "test_marks.py",
         {"a sample's marks are dropped on the way to the store": ("marks = [sample.suspect, warnings.get(case.simulation_kind)]", "marks = [warnings.get(case.simulation_kind)]"),
          "a wrong answer's mark is dropped": ("marks = [sample.suspect, warnings.get(case.simulation_kind)]", "marks = [sample.suspect]")},
     ),
     *in_file(
-        "bench/costs_timing.py", "test_marks.py",
+        "bench/measure/costs_timing.py", "test_marks.py",
         {"marks of ratios are dropped": ("marks[place[id(subject)]] += [suspect] if suspect else []", "marks[place[id(subject)]] += []")},
     ),
     *in_file(
-        "bench/accuracy.py", "test_marks.py",
+        "bench/experiments/accuracy/experiment.py", "test_marks.py",
         {"marks of accuracy runs are dropped": ('marks = [sample.suspect, "CUDA simulator', 'marks = [None, "CUDA simulator')},
     ),
     *in_file(
-        "bench/judgement.py", "test_judgement.py",
+        "bench/experiments/accuracy/judgement.py", "test_judgement.py",
         {"resolved at the reference's own error": ("RESOLVED = 10", "RESOLVED = 1")},
     ),
     *in_file(
-        "bench/judge.py", "test_judgement.py",
+        "bench/experiments/accuracy/judge.py", "test_judgement.py",
         {"a run tells what its reference does not resolve": ("if error < 10 * estimate / scene.grid.spacing:", "if error < estimate / scene.grid.spacing:")},
     ),
     *in_file(
@@ -156,12 +156,12 @@ RESULTS: tuple[Mistake, ...] = (
         {"references of sub-folders' sources": ('folder.rglob("*.py")', 'folder.glob("*.py")')},
     ),
     *in_file(
-        "bench/hard_trial.py", "test_hard_judged.py test_hard.py",
+        "bench/stress/trial.py", "test_hard_judged.py test_hard.py",
         {"a bound that is not looked at": ('{"<": self.value < self.bound, ">": self.value > self.bound}', '{"<": True, ">": self.value > self.bound}'),
          "rest with a thousand times the force": ("RESIDUAL = 1e-9", "RESIDUAL = 1e-6")},
     ),
     *in_file(
-        "bench/hard.py", "test_hard.py",
+        "bench/stress/experiment.py", "test_hard.py",
         {"a scene that should be refused passes": ('return outcome("refused", refusal, checks) if refusal else outcome("fail", "was not refused", checks)', 'return outcome("refused", refusal or "", checks)')},
     ),
 )  # fmt: skip
@@ -172,11 +172,11 @@ EXITS: tuple[Mistake, ...] = (
         {"a diverged run is done": ("if result.diverged:\n        raise result.diverged", "if False:\n        raise result.diverged")},
     ),
     *in_file(
-        "app/command_line.py", "test_exits.py",
+        "app/command/command_line.py", "test_exits.py",
         {"Ctrl-C is what typer makes of it": ("except (KeyboardInterrupt, BrokenPipeError) as error:", "except ZeroDivisionError as error:")},
     ),
     *in_file(
-        "model/errors.py", "test_exits.py",
+        "model/core/errors.py", "test_exits.py",
         {"a backend that is not there is bad input": ("exit_status = 3", "exit_status = 2")},
     ),
     *in_file(

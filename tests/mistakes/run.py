@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .mistake import ROOT, Mistake
+from .mistake import ROOT, Mistake, path_of
 
 COPIED = (
     "model", "cpu_backend", "gpu_backend", "app", "bench", "plots", "labbook", "tests", "docs", "softlab.py",
@@ -80,7 +80,7 @@ class Copy:
             if self._ended:
                 return None, "stopped"
             self._running = running = subprocess.Popen(
-                [*words, *(f"tests/{test}" for test in tests)], cwd=self.folder, env=environment, text=True,
+                [*words, *(path_of(test, self.folder) for test in tests)], cwd=self.folder, env=environment, text=True,
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix",
             )  # fmt: skip
         try:

@@ -1,4 +1,4 @@
-"""These tests run under numba's CUDA simulator only: tests/test_cuda_simulator.py starts them in a process of its own,
+"""These tests run under numba's CUDA simulator only: tests/core/test_cuda_simulator.py starts them in a process of its own,
 because the simulator must be chosen before numba is imported."""
 
 import os

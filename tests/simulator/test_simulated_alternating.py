@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.driver import open_simulation
-from model.errors import Diverged, SceneError
-from model.scene import Scene, load_scene
+from model.core.errors import Diverged, SceneError
+from model.scene.scene import Scene, load_scene
 
 CHANGES = {
     "grid.rows": 8,

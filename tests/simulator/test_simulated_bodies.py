@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from bodies_scenes import by_hand, degenerate, end_state, everything, hung, opened, same, start
 
-from model.errors import SceneError
+from model.core.errors import SceneError
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

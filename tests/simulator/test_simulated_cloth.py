@@ -3,22 +3,18 @@ independent NumPy reference within rounding."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from cloth_scenes import BODIES, PARTS, POKE, cloth_scene
 
 from app.driver import open_simulation
 from bench.reference import mass_spring as reference
-from model.errors import Diverged, SceneError
-from model.integrators import INTEGRATORS
-from model.scene import Scene
-from model.simulation import State
+from model.core.errors import Diverged, SceneError
+from model.core.integrators import INTEGRATORS
+from model.core.simulation import State
+from model.scene.scene import Scene
 
 STEPS = 2
 

@@ -6,20 +6,16 @@ other, is run with all blocks at once, each a group of Python threads (test_simu
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from cloth_scenes import PARTS, POKE, cloth_scene
 from test_simulated_tiles import assert_same, blocks_together  # noqa: F401  # a fixture
 
 from app.driver import open_simulation
-from model.errors import SceneError
-from model.scene import Scene
-from model.simulation import State
+from model.core.errors import SceneError
+from model.core.simulation import State
+from model.scene.scene import Scene
 
 
 def end_state(scene: Scene, kernel: str, steps: int, **options: Any) -> State:

@@ -9,11 +9,11 @@ import pytest
 
 from app.driver import open_simulation
 from bench.reference import mass_spring as reference
-from gpu_backend.mass_spring_kernels import BLOCK, make_tools
-from model.errors import Diverged, SceneError
-from model.integrators import INTEGRATORS
-from model.scene import load_scene
-from model.simulation import State
+from gpu_backend.mass_spring.grid.kernels import BLOCK, make_tools
+from model.core.errors import Diverged, SceneError
+from model.core.integrators import INTEGRATORS
+from model.core.simulation import State
+from model.scene.scene import load_scene
 
 SCENES = {
     "busy": {

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from bench.hard import judge_case
-from bench.hard_bodies import is_stopped_by_a_box, is_whole_at_once
-from bench.hard_cases import CASES
-from bench.hard_rotations import finds_rotations, goals_are_exact
-from bench.methods import MATCHING
+from bench.experiments.accuracy.methods import MATCHING
+from bench.stress.bodies import is_stopped_by_a_box, is_whole_at_once
+from bench.stress.cases import CASES
+from bench.stress.experiment import judge_case
+from bench.stress.rotations import finds_rotations, goals_are_exact
 
 TINY = [case for case in CASES if case.row in ("B4", "B24")]
 BODIES = {case.name: case for case in CASES if case.of_bodies}

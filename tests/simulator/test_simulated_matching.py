@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from test_matching import STEPS, end_state, everything, jelly
 
-from model.errors import SceneError
+from model.core.errors import SceneError
 
 
 @pytest.mark.parametrize("region,substeps,iterations", [(1, 1, 1), (2, 1, 2), (1, 2, 3)])

@@ -3,24 +3,20 @@ state."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from mesh_scenes import PARTS, POKE, mesh_scene
 
 from app.driver import open_simulation
 from bench.reference import xpbd_mesh as reference
-from model.build import build
-from model.mesh_tables import wind_lists
-from model.normals import scene_normals
-from model.scene import Scene
-from model.simulation import State
-from model.topology import mesh_of, vertex_masses
+from model.core.build import build
+from model.core.simulation import State
+from model.geometry.normals import scene_normals
+from model.geometry.tables import wind_lists
+from model.geometry.topology import mesh_of, vertex_masses
+from model.scene.scene import Scene
 
 STEPS = 2
 

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from cloth_scenes import POKE, cloth_scene
 
 from app.driver import open_simulation
-from gpu_backend.cloth_pins import STILL, pin_marks
-from model.build import build
-from model.cloth_record import P_MOTION, body_rows
-from model.errors import SceneError
-from model.scene import Scene, load_scene
-from model.simulation import State
+from gpu_backend.contact.pins import STILL, pin_marks
+from model.core.build import build
+from model.core.errors import SceneError
+from model.core.simulation import State
+from model.mass_spring.cloth_parameters import P_MOTION, body_rows
+from model.scene.scene import Scene, load_scene
 
 
 def end_state(scene: Scene, backend: str, kernel: str, **options: Any) -> State:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from cpu_backend.compile import Compiler
-from gpu_backend.formulas import device_formulas
+from cpu_backend.core.compile import Compiler
+from gpu_backend.core.formulas import device_formulas
 from model.formulas import rotation
 
 

@@ -1,17 +1,26 @@
-"""The scatters of bench/scatter_gpu.py at 8 x 8 masses, against the lab's own kernel: the same sums in another order."""
+"""The scatters of bench/experiments/scatter_gpu.py at 8 x 8 masses, against the lab's own kernel: the same sums in another
+order."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from bench import findings_determinism
-from bench.checks import LIMITS, displaced
-from bench.costs_timing import RATIO, Effort, Record
-from bench.findings_determinism import DIFFERENT, DISTANCE, GATHER, OTHERS, determinism, different_runs, open_way
-from bench.machine import enter_machine
-from bench.store import Store
-from model.scene import load_scene
+from bench.experiments import findings_determinism
+from bench.experiments.checks import LIMITS, displaced
+from bench.experiments.findings_determinism import (
+    DIFFERENT,
+    DISTANCE,
+    GATHER,
+    OTHERS,
+    determinism,
+    different_runs,
+    open_way,
+)
+from bench.measure.costs_timing import RATIO, Effort, Record
+from bench.measure.machine import enter_machine
+from bench.store.database import Store
+from model.scene.scene import load_scene
 
 STEPS = 6
 

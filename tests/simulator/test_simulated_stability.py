@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from app.driver import open_simulation
-from bench import stability_runs
-from bench.stability_runs import DIVERGED, LIVE, MOVING, linear, measured_edge, outcome
-from model.scene import Scene, load_scene
+from bench.experiments.stability import runs as stability_runs
+from bench.experiments.stability.runs import DIVERGED, LIVE, MOVING, linear, measured_edge, outcome
+from model.scene.scene import Scene, load_scene
 
 
 def small(integrator: str) -> Scene:

@@ -15,14 +15,14 @@ import pytest
 from numba.cuda.simulator import kernel as simulator_kernel
 from numba.cuda.simulator import kernelapi
 
-import gpu_backend.tile_launch as tile_launch
+import gpu_backend.mass_spring.grid.tile_launch as tile_launch
 from app.driver import open_simulation
-from gpu_backend.choice import parsed_tile
-from gpu_backend.tiled_kernels import _make_parts
-from gpu_backend.tiling import owned, tile_count
-from model.errors import SceneError
-from model.scene import load_scene
-from model.simulation import State
+from gpu_backend.core.tiling import owned, tile_count
+from gpu_backend.mass_spring.grid.choice import parsed_tile
+from gpu_backend.mass_spring.grid.tiles import _make_parts
+from model.core.errors import SceneError
+from model.core.simulation import State
+from model.scene.scene import load_scene
 
 BUSY = {
     "grid.pinned": "every:3",

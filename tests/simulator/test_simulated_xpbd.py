@@ -3,23 +3,19 @@ same bits, and to the independent NumPy reference within rounding."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 from xpbd_scenes import PARTS, poke_of, xpbd_scene
 
 from app.driver import open_simulation
 from bench.reference import xpbd as reference
-from gpu_backend.mass_spring_kernels import BLOCK
-from model.build import build, rest_positions
-from model.errors import Diverged, SceneError
-from model.scene import Scene
-from model.simulation import State
+from gpu_backend.mass_spring.grid.kernels import BLOCK
+from model.core.build import build, rest_positions
+from model.core.errors import Diverged, SceneError
+from model.core.simulation import State
+from model.scene.scene import Scene
 
 ORDERINGS = {"gauss-seidel": "gauss-seidel", "jacobi": "weighted-jacobi", "averaged-jacobi": "averaged-jacobi"}
 SHARED = ("one-block", "tiled:4x4x32d1", "tiled:8x4x64d2")  # kernels: several tiles, some iterations left over

@@ -1,0 +1,108 @@
+"""What the commands of softlab.py and bench/commands.py share: the options of several of them, and where they print to."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from model.core.errors import SoftlabError
+
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False)
+
+# what every complaint about a command line is; typer exports only some of them
+UsageError: type[Exception] = typer.BadParameter.mro()[2]
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a field, e.g. grid.rows=64. Repeatable."),
+]
+Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
+Threads = Annotated[
+    str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, a number, or auto: 1x, or 1 where that is quicker now.")
+]
+Precision = Annotated[str, typer.Option(help="float32 or float64.")]
+Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
+StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
+DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
+
+
+def scene_of(name: str, settings: list[str] | None) -> Any:
+    """The scene of that name or file, with the fields of --set. Raises SceneError."""
+    from model.scene.reader import parse_settings
+    from model.scene.scene import load_scene
+
+    return load_scene(name).replace(parse_settings(settings))
+
+
+class _Left(Exception):
+    """What ended a command, on its way through typer."""
+
+
+class Commands(TyperGroup):
+    """The sub-commands. Ctrl-C and a reader that has gone reach `main` of softlab.py as they are: typer would make of them
+    what its version makes of them (1 or 130, and always 1)."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, BrokenPipeError) as error:
+            raise _Left from error
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        try:
+            return super().main(*arguments, **options)
+        except _Left as left:
+            raise left.__cause__ or left from None
+
+
+def told(line: str, status: int) -> int:
+    """`status`, once the line is on standard error, if that can be written at all."""
+    with suppress(OSError):
+        errors.print(f"softlab: {line}", markup=False)
+    return status
+
+
+def usage_line(error: Any) -> str:
+    """What is wrong with a command line, in one line."""
+    command = error.ctx.command_path if getattr(error, "ctx", None) else "softlab"
+    return str(SoftlabError(f"{' '.join(error.format_message().split())} (see {command} --help)"))
+
+
+def usage_status(error: Any) -> int:
+    """The exit status of a complaint about the command line, once it is told; without words, the help was printed."""
+    status = int(error.exit_code)
+    return told(usage_line(error), status) if error.format_message() else status
+
+
+def drop_output() -> None:
+    """Nothing more can be printed: what waits to be is dropped, so that the end of the process does not trip over it."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def compilations_told(console: Console = errors) -> Iterator[None]:
+    """Within it, a terminal is told of each kernel that is compiled, and how long that took last time on this machine."""
+    from model.core.kernel_cache import watched
+
+    def tell(label: str, seconds: float | None) -> None:
+        if console.is_terminal and (seconds is None or seconds >= 1.0):
+            last = "for the first time here" if seconds is None else f"took {seconds:.0f} s last time"
+            console.print(f"compiling {label}: {last}", markup=False)
+
+    with watched(tell):
+        yield
+
+
+def typed() -> str:
+    """The command as it was typed, for the store."""
+    return " ".join(["softlab", *sys.argv[1:]])

@@ -1,0 +1,316 @@
+"""What the interactive demo does, without a window: every key and drag is a method here, and can be tested as one.
+
+`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of them
+or, once one was chosen, in that one alone; all else is for all. It never raises for what a user does: the reason goes to
+`message`, and the old state goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from app.render.spare_bodies import counts_text, drop, next_spare
+from app.window.hand import Hand, Poke, nearest, neighbour
+from app.window.worlds import STEPS_PER_FRAME, Worlds, stiffness_paths
+from model.core.errors import SoftlabError
+from model.core.simulation import Simulation
+
+THREAD_WORDS = ("1x", "2x", "4x")
+NO_BODIES = "there are no bodies here"
+FACTOR = 1.25  # one press of [ ] { }
+
+
+class Demo(Worlds):
+    """The running demo of one or more scenes: the keys and the mouse as methods. Raises what `open_simulation` raises, when
+    opening only; its public attributes are those of `Worlds`."""
+
+    # ------------------------------------------------------------------ keys
+
+    def next_world(self) -> None:
+        """Tab: all worlds, the first alone, the second alone ..."""
+        if len(self.worlds) == 1:
+            self.say("there is one scene only; softlab demo SCENE SCENE shows two side by side")
+            return
+        following = self.current + 1 if self.alone else 0
+        self.alone = following < len(self.worlds)
+        self.turn_to(following % len(self.worlds))
+        self.say(f"keys change {self.titles[self.current] + ' alone' if self.alone else 'every world'}")
+
+    def turn_to(self, number: int) -> None:
+        """The hand and the numbers are in another world from now on."""
+        if number != self.current:
+            self.release()
+            self.current, self.hand = number, Hand(self.scenes[number].dimensions)
+            self.refresh(force=True)
+
+    @property
+    def changed(self) -> list[Simulation]:
+        """The worlds that keys change."""
+        return [self.world] if self.alone else self.worlds
+
+    @property
+    def whose(self) -> str:
+        """How a message about one world alone begins."""
+        return f"{self.titles[self.current]}: " if self.alone else ""
+
+    def toggle_gravity(self) -> None:
+        """G"""
+        if self._blocked():
+            return
+        on = not self.gravity
+        if self._change([(world, {"gravity.enabled": on}) for world in self.changed]):
+            parts = [world.scene.gravity for world in self.changed]
+            found = dict.fromkeys(f"{part.acceleration:g}" for part in parts if part)
+            self.say(f"{self.whose}gravity " + (f"on: {', '.join(found)} m/s² downward" if on else "off"))
+
+    @property
+    def gravity(self) -> bool:
+        gravity = self.world.scene.gravity
+        return bool(gravity and gravity.enabled)
+
+    def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, float | bool]]]) -> bool:
+        """Set fields of worlds by their paths, or say why not and leave every world as it was."""
+        before = [(world, path, _field(world, path)) for world, fields in wanted for path in fields]
+
+        def change() -> None:
+            try:
+                for world, fields in wanted:
+                    self._at = self.worlds.index(world)
+                    for path, value in fields.items():
+                        world.set(path, value)
+            except SoftlabError:
+                for world, path, value in before:
+                    world.set(path, value)
+                raise
+
+        return self._guard(change)
+
+    def toggle_pause(self) -> None:
+        """Space"""
+        self.paused = not self.paused
+        self.say("paused; space goes on" if self.paused else "running")
+
+    def change_dt(self, presses: int) -> None:
+        """[ (-1) and ] (+1): the step size by a factor of 1.25."""
+        if self._blocked():
+            return
+        factor = FACTOR**presses
+        if self._change([(world, {"method.dt": world.scene.method.dt * factor}) for world in self.changed]):
+            self.say(f"{self.whose}dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
+
+    def change_stiffness(self, presses: int) -> None:
+        """{ (-1) and } (+1): the spring stiffness by a factor of 1.25."""
+        if self._blocked():
+            return
+        wanted = [
+            (world, {path: stiffness * FACTOR**presses for path, stiffness in stiffness_paths(world.scene).items()})
+            for world in self.changed
+        ]
+        told = next((fields for _, fields in wanted if fields), None)
+        if told is None:
+            self.say(f"{self.whose}this scene has no springs that give")
+        elif self._change(wanted):
+            texts = [
+                f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"
+                for path, stiffness in told.items()
+            ]
+            self.say(f"{self.whose}{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
+
+    def limit_text(self) -> str:
+        """The step size against its limit, in words."""
+        method, limit = self.world.scene.method.name, self.world.limit
+        if limit == 0:
+            return f"and {method} is unstable at every dt here"
+        if math.isinf(limit):
+            return "no limit"
+        relation = "OVER the limit of" if self.over_limit else "limit"
+        return f"{relation} {limit:.4g} s"
+
+    def change_steps(self, presses: int) -> None:
+        """- (-1) and + (+1): steps per frame along 1, 2, 5, 10, 20 ..."""
+        place = STEPS_PER_FRAME.index(self.steps_per_frame) + presses
+        self.steps_per_frame = STEPS_PER_FRAME[min(max(place, 0), len(STEPS_PER_FRAME) - 1)]
+        self.say(f"{self.steps_per_frame} steps per frame")
+
+    def restart(self) -> None:
+        """R: masses, step size, stiffness and gravity back to what the scene says."""
+
+        def back() -> None:
+            for world, scene in zip(self.worlds, self.scenes, strict=True):
+                world.reset()
+                if "poke" in world.options.live:
+                    world.poke(None)
+                world.set("method.dt", scene.method.dt)
+                world.set("gravity.enabled", bool(scene.gravity and scene.gravity.enabled))
+                for path, stiffness in stiffness_paths(scene).items():
+                    world.set(path, stiffness)
+
+        self.hand.held = None
+        if self.world.scene.bodies:  # it may wait again
+            self.hand.selected = None
+        self.hand.forget()
+        self.frozen, self.failure = False, ""
+        if self._guard(back):
+            self._read()
+            self.refresh(force=True)
+            self.say("restarted, everything as the scene says")
+
+    def switch_backend(self) -> None:
+        """B: from the CPU to the GPU or back, with the state as it is."""
+        other = "gpu" if self.backend == "cpu" else "cpu"
+        if not self._blocked() and self._reopen(other, self.threads):
+            self.say(f"now on the {other}: {self.world.device}, state carried over")
+
+    def cycle_threads(self) -> None:
+        """T: 1x, 2x, 4x the cores."""
+        if self._blocked():
+            return
+        if self.backend != "cpu":
+            self.say("threads belong to the cpu backend; B switches to it")
+            return
+        place = THREAD_WORDS.index(self.threads) if self.threads in THREAD_WORDS else -1
+        word = THREAD_WORDS[(place + 1) % len(THREAD_WORDS)]
+        if self._reopen("cpu", word):
+            self.say(f"{self.world.threads} threads ({word} the cores), state carried over")
+
+    def _reopen(self, backend: str, threads: str) -> bool:
+        """Open every world anew and go on from its state; on an error the old ones go on."""
+        fresh: list[Simulation] = []
+
+        def reopen() -> None:
+            for world in self.worlds:
+                fresh.append(self._open(world.scene, backend, threads, world.state()))
+
+        if not self._guard(reopen):
+            for world in fresh:
+                world.close()
+            return False
+        old, self.worlds = self.worlds, fresh
+        for world in old:
+            world.close()
+        self.backend, self.threads = backend, threads
+        self.hand.forget()
+        self._guard(self._push)
+        return True
+
+    # ------------------------------------------------------------------ bodies that come and go
+
+    def drop_body(self, place: Sequence[float]) -> None:
+        """D: a body that waits comes in above `place` [m]; of several parts each in turn."""
+        if self._blocked():
+            return
+        if not self.world.scene.bodies:
+            self.say(NO_BODIES)
+            return
+
+        def bring() -> None:
+            for world in self.changed:
+                self._at = self.worlds.index(world)
+                name = next_spare(world, self._dropped)
+                drop(world, name, place)
+            self._dropped = name
+            self.say(f"{self.whose}{name} dropped: {counts_text(self.world)}")
+
+        self._guard(bring)
+        self._moved = True
+        self.refresh(force=True)
+
+    def remove_body(self) -> None:
+        """X: the body of the selected particle leaves, and waits from then on."""
+        if self._blocked():
+            return
+        selected, crowd = self.hand.selected, self.world.scene.crowd if self.world.scene.bodies else None
+        if selected is None or crowd is None:
+            self.say("first select a body: press it, or an arrow" if crowd is not None else NO_BODIES)
+            return
+        copy = crowd.copies[crowd.body[selected]]
+        if self._guard(lambda: self.world.remove_body(copy.number)):
+            self.hand.held = self.hand.selected = None
+            self.hand.forget()
+            self._moved = True
+            self.say(f"{copy.name} taken out: {counts_text(self.world)}")
+            self.refresh(force=True)
+
+    # ------------------------------------------------------------------ poking
+
+    def name(self, particle: int) -> str:
+        """`row, column` of a mass; of bodies the particle's number, and whose it is."""
+        if self.world.scene.bodies:
+            crowd = self.world.scene.crowd
+            copy = crowd.copies[crowd.body[particle]]
+            return f"{particle} of {copy.name}"
+        return "{}, {}".format(*divmod(particle, self.world.body.columns))
+
+    def force(self) -> tuple[float, ...]:
+        """The held force [N], of as many components as the world has; 0 without one."""
+        return self.hand.force(self.world, self.position, self._hold_time())
+
+    def _tell_selection(self, particle: int) -> None:
+        pinned = self.world.body.inverse_mass[particle] == 0
+        what = "particle" if self.world.scene.bodies else "mass"
+        self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
+
+    def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:
+        """Arrows: select the neighbour `columns` to the right and `rows` up; the first press selects the middle.
+
+        The `direction` (in the plane that same way) is also where Enter pokes to from then on.
+        """
+        towards = (float(columns), float(rows)) if direction is None else tuple(direction)
+        if self.world.scene.bodies and not self.world.body.inverse_mass.any():
+            self.say("no body is there")
+            return
+        if self.hand.selected is not None and self.world.scene.bodies:
+            crowd = self.world.scene.crowd
+            own = np.flatnonzero(crowd.body == crowd.body[self.hand.selected])
+            self._tell_selection(self.hand.move_to(neighbour(self.position, own, self.hand.selected, towards), towards))
+            return
+        self._tell_selection(self.hand.move(columns, rows, self.world, towards))
+
+    def press(self, x: float, y: float, reach: float) -> bool:
+        """Mouse down at (x, y) [m] in the plane: take the nearest mass within `reach` [m], to be pulled to the pointer."""
+        if self._blocked():
+            return False
+        particle = nearest(self.position, x, y, reach)
+        return particle is not None and self.take(particle, (x, y))
+
+    def take(self, particle: int, target: Sequence[float]) -> bool:
+        """Select a mass and pull it toward `target` [m] until `release`."""
+        if self._blocked():
+            return False
+        self.hand.selected = particle
+        self.hand.held = Poke(particle, tuple(target))
+        self._tell_selection(particle)
+        return self._guard(self._push)
+
+    def drag(self, *target: float) -> None:
+        """The pointer is at `target` [m] now."""
+        held = self.hand.held
+        if held is not None and held.target is not None:
+            self.hand.held = Poke(held.particle, target)
+
+    def press_key(self) -> None:
+        """Enter down: poke the selected mass downward, or the way of the last arrow key."""
+        if self._blocked():
+            return
+        if self.hand.selected is None:
+            self.move_selection(0, 0)
+            self.hand.direction = self.hand.down
+        if self.hand.selected is not None and self.hand.held is None:
+            self.hand.held = Poke(self.hand.selected, None, self.hand.direction)
+            self._guard(self._push)
+
+    def release(self) -> None:
+        """Mouse or Enter up."""
+        if self.hand.held is not None:
+            self.hand.held = None
+            self._guard(self._push)
+
+
+def _field(world: Simulation, path: str) -> float | bool:
+    """A field that is live, as it is now."""
+    if path == "gravity.enabled":
+        return bool(world.scene.gravity and world.scene.gravity.enabled)
+    return world.scene.method.dt if path == "method.dt" else stiffness_paths(world.scene)[path]

@@ -1,0 +1,152 @@
+"""What the demo tells: the lines of numbers over its picture, and its state for another program."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.command.demo import Demo
+from app.render.camera import Camera
+from app.render.camera3d import Camera3D
+from app.window.panes import Pane
+from app.window.worlds import stiffness_paths
+from model.core.files import replacing
+from model.scene.scene import Scene
+from model.shape_matching.spare import counts, present
+
+
+def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
+    """Three lines, the most important first: when and how fast; what is set and what comes of it; who computes and draws.
+    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one."""
+    world, scene = demo.world, demo.world.scene
+    speed = 1 / max(frame_seconds, 1e-6)
+    running = not (demo.paused or demo.frozen)
+    threads = (
+        f"{world.threads} threads ({demo.threads})" if world.backend == "cpu" else f"{world.threads} threads a block"
+    )
+    stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(scene).values())
+    springs = f"stiffness {stiffness} N/m   " if stiffness else ""
+    state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
+    gravity = "on" if demo.gravity else "off"
+    way = f" ({way})" if way else ""
+    whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
+    steps = demo.steps_of(world)
+    physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
+    return "\n".join(
+        (
+            f"{whose}time {world.time:.2f} s   {speed:.0f} frames/s   {speed * steps * running:.0f} steps/s{state}",
+            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   gravity {gravity}   {springs}"
+            f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}",
+            f"{world.backend}, {threads}, {world.options.precision}   {masses_text(scene, world.body.inverse_mass)}   "
+            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics:.3g} ms, drawing {drawing:.3g} ms{way}",
+        )
+    )
+
+
+def gravity_of(scene: Scene) -> float:
+    """Downward [m/s^2]; 0 where it is off."""
+    return scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+
+
+def title_text(demo: Demo, number: int) -> str:
+    """A world beside others: what it is, and what may be different in it."""
+    world = demo.worlds[number]
+    gravity, method = gravity_of(world.scene), world.scene.method
+    stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
+    lines = [
+        demo.titles[number] + ("   (keys: this one)" if demo.alone and number == demo.current else ""),
+        (f"gravity {gravity:g} m/s²" if gravity else "gravity off")
+        + f"   dt {method.dt:.4g} s"
+        + ("   OVER its limit" if method.dt > world.limit * (1 + 1e-12) else ""),
+        *([f"stiffness {stiffness} N/m"] if stiffness else []),
+    ]
+    return "\n".join(lines)
+
+
+def strain_text(demo: Demo) -> str:
+    """The worst strain, or how far a particle of bodies is from its goal."""
+    worst = demo.statistics.worst_strain
+    if demo.world.scene.bodies:
+        return f"farthest from its goal {worst:.3g} spacings"
+    return f"worst strain {worst:+.4g}"
+
+
+def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
+    """How many masses there are, in words; of bodies also how many clusters and bodies, and how many more bodies wait, by
+    inverse masses as in State (None: when the scene starts); and colliders."""
+    colliders = len(scene.colliders)
+    found = f"{scene.grid.rows} x {scene.grid.columns} masses"
+    if scene.bodies:
+        told = counts(scene, inverse_mass)
+        found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
+        found += f" + {told.waiting} waiting" if told.waiting else ""
+    return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
+
+
+def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -> dict[str, Any]:
+    """The demo as plain JSON values, of its current world, which is drawn in `pane` of a window `height` pixels high; of each
+    of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
+    `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions, but of
+    `waiting` bodies, which are counted."""
+    world, position, held = demo.world, demo.position, demo.hand.held
+    columns, last = world.body.columns, len(position) - 1
+    sample = {0, columns - 1, world.body.rows // 2 * columns + columns // 2, last - columns + 1, last}
+    if demo.hand.selected is not None:
+        sample.add(demo.hand.selected)
+    masses = {}
+    for particle in sorted(sample):
+        if np.isfinite(position[particle]).all():
+            x, y = camera.to_window(position[particle])
+            metres = position[particle].tolist()
+            if np.isfinite((x, y)).all():  # in space a mass can lie behind the viewer
+                masses[str(particle)] = {
+                    "window": [pane.left + float(x), height - pane.bottom - float(y)],
+                    "position": metres,
+                }
+    there = present(world.scene, position, world.body.inverse_mass)
+    finite = there[np.isfinite(there).all(axis=1)].astype(np.float64)
+    some = finite if len(finite) else np.zeros((1, world.scene.dimensions))
+    stiffness = list(stiffness_paths(world.scene).values())
+    return {
+        "backend": demo.backend,
+        "device": world.device,
+        "threads": demo.threads,
+        "thread_count": world.threads,
+        "gravity": demo.gravity,
+        "dt": world.scene.method.dt,
+        "limit": world.limit if math.isfinite(world.limit) else None,
+        "stiffness": stiffness[0] if stiffness else None,
+        "steps_per_frame": demo.steps_per_frame,
+        "step": world.step,
+        "time": world.time,
+        "paused": demo.paused,
+        "diverged": demo.frozen,
+        "failure": demo.failure,
+        "message": demo.message,
+        "message_count": demo.message_count,
+        "selected": demo.hand.selected,
+        "poke": {"particle": held.particle, "force": list(demo.force())} if held else None,
+        "energy": demo.statistics.energy,
+        "worst_strain": demo.statistics.worst_strain,
+        "mean": some.mean(axis=0).tolist(),
+        "low": some.min(axis=0).tolist(),
+        "high": some.max(axis=0).tolist(),
+        "masses": masses,
+        "waiting": counts(world.scene, world.body.inverse_mass).waiting,
+        "current": demo.current,
+        "alone": demo.alone,
+        "worlds": [
+            {"title": title, "gravity": gravity_of(w.scene), "dt": w.scene.method.dt, "step": w.step, "time": w.time}
+            for title, w in zip(demo.titles, demo.worlds, strict=True)
+        ],
+    }
+
+
+def write_state(path: Path, state: dict[str, Any]) -> None:
+    """Replace the JSON file `path`, so that a reader never sees half of it."""
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(state), encoding="utf-8")

@@ -1,0 +1,155 @@
+"""What works on this machine, and for each thing that is missing, the command that gets it."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the doctor's: what was looked at, whether it works, what was found, how to get it if it does not."""
+
+    name: str
+    works: bool
+    found: str
+    remedy: str = ""
+
+
+def _versions() -> Finding:
+    from importlib.metadata import PackageNotFoundError, version
+
+    def of(name: str) -> str:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            return "not installed"
+
+    names = ("numba", "numpy", "numba-cuda", "pyglet", "matplotlib", "typst")
+    return Finding("versions", True, f"Python {platform.python_version()}, " + ", ".join(f"{n} {of(n)}" for n in names))
+
+
+def _cpu() -> Finding:
+    from cpu_backend.core.threads import core_count, thread_count, threading_layer, wait_policy
+    from cpu_backend.mass_spring.grid.solver import processor_name
+
+    try:
+        thread_count("4x")
+    except Exception as error:
+        return Finding("cpu threads", False, str(error), f"export NUMBA_NUM_THREADS={4 * core_count()}")
+    layer = threading_layer()
+    text = f"{processor_name()}, {core_count()} cores; threading layer {layer}, waiting threads: {wait_policy()}"
+    remedy = (
+        "" if layer == "omp" else "the OpenMP layer is the fastest: install libgomp (Debian: apt-get install libgomp1)"
+    )
+    return Finding("cpu threads", True, text, remedy)
+
+
+def _cache() -> Finding:
+    from model.core.kernel_cache import folder
+
+    if folder() is not None:
+        return Finding("compile cache", True, f"machine code is kept between runs, in {folder()}")
+    return Finding(
+        "compile cache",
+        False,
+        "no writable folder, so every run compiles anew",
+        "make ~/.cache writable, or name another folder: export NUMBA_CACHE_DIR=/tmp/softlab",
+    )
+
+
+def _gpu() -> Finding:
+    from gpu_backend.core.device import gpu_available, simulated
+
+    works, text = gpu_available()
+    if not works:
+        missing, _, remedy = text.partition("; ")
+        return Finding("gpu", False, missing, remedy)
+    if simulated():
+        return Finding(
+            "gpu", True, f"{text}: for tests only, very slow", "unset NUMBA_ENABLE_CUDASIM to use a real GPU"
+        )
+    from app.driver import open_simulation
+    from model.core.errors import SoftlabError
+    from model.scene.scene import load_scene
+
+    try:
+        with open_simulation(load_scene("lab-grid"), "gpu") as simulation:
+            simulation.advance(8)
+            simulation.state()
+    except SoftlabError as error:
+        return Finding("gpu", False, f"{text}, but it cannot run the lab: {error}")
+    except Exception as error:
+        return Finding(
+            "gpu",
+            False,
+            f"{text}, but a kernel failed: {error}",
+            "check that the toolkit fits the driver: README.md, With an NVIDIA GPU",
+        )
+    return Finding("gpu", True, f"{text}: runs the lab grid")
+
+
+def _opengl() -> Finding:
+    from app.output.offscreen import opengl_available
+
+    works, text = opengl_available()
+    if works:
+        return Finding("drawing off-screen", True, text)
+    missing, _, remedy = text.partition("; ")
+    return Finding("drawing off-screen", False, missing, remedy)
+
+
+def _display() -> Finding:
+    if platform.system() != "Linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        return Finding("window", True, "a display is there for softlab demo")
+    return Finding(
+        "window", False, "no display", "run on a desktop, or draw without one: softlab run SCENE --render frame.png"
+    )
+
+
+def _fonts() -> Finding:
+    from matplotlib import font_manager
+
+    path = Path(font_manager.findfont("DejaVu Sans"))
+    system = [p for p in font_manager.findSystemFonts()]
+    text = f"{path.name} for figures; {len(system)} system fonts for the window"
+    if system or platform.system() != "Linux":
+        return Finding("fonts", True, text)
+    return Finding("fonts", False, text, "Debian: apt-get install fontconfig fonts-dejavu-core")
+
+
+def _ffmpeg() -> Finding:
+    from app.output.video import ffmpeg_path
+    from model.core.errors import SoftlabError
+
+    try:
+        return Finding("ffmpeg", True, Path(ffmpeg_path()).name)
+    except SoftlabError as error:
+        return Finding("ffmpeg", False, str(error), "pip install imageio-ffmpeg")
+
+
+def _typst() -> Finding:
+    try:
+        import typst
+    except ImportError as error:
+        return Finding("lab book (typst)", False, str(error), "pip install typst")
+    return Finding(
+        "lab book (typst)", True, f"typst {typst.__version__}" if hasattr(typst, "__version__") else "installed"
+    )
+
+
+CHECKS: tuple[Callable[[], Finding], ...] = (_versions, _cpu, _cache, _gpu, _opengl, _display, _fonts, _ffmpeg, _typst)
+
+
+def examine() -> list[Finding]:
+    """Every finding; a check that itself fails is a finding too, never a traceback."""
+    findings = []
+    for check in CHECKS:
+        try:
+            findings.append(check())
+        except Exception as error:
+            findings.append(Finding(check.__name__.strip("_"), False, f"{type(error).__name__}: {error}"))
+    return findings

@@ -1,0 +1,300 @@
+"""One headless run: open a scene, step it, keep what was asked for, and say how it went."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.command.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
+from app.driver import open_simulation
+from app.output.export import Exporter, Target, check_export
+from app.output.files import check_state_target, read_state, write_state, write_trajectory
+from app.output.video import check_render, render
+from cpu_backend.core.threads import core_count, wait_policy
+from model.core.divergence import LEAST_INTERVAL
+from model.core.energy import energies, spring_strain
+from model.core.errors import Diverged, InputError, SceneError
+from model.core.memory import available_bytes, require
+from model.core.simulation import Simulation, State
+from model.geometry.overlaps import overlap_lines
+from model.geometry.topology import mesh_lines
+from model.scene.scene import Scene
+from model.shape_matching.spare import counts
+
+WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
+MOST_STEPS = 10**15  # more would take years
+PROGRESS_SECONDS = 0.2  # how often the progress bar moves
+
+
+@dataclass(frozen=True)
+class Request:
+    """What `softlab run` was asked to do. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]. `export`: a
+    file's name, with {frame} in it for a file every `export_every` [s]."""
+
+    backend: str = "cpu"
+    threads: str = "1x"
+    precision: str = "float32"
+    math: str = "fast"
+    kernel: str | None = None
+    steps: int | None = None
+    time: float | None = None
+    initial: Path | None = None
+    out: Path | None = None
+    record_every: int = 0
+    record: Path | None = None
+    render: Path | None = None
+    allow_unstable: bool = False
+    export: str | None = None
+    export_every: float | None = None
+
+
+@dataclass
+class Result:
+    """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
+    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it."""
+
+    report: dict[str, Any]
+    state: State
+    scene: Scene
+    written: list[Path] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    diverged: Diverged | None = None
+
+
+def parse_record(words: Iterable[str] | None) -> int:
+    """N of `every=N`. Raises SceneError."""
+    word = next(iter(words or ()), "")
+    key, _, number = word.partition("=")
+    if key != "every" or not (number.isascii() and number.isdigit()) or int(number) < 1:
+        raise SceneError("--record", word, "must be every=N FILE.npz, N at least 1")
+    return int(number)
+
+
+def step_count(scene: Scene, request: Request, notes: list[str]) -> int:
+    """The number of steps asked for; a time is rounded to whole steps, and a note says so."""
+    if request.steps is not None and request.time is not None:
+        raise SceneError("--time", request.time, "give --steps or --time, not both")
+    if request.steps is not None:
+        if not 0 <= request.steps <= MOST_STEPS:
+            raise SceneError("--steps", request.steps, f"must be a whole number from 0 to {MOST_STEPS:.0e}")
+        return request.steps
+    if request.time is None:
+        return 1000
+    dt = scene.method.dt
+    if not math.isfinite(request.time) or request.time < 0:
+        raise SceneError("--time", request.time, "must be a finite number of seconds, at least 0")
+    if request.time / dt > MOST_STEPS:
+        raise SceneError("--time", request.time, f"is more than {MOST_STEPS:.0e} steps of {dt:g} s")
+    steps = round(request.time / dt)
+    if abs(steps * dt - request.time) > 1e-9 * max(dt, request.time):
+        notes.append(f"--time {request.time:g} s rounded to {steps} steps of {dt:g} s = {steps * dt:.9g} s")
+    return steps
+
+
+def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) -> Target | None:
+    """Everything that could stop a result from being written, before any work; where meshes are exported to. Raises
+    InputError, SceneError."""
+    if request.out:
+        check_state_target(request.out)
+    if request.render:
+        check_render(request.render)
+    if request.record:
+        check_state_target(request.record)
+        frames = steps // request.record_every + 1
+        item = 8 if request.precision == "float64" else 4
+        needed = 2 * frames * scene.grid.particle_count * 2 * scene.dimensions * item
+        require(needed, available_bytes(), "--record", f"every={request.record_every}", "main memory")
+    if request.export:
+        return check_export(request.export, request.export_every, scene.method.dt, notes)
+    if request.export_every is not None:
+        raise SceneError("--export-every", request.export_every, "needs --export body-{frame:04d}.ply")
+    return None
+
+
+def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
+    """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
+    notes = [*mesh_lines(scene), *body_lines(scene), *collider_lines(scene), *overlap_lines(scene)]
+    steps = step_count(scene, request, notes)
+    target = check_targets(scene, request, steps, notes)
+    initial = read_state(request.initial, scene) if request.initial else None
+    begin = time.perf_counter()
+    simulation = open_simulation(
+        scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
+        kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable,
+    )  # fmt: skip
+    with simulation:
+        start = simulation.state()
+        _warm_up(simulation, start, steps)
+        compile_seconds = time.perf_counter() - begin
+        clip = request.render is not None and request.render.suffix.lower() == ".mp4"
+        recorder = _Recorder(start, request.record_every if request.record else 0)
+        exporter = Exporter(simulation, target) if target else None
+        seconds, diverged = _advance(simulation, steps, [recorder, exporter] if exporter else [recorder], progress)
+        state = simulation.state()
+        result = Result(
+            _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
+            notes=notes, diverged=diverged,
+        )  # fmt: skip
+        notes += caught_lines(result.report)
+        if exporter:
+            result.written += exporter.finish(simulation, notes)
+        _write_results(result, request, recorder, simulation, start, clip)
+        if diverged is not None:
+            notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
+        if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
+            notes.append(
+                "other programs use the cores, and threads that wait for one another lose most then: "
+                "leave OMP_WAIT_POLICY and GOMP_SPINCOUNT to softlab, or use --threads auto"
+            )
+    return result
+
+
+def _spins() -> bool:
+    """Whether idle threads keep their cores from others for long."""
+    return wait_policy() not in ("brief", "passive")
+
+
+def _crowded() -> bool:
+    """Whether more programs than one have wanted a core of late, where the machine tells."""
+    try:
+        return os.getloadavg()[0] > core_count() + 0.5
+    except (AttributeError, OSError):  # Windows counts no such thing
+        return False
+
+
+def _warm_up(simulation: Simulation, start: State, steps: int) -> None:
+    """Compile, and on a GPU capture, everything the run will use; then go back to the start."""
+    if steps == 0:
+        return
+    try:
+        simulation.advance(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
+        simulation.check()
+    except Diverged:
+        pass  # the run itself will find and report it
+    simulation.load(start)
+
+
+class _Recorder:
+    """Keeps a state every `every` steps, the start among them; 0 keeps nothing."""
+
+    def __init__(self, start: State, every: int):
+        self.every = every
+        self.states = [start] if every else []
+
+    def steps_to_next(self, done: int) -> int:
+        return self.every - done % self.every if self.every else 2**62
+
+    def keep(self, simulation: Simulation, done: int) -> None:
+        if self.every and done % self.every == 0:
+            self.states.append(simulation.state())
+
+
+def _advance(
+    simulation: Simulation, steps: int, keepers: Sequence[_Recorder | Exporter], progress: bool
+) -> tuple[float, Diverged | None]:
+    """Seconds of stepping alone, and the divergence that ended it, if any. `keepers` keep states as it goes on."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
+    done, seconds, batch = 0, 0.0, LEAST_INTERVAL
+    shown = None
+    try:
+        while done < steps:
+            now = min(batch, steps - done, *(keeper.steps_to_next(done) for keeper in keepers))
+            begin = time.perf_counter()
+            simulation.advance(now)
+            simulation.synchronize()
+            took = time.perf_counter() - begin
+            seconds += took
+            done += now
+            for keeper in keepers:
+                keeper.keep(simulation, done)
+            if progress and took > 0:
+                batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
+                if shown is None and seconds / done * (steps - done) > 1:
+                    shown = Progress(*columns, console=Console(stderr=True), transient=True)
+                    shown.start()
+                    task = shown.add_task("stepping", total=steps)
+                if shown is not None:
+                    shown.update(task, completed=done)
+        simulation.check()
+    except Diverged as error:
+        return seconds, error
+    finally:
+        if shown is not None:
+            shown.stop()
+    return seconds, None
+
+
+def _report(
+    simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
+) -> dict[str, Any]:
+    scene = simulation.scene
+    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+    strained = scene.springs or scene.cloth or scene.bodies
+    strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
+    speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
+    count = counts(scene, simulation.body.inverse_mass).particles
+    rate = count * steps / seconds if seconds > 0 and not diverged else None
+    return {
+        "scene": scene.name,
+        "backend": simulation.backend,
+        "device": simulation.device,
+        "threads": simulation.threads,
+        "threads_reason": simulation.threads_reason,
+        "precision": simulation.options.precision,
+        "math": simulation.options.math,
+        "kernel": simulation.kernel,
+        "method": scene.method.label,
+        "particles": count,
+        "dimensions": scene.dimensions,
+        "steps": steps if diverged is None else state.step,
+        "dt": scene.method.dt,
+        "substeps": scene.method.substeps,
+        "iterations": scene.method.iterations,
+        "time": state.time,
+        "seconds": seconds,
+        "compile_seconds": compile_seconds,
+        "particle_steps_per_second": rate,
+        "kinetic_energy": energy["kinetic"],
+        "potential_energy": energy["potential"],
+        "conserved": energy["conserved"],
+        "max_speed": float(speed.max() ** 0.5),
+        "max_strain": float(np.abs(strain).max()) if len(strain) else 0.0,
+        "error": None,
+        "error_reason": "not judged",
+        "outcome": "ok" if diverged is None else "diverged",
+        **contact_report(simulation, state),
+        **bodies_report(simulation, state),
+    }
+
+
+def _write_results(
+    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool
+) -> None:
+    if request.out:
+        result.written.append(write_state(request.out, result.state))
+    if request.record:
+        result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
+    if request.render and not clip:
+        state = result.state
+        result.written.append(
+            render(
+                state.position, request.render, scene=simulation.scene, time=state.time, inverse_mass=state.inverse_mass
+            )
+        )
+    elif request.render:
+        steps = result.state.step - start.step
+        if steps < 1:
+            raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
+        simulation.load(start)
+        per_frame = max(1, round(1 / 60 / simulation.scene.method.dt))
+        result.written.append(render(simulation, request.render, steps=steps, steps_per_frame=per_frame))

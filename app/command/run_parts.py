@@ -1,0 +1,109 @@
+"""What a run tells of the parts that few scenes have: contacts of a cloth with itself, and bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
+from model.contact.surface_collider import SurfaceCollider, naming
+from model.core.simulation import Simulation, State
+from model.geometry.neighbours import TooMany, close_pairs
+from model.scene.scene import Scene
+from model.shape_matching.spare import counts
+
+CAUGHT = 0.7  # of the distance that contacts keep: nearer is no rest in a heap
+MOST_LOOKED_AT = 200_000  # particles
+
+
+def body_lines(scene: Scene) -> list[str]:
+    """What became of the meshes of a scene's bodies, each told once for all its copies."""
+    lines = []
+    for name, part in scene.bodies.items():
+        times = f" (x {part.count})" if part.count > 1 else ""
+        times += f" and {part.spare} waiting" if part.spare else ""
+        lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
+    return lines
+
+
+def collider_lines(scene: Scene) -> list[str]:
+    """What became of the meshes that masses collide with."""
+    lines = []
+    for name, part in scene.parts.items():
+        if isinstance(part, SurfaceCollider):
+            with naming(name):
+                lines += [f"{name}: {line}" for line in part.lines()]
+    return lines
+
+
+def bodies_report(simulation: Simulation, state: State) -> dict[str, Any]:
+    """Of bodies, how many are there, of how many clusters, and how many wait, of how many particles; neighbours that contacts
+    had no room for; how many particles are `caught`, nearer to one of another body than CAUGHT of their distance, and the
+    least distance over what contacts keep, `least_distance` (None: nobody is near, or there are too many to look). Their
+    `max_strain` is how far a particle is from where one of its clusters wants it, over the particle spacing."""
+    scene = simulation.scene
+    if not scene.bodies:
+        return {}
+    told = counts(scene, simulation.body.inverse_mass)
+    found: dict[str, Any] = {
+        "bodies": told.bodies,
+        "waiting": told.waiting,
+        "waiting_particles": told.waiting_particles,
+        "clusters": told.clusters,
+    }
+    if scene.contact:
+        found["contacts_lost"] = simulation.contacts_lost  # type: ignore[attr-defined]
+        found["caught"], found["least_distance"] = _caught(scene, state)
+    return found
+
+
+def _caught(scene: Scene, state: State) -> tuple[int, float | None]:
+    """Of particles that are there and meet: how many are nearer to one of another body than CAUGHT of what contacts keep; the
+    least distance over that."""
+    crowd, there = scene.crowd, np.flatnonzero(state.inverse_mass > 0)
+    if len(there) > MOST_LOOKED_AT or not np.isfinite(state.position).all():
+        return 0, None
+    rows, kind = pair_rows(scene)[:, :, G_DISTANCE], kinds_of_particles(scene)[there]
+    try:
+        one, other, distance = close_pairs(state.position[there].astype(np.float64), float(rows.max()))
+    except TooMany:
+        return 0, None
+    kept = np.where(crowd.body[there][one] != crowd.body[there][other], rows[kind[one], kind[other]], 0.0)
+    meets = kept > distance
+    part = distance[meets] / kept[meets]
+    deep = part < CAUGHT
+    found = len(np.unique(np.concatenate([one[meets][deep], other[meets][deep]])))
+    return found, float(part.min()) if len(part) else None
+
+
+def caught_lines(report: dict[str, Any]) -> list[str]:
+    """What to do where bodies lie in each other at the end of a run."""
+    if not report.get("caught"):
+        return []
+    return [
+        f"bodies lie in each other: {report['caught']} particles are nearer than {CAUGHT:g} of what contacts keep, the "
+        f"nearest at {report['least_distance']:.2f}; more substeps, stiffer clusters, a larger contact.separation_speed or "
+        "contact.sweeps, or a contact.maximum_speed of an eighth of the distance a substep help"
+    ]
+
+
+def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
+    """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
+    contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
+    that there was no room for. Seconds on large sheets."""
+    scene = simulation.scene
+    if scene.self_collision is None:
+        return {}
+    from model.contact.penetration import measure
+
+    grid = scene.grid
+    found = measure(grid.rows, grid.columns, grid.spacing, state.position, scene.self_collision.thickness)
+    gaps = {"min_gap": found.min_gap, "min_edge_gap": found.min_edge_gap}
+    contacts: Any = simulation.contacts  # type: ignore[attr-defined]
+    return {
+        **{name: gap if np.isfinite(gap) else None for name, gap in gaps.items()},
+        "edge_misses": found.edge_misses,
+        "crossings": found.crossings,
+        "contacts_lost": contacts.lost,
+    }

@@ -1,0 +1,63 @@
+"""Scene files: a scene written as the TOML that `load_scene` reads back, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from model.core.errors import InputError
+from model.core.files import check_target, replacing
+from model.scene.scene import Scene
+
+SUFFIX = ".toml"
+BARE = re.compile(r"[A-Za-z0-9_-]+")  # a TOML key that needs no quotes
+
+
+def scene_toml(scene: Scene, heading: str = "") -> str:
+    """The scene as TOML text, defaults filled in; read back it is the same scene to the last digit.
+
+    `heading`: lines put before it as comments.
+    """
+    lines = [f"# {line}" for line in heading.splitlines()]
+    tables = scene.as_dict()
+    lines.append(f"title = {_value(tables.pop('title'))}")
+    for name, table in tables.items():
+        lines += [
+            "",
+            f"[{_key(name)}]",
+            *(f"{_key(field)} = {_value(value)}" for field, value in table.items() if value is not None),
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if BARE.fullmatch(name) else _value(name)
+
+
+def _value(value: Any) -> str:
+    """A TOML value. JSON's strings, numbers and truth values are TOML's, but for DEL, which TOML wants escaped; fields
+    without a value are left out."""
+    if isinstance(value, dict):
+        fields = [f"{_key(name)} = {_value(one)}" for name, one in value.items() if one is not None]
+        return f"{{ {', '.join(fields)} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def check_scene_target(path: Path | str, force: bool = False) -> Path:
+    """`path`, if a scene could be written there. Raises InputError, naming a file that exists unless `force`."""
+    target = check_target(path, (SUFFIX,), "a scene file")
+    if target.exists() and not force:
+        raise InputError(f"{target} exists already; give another name, or pass --force to replace it")
+    return target
+
+
+def write_scene(path: Path | str, scene: Scene, heading: str = "", *, force: bool = False) -> Path:
+    """Write the scene to `path` (.toml) and return it. Raises InputError; an older file survives a failure."""
+    target = check_scene_target(path, force)
+    with replacing(target) as temporary:
+        temporary.write_text(scene_toml(scene, heading), encoding="utf-8")
+    return target

@@ -1,0 +1,86 @@
+"""What the command line prints: tables for people. (`--json` prints for programs.)"""
+
+from __future__ import annotations
+
+from math import isinf
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from app.command.doctor import Finding
+from model.core.integrators import stability_limit
+from model.scene.reader import catalogue
+from model.scene.scene import load_scene
+from model.shape_matching.spare import counts
+
+UNITS = {
+    "dt": "s",
+    "time": "s",
+    "seconds": "s",
+    "compile_seconds": "s",
+    "kinetic_energy": "J",
+    "potential_energy": "J",
+    "conserved": "J",
+    "max_speed": "m/s",
+    "error": "of the spacing",
+}
+ABSENT = ("error", "threads_reason")  # no line where there is none
+
+
+def number(value: Any) -> str:
+    """A value as a person reads it."""
+    if isinstance(value, bool) or value is None:
+        return "-" if value is None else str(value)
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", " ")
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)
+
+
+def print_report(console: Console, report: dict[str, Any], written: list[Path]) -> None:
+    """The result of one run."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
+    for key, value in report.items():
+        if key in ("error_reason", "waiting", "waiting_particles") or (key in ABSENT and value is None):
+            continue
+        unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
+        more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
+        table.add_row(key.replace("_", " "), f"{number(value)} {unit}{more}".rstrip())
+    if report["error_reason"]:
+        label = "error" if report["error"] is None else ""
+        table.add_row(label, ("not known: " if report["error"] is None else "") + report["error_reason"])
+    console.print(table)
+    if report["method"].endswith(" lab") and report["error"]:
+        console.print(
+            "lab, the hand-out's step, applies half of the acceleration (docs/method.md), so its error is large"
+        )
+    for path in written:
+        console.print(f"wrote {path}", markup=False)
+
+
+def print_scenes(console: Console) -> None:
+    """The catalogue."""
+    heads = ("scene", "masses", "pinned", "method", "dt / s", "limit / s")
+    table = Table(*(Column(head, overflow="fold") for head in heads), box=None, pad_edge=False, collapse_padding=True)
+    for name in catalogue():
+        scene = load_scene(name)
+        grid, method = scene.grid, scene.method
+        size = str(counts(scene).particles) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
+        limit = stability_limit(scene)
+        told = "none" if isinf(limit) else f"{limit:.4g}"
+        table.add_row(name, size, str(grid.pinned), method.name, f"{method.dt:.4g}", told)
+    console.print(table)
+
+
+def print_findings(console: Console, findings: list[Finding]) -> None:
+    """The doctor's report: a line a finding, the remedy below it where there is one."""
+    for finding in findings:
+        mark = "[green]yes[/green]" if finding.works else "[yellow]no [/yellow]"
+        console.print(f"{mark}  [bold]{finding.name}[/bold]: {escape(finding.found)}", soft_wrap=True)
+        if finding.remedy:
+            console.print(f"     -> {escape(finding.remedy)}", soft_wrap=True)

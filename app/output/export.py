@@ -1,0 +1,179 @@
+"""States as meshes for other programs: `softlab run --export`. PLY or binary glTF (.glb), written by trimesh.
+
+A PLY file is one mesh of everything that moves; what has no triangles is vertices without faces in it. A .glb holds every
+body, cloth, grid and collider under its own name, grids as lines. Positions are metres, y up, as glTF wants them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.render.pieces import Piece, collider_pieces, pieces_of
+from app.render.skinning import ClusterFrames
+from model.core.errors import InputError, SceneError
+from model.core.files import check_target, replacing
+from model.core.simulation import Simulation
+from model.shape_matching.spare import present
+
+PLY, GLB = ".ply", ".glb"
+FRAME = 1 / 60  # s of simulated time between two frames, as in a clip
+ROUGHNESS = 0.6  # of a surface in glTF: about as dull as the lab draws it
+NUMBER = re.compile(r"\{frame(?::(?:0[1-9]\d?)?d)?\}")
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where to: one file, or with {frame} in its name one for each frame, from 0 on; `every` [steps] between two frames."""
+
+    name: str
+    numbered: bool
+    every: int = 0
+
+    def of(self, frame: int) -> Path:
+        """The file of a frame."""
+        path = Path(self.name)
+        return path.with_name(NUMBER.sub(lambda found: found[0].format(frame=frame), path.name))
+
+
+def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) -> Target:
+    """Where `--export NAME --export-every SECONDS` is to write, with steps of `dt` [s]; a time that is rounded to whole steps
+    is told in `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
+    path = Path(name)
+    if not path.name:
+        raise InputError(f"--export {name}: is a folder; name a file in it, such as body.ply")
+    numbered = len(NUMBER.findall(path.name)) == 1
+    if "{" in name or "}" in name:
+        rest = str(path.with_name(NUMBER.sub("", path.name)))
+        if not numbered or "{" in rest or "}" in rest:
+            raise InputError(
+                f"--export {name}: braces are for one frame number in the file's name, {{frame}} or with zeros in front "
+                "{frame:04d}, as in body-{frame:04d}.ply"
+            )
+    if seconds is not None and not numbered:
+        raise SceneError("--export-every", seconds, "is for a file a frame: --export body-{frame:04d}.ply")
+    if seconds is not None and not (isfinite(seconds) and seconds > 0):
+        raise SceneError("--export-every", seconds, "must be a finite number of seconds, greater than 0")
+    every = max(1, round((FRAME if seconds is None else seconds) / dt)) if numbered else 0
+    if seconds is not None and abs(every * dt - seconds) > 1e-9 * max(dt, seconds):
+        notes.append(f"--export-every {seconds:g} s rounded to {every} steps of {dt:g} s = {every * dt:.9g} s")
+    target = Target(name, numbered, every)
+    check_target(target.of(0), (PLY, GLB), "an exported mesh")
+    return target
+
+
+class Exporter:
+    """Writes states of a run as meshes: a pattern's frames, the one that `simulation` is at now first, or else the end."""
+
+    def __init__(self, simulation: Simulation, target: Target):
+        self.target, self.every = target, target.every
+        self.written: list[Path] = []
+        self._frames = ClusterFrames(simulation.scene) if simulation.scene.bodies else None
+        self.keep(simulation, 0)
+
+    def steps_to_next(self, done: int) -> int:
+        """Steps until the next frame, `done` steps after the start."""
+        return self.every - done % self.every if self.every else 2**62
+
+    def keep(self, simulation: Simulation, done: int) -> None:
+        """Write the frame that is due after `done` steps, if one is. Raises InputError, Diverged."""
+        if self.every and done % self.every == 0:
+            self._write(simulation)
+
+    def finish(self, simulation: Simulation, notes: list[str]) -> list[Path]:
+        """Write the end, if that is what was asked for; the files to tell of. Of many frames a note tells."""
+        if not self.every:
+            self._write(simulation)
+            return self.written
+        seconds = self.every * simulation.scene.method.dt
+        first, last = self.written[0], self.written[-1]
+        notes.append(f"{len(self.written)} frames, {first} to {last}, {self.every} steps ({seconds:.6g} s) apart")
+        return []
+
+    def _write(self, simulation: Simulation) -> None:
+        simulation.check()
+        scene, position = simulation.scene, simulation.read("position").astype(np.float64)
+        matrices = self._frames.of_simulation(simulation, position) if self._frames else None
+        path = self.target.of(len(self.written))
+        weights = simulation.body.inverse_mass
+        pieces = pieces_of(scene, position, matrices, weights)
+        if path.suffix.lower() == GLB and scene.dimensions == 3:
+            pieces += collider_pieces(scene, present(scene, position, weights), simulation.time)
+        self.written.append(write_pieces(path, pieces))
+
+
+def write_pieces(path: Path | str, pieces: Sequence[Piece]) -> Path:
+    """Write them to `path` (.ply or .glb), whole or not at all. Raises InputError."""
+    path = check_target(path, (PLY, GLB), "an exported mesh")
+    data = _glb(pieces) if path.suffix.lower() == GLB else _ply(pieces)
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+    return path
+
+
+def _ply(pieces: Sequence[Piece]) -> bytes:
+    """One mesh of all; colours as a screen shows them."""
+    import trimesh
+    from trimesh.exchange.ply import export_ply
+
+    counts = [len(piece.vertices) for piece in pieces]
+    first = np.cumsum([0, *counts])
+    faces = [
+        piece.triangles + start for piece, start in zip(pieces, first, strict=False) if piece.triangles is not None
+    ]
+    normals = [np.zeros_like(piece.vertices) if piece.normals is None else piece.normals for piece in pieces]
+    shown = np.repeat([_bytes(piece.colour) for piece in pieces], counts, axis=0)
+    vertices = np.concatenate([piece.vertices for piece in pieces])
+    if not faces:
+        return bytes(export_ply(trimesh.PointCloud(vertices, colors=shown)))
+    mesh = trimesh.Trimesh(
+        vertices, np.concatenate(faces), vertex_normals=np.concatenate(normals), vertex_colors=shown, process=False,
+    )  # fmt: skip
+    return bytes(export_ply(mesh, vertex_normal=True))
+
+
+def _glb(pieces: Sequence[Piece]) -> bytes:
+    """A node for each; colours in linear light, as glTF 2.0, sections 3.7.2.1 and 3.9.2, has them."""
+    import trimesh
+
+    scene = trimesh.Scene()
+    for piece in pieces:
+        scene.add_geometry(_geometry(piece), node_name=piece.name, geom_name=piece.name)
+    return bytes(scene.export(file_type="glb", include_normals=True))
+
+
+def _geometry(piece: Piece) -> Any:
+    import trimesh
+
+    colour = _bytes(tuple(map(linear, piece.colour)))
+    if piece.triangles is not None:
+        # a material for each: without one a surface is of metal and has one side
+        material = trimesh.visual.material.PBRMaterial(
+            name=piece.name, baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=ROUGHNESS, doubleSided=True
+        )
+        return trimesh.Trimesh(
+            piece.vertices, piece.triangles, vertex_normals=piece.normals, process=False,
+            visual=trimesh.visual.TextureVisuals(material=material),
+        )  # fmt: skip
+    if piece.lines:
+        from trimesh.path import Path3D
+        from trimesh.path.entities import Line
+
+        lines = [Line(line) for line in piece.lines]
+        return Path3D(lines, piece.vertices, process=False, colors=np.tile(colour, (len(lines), 1)))
+    return trimesh.PointCloud(piece.vertices, colors=np.tile(colour, (len(piece.vertices), 1)))
+
+
+def linear(part: float) -> float:
+    """Linear light of a part of a colour as a screen shows it, both in 0 to 1 (IEC 61966-2-1, sRGB)."""
+    return part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
+
+
+def _bytes(colour: Sequence[float]) -> np.ndarray:
+    return np.array([*(round(255 * part) for part in colour), 255], np.uint8)

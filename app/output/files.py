@@ -1,0 +1,79 @@
+"""State and trajectory files (.npz): read with care, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.core.build import build
+from model.core.clock import START, Clock
+from model.core.errors import InputError
+from model.core.files import check_target, read_archive, replacing
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+STATE = ".npz"
+
+
+def check_state_target(path: Path | str) -> Path:
+    """`path`, if a state or trajectory could be written there. Raises InputError."""
+    return check_target(path, (STATE,), "a state or trajectory file")
+
+
+def _write(path: Path, arrays: dict[str, Any]) -> Path:
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, **arrays)
+    return path
+
+
+def write_state(path: Path | str, state: State) -> Path:
+    """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`; of bodies
+    `rotation` (clusters, 4), and of plastic ones `plastic` (clusters, 3, 3). Where the step size
+    was changed, `clock_step` and `clock_time` [s] say when."""
+    names = ("position", "velocity", "inverse_mass", "rotation", "plastic")
+    arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
+    if state.clock != START:
+        arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}
+    return _write(check_state_target(path), arrays | {"time": np.float64(state.time), "step": np.int64(state.step)})
+
+
+def read_state(path: Path | str, scene: Scene) -> State:
+    """The state in a .npz file: `position` is needed; velocity is 0, the masses are the scene's and the rotations of bodies
+    those that fit where not given, and nothing is bent.
+
+    Raises InputError for a file that is missing, unreadable, no .npz, or holds no position; what the arrays hold is
+    checked where they are loaded.
+    """
+    arrays = read_archive(path, "a state is a .npz file with named arrays, position among them")
+    if "position" not in arrays:
+        raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
+    position = arrays["position"]
+    inverse_mass = arrays.get("inverse_mass")
+    if inverse_mass is None:
+        inverse_mass = build(scene).inverse_mass
+    try:
+        time, step = float(arrays.get("time", 0.0)), int(arrays.get("step", 0))
+        clock = Clock(int(arrays.get("clock_step", 0)), float(arrays.get("clock_time", 0.0)))
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{path}: time and step must be single numbers") from None
+    if not np.isfinite((time, clock.time)).all() or min(step, clock.step) < 0:
+        raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
+    velocity = arrays.get("velocity", np.zeros_like(position))
+    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"), clock)
+
+
+def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:
+    """Write `position`, `velocity` (frames, particles, dimensions), `time` [s], `step` (frames,), the scene as JSON text."""
+    return _write(
+        check_state_target(path),
+        {
+            "position": np.stack([state.position for state in states]),
+            "velocity": np.stack([state.velocity for state in states]),
+            "time": np.array([state.time for state in states]),
+            "step": np.array([state.step for state in states]),
+            "scene": np.array(json.dumps(scene.as_dict())),
+        },
+    )

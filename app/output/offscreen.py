@@ -1,0 +1,226 @@
+"""Pictures without a window: OpenGL through EGL, with the same drawing as the window."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.output.pictures import write_png
+from app.render import colours
+from app.render.camera import finite_bounds, joined_bounds
+from app.render.framing import seen_points, seen_radius
+from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
+from app.window.surface import drawn_strain
+from app.window.views import camera_of, view_of
+from model.core.build import rest_positions
+from model.core.errors import InputError, SoftlabError
+from model.core.files import check_target
+from model.scene.scene import Scene
+from model.shape_matching.spare import present
+
+MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
+LEAST_SIZE, MOST_SIZE = 16, 16384  # pixels
+
+
+class OffscreenRenderer:
+    """Draws states of one scene into a picture of `width` x `height` pixels; a context manager.
+
+    `draw(position)` draws and waits until it is drawn, `image()` gives the pixels. `legend=False` leaves out all text.
+    The view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call).
+    A cloth is drawn as a lit surface, or as springs coloured by strain, with the legend, where `lines` is true; bodies as
+    their skins, or then as particles.
+
+    Raises BackendUnavailable where off-screen OpenGL or a font is missing, InputError for an impossible size.
+    """
+
+    def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
+        from app.window.panels import Panel, Style, legend_of
+
+        for name, value in (("width", width), ("height", height)):
+            if not LEAST_SIZE <= value <= MOST_SIZE:
+                raise InputError(f"picture {name} = {value}: must be {LEAST_SIZE} to {MOST_SIZE} pixels")
+        self.scene, self._space = scene, scene.dimensions == 3
+        self.width, self.height = width, height
+        self.strain_range = 0.5
+        self.caption = scene.title
+        self._window = open_window(True, width, height)
+        try:
+            self.renderer = renderer_name()
+            self._view: Any = view_of(scene)
+            if lines and self._space and not self._view.lines:
+                self._view.toggle_lines()
+            self._legend, self._panel = None, None
+            if legend:
+                with drawing_text():
+                    self._panel = Panel("top-left", Style(11, monospaced=False))
+                    if not self._space or self._view.lines:  # a surface has no colours of strain
+                        self._legend = legend_of(scene)
+        except BaseException:
+            self._window.close()
+            raise
+        self._fitted = False
+        self._weights: np.ndarray | None = None
+        self._bounds: tuple[float, ...] | None = None  # of a plane
+        self._points: np.ndarray | None = None  # in space
+        self.camera = camera_of(scene, width, height)
+        self._frame(rest_positions(scene.grid), 0.0)
+
+    def __enter__(self) -> OffscreenRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the picture and its buffers."""
+        if self._window is not None:
+            self._window.switch_to()
+            self._view.delete()
+            self._window.close()
+            self._window = None
+
+    def _frame(self, position: np.ndarray, time: float) -> None:
+        """Hold these positions; after the first `fit` only ever more, so that a clip does not jump."""
+        there = present(self.scene, position, self._weights)
+        bounds = finite_bounds(there)
+        if bounds is None:
+            return
+        margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
+        if self._panel and self._space and not self._legend:
+            margins = (40.0, 50.0, 40.0, 50.0)
+        if not self._space:
+            if self._bounds is not None and self._fitted:
+                bounds = joined_bounds([self._bounds, bounds])
+            self._bounds = bounds
+            self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
+            return
+        self._view.keep_above_ground(bounds[1])
+        points, radius = seen_points(self.scene, there, time), seen_radius(self.scene)
+        if self._points is not None and self._fitted:
+            points = np.concatenate([self._points, points])
+        self.camera = self.camera.holding(points, margins, radius)
+        self._points = self.camera.outermost(points, margins, radius)
+
+    def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
+        """Bodies that wait by these inverse masses (particles,), as in State, are not shown from now on; at first, and by
+        None, those that wait when the scene starts."""
+        if self.scene.bodies:
+            self._weights = inverse_mass
+            self._view.show_bodies(inverse_mass)
+
+    def fit(self, position: np.ndarray, time: float = 0.0) -> None:
+        """Make the view and the range of colours hold this state (particles, dimensions) [m] at `time` [s] as well as those
+        fitted before."""
+        self._frame(position, time)
+        if self._legend is not None or self.scene.springs:
+            fitted = colours.strain_range(drawn_strain(self.scene, position))
+            self.strain_range = max(fitted, self.strain_range) if self._fitted else fitted
+        self._fitted = True
+
+    def draw(self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None) -> None:
+        """Draw a state (particles, dimensions) [m] and return when it has been drawn. Raises InputError for another shape.
+
+        In space: `time` [s] says where moving colliders are, `normal` (particles, 3) are the cloth's, if known.
+        """
+        from pyglet import gl
+
+        self._window.switch_to()
+        gl.glViewport(0, 0, self.width, self.height)
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        self._view.upload(position, *([normal] if self._space else []))
+        self._view.draw(self.camera, self.strain_range, time=time)
+        if self._legend is not None:
+            self._legend.place(self.width, self.strain_range)
+            self._legend.draw()
+        if self._panel is not None and self.caption:
+            self._panel.place(self.caption, self.width, self.height)
+            self._panel.draw()
+        gl.glFinish()
+
+    def image(self) -> np.ndarray:
+        """(height, width, 4) uint8, top row first: what was drawn last."""
+        self._window.switch_to()
+        return read_pixels(self.width, self.height)
+
+
+def read_pixels(width: int, height: int) -> np.ndarray:
+    """(height, width, 4) uint8, top row first, opaque: the frame buffer of the current context."""
+    from pyglet import gl
+
+    pixels = np.empty((height, width, 4), dtype=np.uint8)
+    pointer = pixels.ctypes.data_as(ctypes.c_void_p)
+    gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
+    gl.glReadPixels(0, 0, width, height, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE, pointer)
+    pixels[:, :, 3] = 255
+    return pixels[::-1]
+
+
+def render_frame(
+    scene: Scene,
+    position: np.ndarray,
+    path: Path | str,
+    width: int = 1280,
+    height: int = 960,
+    *,
+    caption: str | None = None,
+    legend: bool = True,
+    lines: bool = False,
+    time: float = 0.0,
+    inverse_mass: np.ndarray | None = None,
+) -> Path:
+    """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
+    title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are;
+    `inverse_mass`, as in State: which bodies wait.
+
+    Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
+    """
+    path = check_target(path, (".png",))
+    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines) as renderer:
+        renderer.show_bodies(inverse_mass)
+        renderer.fit(position, time)
+        if caption is not None:
+            renderer.caption = caption
+        renderer.draw(position, time)
+        return write_png(path, renderer.image())
+
+
+def opengl_available(text: bool = True) -> tuple[bool, str]:
+    """Whether pictures can be drawn off-screen here, and the renderer's name, or what is missing and how to get it.
+
+    `text` False: pictures without a legend, which need no fonts.
+
+    Tried in a process of its own, because a process that has used pyglet with EGL can open no window any more.
+    """
+    code = f"from app.output.offscreen import probe; probe({text})"
+    try:
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return False, f"the trial of OpenGL did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
+    if not lines:  # a driver that takes the process down
+        return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
+    word, _, found = lines[-1].partition(" ")
+    return word == "works", found
+
+
+def probe(text: bool) -> None:
+    """Print `works RENDERER` or `fails REASON; REMEDY`; the trial of `opengl_available`."""
+    try:
+        with OffscreenRenderer(
+            Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), 64, 64, legend=text
+        ) as renderer:
+            renderer.draw(rest_positions(renderer.scene.grid))
+            if len(np.unique(renderer.image().reshape(-1, 4), axis=0)) < 2:
+                print(f"fails {renderer.renderer} draws blank pictures; {OFFSCREEN_REMEDY}")
+                return
+            print("works", renderer.renderer)
+    except SoftlabError as error:
+        print("fails", " ".join(str(error).split()))
+    except Exception as error:  # a driver's own troubles are an answer too
+        print(f"fails {type(error).__name__}: {' '.join(str(error).split())}; {OFFSCREEN_REMEDY}")

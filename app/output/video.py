@@ -1,0 +1,242 @@
+"""Clips: frames piped into the ffmpeg of imageio-ffmpeg (h264 in MP4); and `render`, which goes by a file's suffix."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from app.output.offscreen import OffscreenRenderer, render_frame
+from model.core.errors import BackendUnavailable, InputError
+from model.core.files import check_target, replacing
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+FRAME, CLIP = ".png", ".mp4"
+PROGRESS_AFTER = 1.0  # s
+
+Frame = tuple[np.ndarray, float, np.ndarray | None]  # position [m], time [s], and a cloth's normals, if they are known
+
+
+def ffmpeg_path() -> str:
+    """The ffmpeg to use. Raises BackendUnavailable."""
+    try:
+        import imageio_ffmpeg
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ImportError, RuntimeError) as error:
+        raise BackendUnavailable(
+            f"no ffmpeg for clips ({error})",
+            "pip install imageio-ffmpeg (or set IMAGEIO_FFMPEG_EXE to an ffmpeg with h264), or render a .png",
+        ) from None
+
+
+class VideoWriter:
+    """Writes frames (height, width, 3 or 4) uint8, top row first, as an MP4 (h264, yuv420p); a context manager.
+
+    `width`, `height` must be even (the pixel format needs it). The file appears, whole, when the block ends well, and
+    nothing is left behind when it does not. Raises InputError (name, folder, size, disk full) and BackendUnavailable
+    (no ffmpeg).
+    """
+
+    def __init__(self, path: Path | str, width: int, height: int, fps: int = 60):
+        if width % 2 or height % 2 or width < 2 or height < 2:
+            raise InputError(f"a clip of {width} x {height} pixels: width and height must be even")
+        if fps < 1:
+            raise InputError(f"a clip of {fps} frames a second: must be at least 1")
+        self.path = check_target(path, (CLIP,))
+        self.width, self.height, self.fps = width, height, fps
+        self.frames = 0
+        self._stack = ExitStack()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> VideoWriter:
+        executable = ffmpeg_path()
+        with ExitStack() as stack:
+            temporary = stack.enter_context(replacing(self.path))
+            self._errors = stack.enter_context(tempfile.TemporaryFile())
+            command = [executable, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+            command += ["-s", f"{self.width}x{self.height}", "-r", str(self.fps), "-i", "-", "-an"]
+            command += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p"]
+            command += ["-movflags", "+faststart", "-f", "mp4", str(temporary)]
+            try:
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._errors
+                )
+            except OSError as error:
+                raise BackendUnavailable(
+                    f"{executable} cannot be started ({error.strerror})", "pip install imageio-ffmpeg"
+                ) from None
+            self._stack = stack.pop_all()
+        return self
+
+    def write(self, image: np.ndarray) -> None:
+        """Append one frame. Raises InputError where its size differs or the file cannot be written."""
+        if image.shape[:2] != (self.height, self.width):
+            raise InputError(f"a frame of shape {image.shape} in a clip of {self.height} rows x {self.width} columns")
+        assert self._process is not None and self._process.stdin is not None, "use VideoWriter in a with block"
+        try:
+            self._process.stdin.write(np.ascontiguousarray(image[:, :, :3]).data)
+        except OSError:  # ffmpeg has ended; it has said why
+            raise self._failure() from None
+        self.frames += 1
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        process = self._process
+        assert process is not None and process.stdin is not None
+        failure: InputError | None = None
+        try:
+            if kind is not None:
+                process.kill()
+            process.stdin.close()
+        except OSError:
+            pass
+        status = process.wait()
+        if kind is None and self.frames == 0:
+            failure = InputError(f"{self.path}: a clip needs at least one frame")
+        elif kind is None and status != 0:
+            failure = self._failure()
+        if failure is not None:
+            kind, error, trace = type(failure), failure, None
+        self._stack.__exit__(kind, error, trace)
+        if failure is not None:
+            raise failure
+
+    def _failure(self) -> InputError:
+        assert self._process is not None
+        self._process.wait()
+        self._errors.seek(0)
+        lines = self._errors.read().decode("utf-8", "replace").strip().splitlines()
+        return InputError(f"{self.path} cannot be written: {lines[-1] if lines else 'ffmpeg stopped'}")
+
+
+def render_clip(
+    simulation: Simulation,
+    path: Path | str,
+    steps: int,
+    steps_per_frame: int = 10,
+    width: int = 1280,
+    height: int = 960,
+    *,
+    fps: int = 60,
+    caption: str | None = None,
+    progress: bool = True,
+) -> Path:
+    """Advance `simulation` by `steps` steps and draw its start, every `steps_per_frame` steps and its end into an MP4.
+
+    The view and the range of colours widen as the motion needs. A progress bar on standard error, if it takes longer
+    than a second. Raises InputError, BackendUnavailable, and Diverged (then there is no clip).
+    """
+    if steps < 0 or steps_per_frame < 1:
+        raise InputError(
+            f"a clip of {steps} steps, {steps_per_frame} a frame: needs at least 0, and at least 1 a frame"
+        )
+
+    def state() -> Frame:
+        normal = simulation.read("normal") if simulation.scene.cloth else None
+        return simulation.read("position"), simulation.time, normal
+
+    def states() -> Iterator[Frame]:
+        yield state()
+        done = 0
+        while done < steps:
+            now = min(steps_per_frame, steps - done)
+            simulation.advance(now)
+            simulation.check()
+            done += now
+            yield state()
+
+    total = 1 + -(-steps // steps_per_frame)
+    text = simulation.scene.title if caption is None else caption
+    weights = simulation.body.inverse_mass
+    return _write_clip(simulation.scene, states(), total, path, (width, height), fps, text, progress, weights)
+
+
+def _write_clip(
+    scene: Scene,
+    states: Iterable[Frame],
+    total: int,
+    path: Path | str,
+    size: tuple[int, int],
+    fps: int,
+    caption: str,
+    progress: bool,
+    inverse_mass: np.ndarray | None = None,
+) -> Path:
+    width, height = size[0] & ~1, size[1] & ~1
+    writer = VideoWriter(path, width, height, fps)
+    with OffscreenRenderer(scene, width, height) as renderer, writer, ExitStack() as stack:
+        renderer.caption = caption
+        renderer.show_bodies(inverse_mass)
+        start, bar, task = perf_counter(), None, None
+        for position, time, normal in states:
+            renderer.fit(position, time)
+            renderer.draw(position, time, normal)
+            writer.write(renderer.image())
+            if bar is None and progress and perf_counter() - start > PROGRESS_AFTER:
+                bar, task = _progress_bar(writer.path.name, total)
+                stack.enter_context(bar)
+            if bar is not None and task is not None:
+                bar.update(task, completed=writer.frames)
+    return writer.path
+
+
+def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"))
+    bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    return bar, bar.add_task(f"drawing {name}", total=total)
+
+
+def check_render(path: Path | str) -> Path:
+    """`path`, if `render` could write it; raises InputError. To be called before the work whose picture it is."""
+    return check_target(path, (FRAME, CLIP))
+
+
+def render(
+    source: Simulation | np.ndarray,
+    path: Path | str,
+    *,
+    scene: Scene | None = None,
+    steps: int = 0,
+    steps_per_frame: int = 10,
+    width: int = 1280,
+    height: int = 960,
+    fps: int = 60,
+    caption: str | None = None,
+    time: float = 0.0,
+    inverse_mass: np.ndarray | None = None,
+) -> Path:
+    """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
+
+    `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles,
+    dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
+    `time` [s] at which its moving colliders are to be shown; `inverse_mass`, as in State, tells which bodies wait.
+    Raises InputError, BackendUnavailable.
+    """
+    path = check_render(path)
+    clip = path.suffix.lower() == CLIP
+    if isinstance(source, Simulation):
+        if clip:
+            return render_clip(source, path, steps, steps_per_frame, width, height, fps=fps, caption=caption)
+        position, now, weights = source.read("position"), source.time, source.body.inverse_mass
+        return render_frame(
+            source.scene, position, path, width, height, caption=caption, time=now, inverse_mass=weights
+        )
+    if scene is None:
+        raise InputError("positions alone cannot be drawn; give their scene, too")
+    if not clip:
+        return render_frame(scene, source, path, width, height, caption=caption, time=time, inverse_mass=inverse_mass)
+    if source.ndim != 3:
+        raise InputError(f"positions of shape {source.shape}; a clip needs (frames, particles, {scene.dimensions})")
+    text = scene.title if caption is None else caption
+    states = ((position, time, None) for position in source)
+    return _write_clip(scene, states, len(source), path, (width, height), fps, text, True, inverse_mass)

@@ -1,0 +1,127 @@
+"""The time of every stage of a step, measured: the unfused tree is run, stage by stage.
+
+On the CPU each stage of a real step is timed by itself, in turn. On a GPU a launch from Python takes longer than most
+stages: each stage is captured many times over as a graph (gpu_backend/core/launch.py) and replayed, so that its own time
+shows. Repeating a stage moves the state to nowhere in particular; nothing of that is kept, and no stage's time depends on
+the numbers in it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from app.driver import open_simulation
+from model.core.errors import BackendUnavailable, SceneError
+from model.core.plan import Stage
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+SECONDS = 1.0  # of measuring a backend
+LEAST_STEPS, MOST_STEPS = 3, 20000
+REWIND = 256  # steps until the state is put back, so that one that diverges never runs for long
+LEAST_REPLAYS = 256  # of a stage on a GPU: one whole graph
+EMPTY = "empty"  # on the CPU: a stage that starts the threads and does nothing
+
+Runs = Mapping[str, Callable[[int, float], None]]
+
+
+@dataclass(frozen=True)
+class StageTimes:
+    """`seconds` of each stage in the order of a step; `empty`: of one that does nothing. Or `missing`: why not."""
+
+    seconds: tuple[float, ...] = ()
+    empty: float | None = None
+    missing: str | None = None
+
+
+def measure_stages(scene: Scene, backend: str, precision: str, required: bool = False) -> StageTimes:
+    """The time of every stage of a scene on a backend, in about a second.
+
+    Raises BackendUnavailable instead, if `required`.
+    """
+    try:
+        simulation = open_simulation(scene, backend, precision=precision, kernel="stages", allow_unstable=True)
+    except BackendUnavailable as error:
+        if required:
+            raise
+        return StageTimes(missing=str(error))
+    except SceneError as error:  # a solver without a stage-by-stage kernel
+        return StageTimes(missing=str(error))
+    with simulation:
+        return _stage_times(simulation)
+
+
+def _stage_times(simulation: Simulation) -> StageTimes:
+    stages = list(simulation.plan.root.stages())
+    runs = simulation.stages
+    if simulation.backend == "gpu":
+        from gpu_backend.core.device import simulated
+
+        return (_in_turn if simulated() else _replayed)(simulation, stages, runs)
+    from cpu_backend.core.compile import start_threads
+
+    runs = {**runs, EMPTY: lambda step, offset: start_threads()}
+    *seconds, empty = _in_turn(simulation, [*stages, Stage(EMPTY, 0, 0, 0)], runs).seconds
+    return StageTimes(tuple(seconds), empty)
+
+
+def _warm_up(simulation: Simulation, stages: list[Stage], runs: Runs) -> None:
+    """One step: what is left to compile or to load."""
+    for stage in stages:
+        runs[stage.name](0, stage.argument)
+    simulation.synchronize()
+
+
+def _in_turn(simulation: Simulation, stages: list[Stage], runs: Runs) -> StageTimes:
+    """The median over the steps of about a second."""
+    _warm_up(simulation, stages, runs)
+    samples: list[list[float]] = [[] for _ in stages]
+    end = time.perf_counter() + SECONDS
+    step = 0
+    while step < LEAST_STEPS or (step < MOST_STEPS and time.perf_counter() < end):
+        if step % REWIND == 0:
+            simulation.rewind()
+        simulation.synchronize()
+        for stage, taken in zip(stages, samples, strict=True):
+            begin = time.perf_counter()
+            runs[stage.name](step, stage.argument)
+            simulation.synchronize()
+            taken.append(time.perf_counter() - begin)
+        step += 1
+    return StageTimes(tuple(median(taken) for taken in samples))
+
+
+def _replayed(simulation: Any, stages: list[Stage], runs: Runs) -> StageTimes:
+    """Each stage by itself, for its share of a second."""
+    from gpu_backend.core.launch import Graphs
+
+    _warm_up(simulation, stages, runs)
+    found = []
+    for stage in stages:
+        run, argument = runs[stage.name], stage.argument
+
+        def launch(parity: int, count: int, run: Any = run, argument: float = argument) -> None:
+            for _ in range(count):
+                run(0, argument)
+
+        graphs = Graphs(simulation.stream, launch, lambda count: None)
+
+        def timed(count: int, graphs: Any = graphs) -> float:
+            simulation.synchronize()
+            begin = time.perf_counter()
+            graphs.run(0, count)
+            simulation.synchronize()
+            return time.perf_counter() - begin
+
+        timed(LEAST_REPLAYS)  # captures
+        one = timed(LEAST_REPLAYS) / LEAST_REPLAYS
+        chunks = max(1, int(SECONDS / len(stages) / one / LEAST_REPLAYS))
+        count = LEAST_REPLAYS * min(chunks, MOST_STEPS)
+        found.append(timed(count) / count)
+        graphs.close()
+        simulation.rewind()
+    return StageTimes(tuple(found))

@@ -1,0 +1,214 @@
+"""What `softlab plan` says: the stages of a step in order, what each moves and computes, and what a backend makes of them.
+
+Two views of one step. Stage by stage (kernel `stages`) every stage reads and writes memory of its own. The kernel that a
+backend chooses does all stages of a pass at once: it moves the state alone, or less where it does several steps in one
+way through memory, and it computes some springs twice where that is cheaper than to carry them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+
+from app.driver import BACKENDS
+from app.plan.grid import grid_on_cpu, grid_on_gpu
+from app.plan.passes import BackendPlan
+from model.core.energy import spring_count
+from model.core.errors import SceneError
+from model.core.integrators import integrators_for, stability_limit
+from model.core.plan import Node, Plan, Stage
+from model.core.plans import scene_plan
+from model.core.simulation import PRECISIONS
+from model.core.stability_limit import frequency_lines
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import families
+
+POSITION_BASED_NOTE = "constraints are projected, at any step size; first order, and damped by it"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the tree: a branch, or (`stage`) a leaf. `runs`: how often in a step; `depth`: below the whole step.
+
+    `seconds`: measured of a step, over all masses, by backend.
+    """
+
+    name: str
+    depth: int
+    runs: int
+    stage: Stage | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PlanReport:
+    """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why."""
+
+    scene: Scene
+    precision: str
+    limit: float
+    plan: Plan
+    rows: tuple[Row, ...]
+    backends: tuple[BackendPlan, ...]
+    unknown: dict[str, str]
+
+    @property
+    def item(self) -> int:
+        """Bytes a scalar."""
+        return np.dtype(PRECISIONS[self.precision]).itemsize
+
+    @property
+    def springs(self) -> int:
+        """Of the whole scene, of every kind; of a mesh its constraints."""
+        if self.scene.mesh:
+            return sum(len(family.corners) for family in families(self.scene))
+        if self.scene.cloth:
+            grid = self.scene.grid
+            return sum(spring_count(grid.rows, grid.columns, kind) for kind in self.scene.cloth_springs)
+        return self.scene.grid.spring_count if self.scene.springs else 0
+
+    @property
+    def bytes(self) -> int:
+        """Bytes a mass and step, stage by stage."""
+        return sum(row.runs * row.stage.bytes(self.item, self.plan.dimensions) for row in self.rows if row.stage)
+
+    @property
+    def operations(self) -> int:
+        """Operations a mass and step, stage by stage."""
+        return sum(row.runs * row.stage.operations for row in self.rows if row.stage)
+
+    def seconds(self, backend: str) -> float:
+        """Measured seconds of a step, stage by stage; 0 where nothing was measured."""
+        return sum(row.seconds.get(backend, 0.0) for row in self.rows)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The object that `--json` prints. Shares are of the whole step; a limit that is infinite is null."""
+        method, grid = self.scene.method, self.scene.grid
+        counts = {}
+        if self.scene.bodies:
+            clusters = self.scene.crowd.clusters
+            counts = {
+                "bodies": len(self.scene.crowd.copies),
+                "clusters": clusters.count,
+                "entries": len(clusters.indices),
+            }
+        return {
+            "scene": self.scene.name, "precision": self.precision, "particles": grid.particle_count,
+            **counts, "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,
+            "substeps": method.substeps, "iterations": method.iterations,
+            "dt": method.dt, "limit": self.limit if isfinite(self.limit) else None,
+            "stable": method.dt <= self.limit, "frequency": frequency_lines(self.scene),
+            "bytes": self.bytes, "operations": self.operations,
+            "stages": [self._row_as_dict(row) for row in self.rows],
+            "backends": {one.name: self._backend_as_dict(one) for one in self.backends},
+            "unknown": self.unknown,
+        }  # fmt: skip
+
+    def _row_as_dict(self, row: Row) -> dict[str, Any]:
+        found: dict[str, Any] = {"name": row.name, "depth": row.depth, "runs": row.runs, "branch": row.stage is None}
+        if row.stage is None:
+            return found
+        moved, done = row.runs * row.stage.bytes(self.item, self.plan.dimensions), row.runs * row.stage.operations
+        return found | {
+            "bytes": moved, "bytes_share": share(moved, self.bytes),
+            "operations": done, "operations_share": share(done, self.operations),
+            "seconds": row.seconds,
+            "seconds_share": {name: share(value, self.seconds(name)) for name, value in row.seconds.items()},
+        }  # fmt: skip
+
+    def _backend_as_dict(self, one: BackendPlan) -> dict[str, Any]:
+        return {
+            "device": one.device, "kernel": one.kernel, "tile": one.tile, "why": one.why,
+            "passes": [
+                {"stages": list(p.stages), "bytes": p.bytes, "operations": p.operations, "note": p.note}
+                for p in one.passes
+            ],
+            "seconds": self.seconds(one.name) or None, "unmeasured": one.unmeasured,
+            "empty_seconds": one.empty,
+        }  # fmt: skip
+
+
+def share(part: float, whole: float) -> float:
+    """part / whole, 0 of nothing."""
+    return part / whole if whole else 0.0
+
+
+def flatten(root: Node) -> tuple[list[Row], list[int]]:
+    """(the tree's lines from top to bottom, the lines of its leaves in the order in which a step runs them)."""
+    rows: list[Row] = []
+
+    def add(node: Node | Stage, depth: int, runs: int) -> list[int]:
+        here = len(rows)
+        if isinstance(node, Stage):
+            rows.append(Row(node.name, depth, runs, node))
+            return [here]
+        rows.append(Row(node.name, depth, runs))
+        below = [line for child in node.children for line in add(child, depth + 1, runs * node.times)]
+        return below * node.times
+
+    order = add(root, 0, 1)
+    return rows, order
+
+
+def plan_report(
+    scene: Scene, precision: str = "float32", backends: Sequence[str] = BACKENDS, measure: bool = False
+) -> PlanReport:
+    """The report of a scene for the named backends; `measure`: with the time of every stage, where a backend is there.
+
+    Raises SceneError for a word that is none, and BackendUnavailable where the only backend asked to be measured is not
+    there.
+    """
+    if precision not in PRECISIONS:
+        raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
+    for name in backends:
+        if name not in BACKENDS:
+            raise SceneError("--backend", name, f"must be one of {', '.join(BACKENDS)}")
+    plan = scene_plan(scene)
+    rows, order = flatten(plan.root)
+    found, unknown = [], {}
+    ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": grid_on_cpu, "gpu": grid_on_gpu}
+    if scene.mesh:
+        from app.plan.mesh import mesh_on_cpu, mesh_on_gpu
+
+        ways = {"cpu": mesh_on_cpu, "gpu": mesh_on_gpu}
+    elif scene.bodies:
+        from app.plan.xpbd import bodies_on_cpu, bodies_on_gpu
+
+        ways = {"cpu": bodies_on_cpu, "gpu": bodies_on_gpu}
+    elif scene.method.position_based:
+        from app.plan.xpbd import xpbd_on_cpu, xpbd_on_gpu
+
+        ways = {"cpu": xpbd_on_cpu, "gpu": xpbd_on_gpu}
+    elif scene.cloth:
+        from app.plan.cloth import cloth_on_cpu, cloth_on_gpu
+
+        ways = {"cpu": cloth_on_cpu, "gpu": cloth_on_gpu}
+    for name in backends:
+        try:
+            found.append(ways[name](scene, precision, plan))
+        except ImportError as error:
+            unknown[name] = f"no CUDA support is installed ({error})"
+    if measure:
+        from app.plan.measure import measure_stages
+
+        for place, one in enumerate(found):
+            times = measure_stages(scene, one.name, precision, required=len(backends) == 1)
+            found[place] = replace(one, unmeasured=times.missing, empty=times.empty)
+            for line, value in zip(order, times.seconds, strict=times.missing is None):
+                rows[line].seconds[one.name] = rows[line].seconds.get(one.name, 0.0) + value
+    return PlanReport(scene, precision, stability_limit(scene), plan, tuple(rows), tuple(found), unknown)
+
+
+def limit_line(report: PlanReport) -> str:
+    """The stability limit, and how the scene's step size stands to it."""
+    method = report.scene.method
+    state = "running at" if method.dt <= report.limit else "OVER IT at"
+    bound = f"limit dt {report.limit:.6g} s" if report.limit > 0 else "no stable dt"
+    if report.limit == inf:
+        bound = "no limit to dt"
+    note = POSITION_BASED_NOTE if method.position_based else integrators_for(report.scene)[method.integrator].note
+    return f"{bound} ({method.name}: {note}), {state} {method.dt:g} s"

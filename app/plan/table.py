@@ -1,0 +1,86 @@
+"""How `softlab plan` is printed for people: one table of stages, then what each backend makes of them."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Column, Table
+
+from app.command.tables import number
+from app.plan.passes import BackendPlan
+from app.plan.report import PlanReport, Row, limit_line, share
+from model.core.stability_limit import frequency_lines
+from model.shape_matching.spare import counts
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100 * share(part, whole):.0f} %"
+
+
+def _cells(report: PlanReport, row: Row, measured: list[str]) -> list[str]:
+    """A line of the table of stages."""
+    name = "  " * row.depth + row.name + (f" (x {row.runs})" if row.runs > 1 else "")
+    if row.stage is None:
+        return [name]
+    moved, done = row.runs * row.stage.bytes(report.item, report.plan.dimensions), row.runs * row.stage.operations
+    cells = [name, str(moved), _percent(moved, report.bytes), str(done), _percent(done, report.operations)]
+    for backend in measured:
+        taken = row.seconds[backend]
+        cells += [f"{1e6 * taken:.3g}", _percent(taken, report.seconds(backend))]
+    return cells
+
+
+def _stage_table(report: PlanReport) -> Table:
+    measured = [one.name for one in report.backends if report.seconds(one.name)]
+    heads = [("bytes", "%"), ("operations", "%"), *((f"{name} us", "%") for name in measured)]
+    columns = [Column(head, justify="right", no_wrap=True) for pair in heads for head in pair]
+    table = Table(Column("stage", no_wrap=True), *columns, box=None, pad_edge=False)
+    for row in report.rows:
+        table.add_row(*_cells(report, row, measured))
+    total = ["sum", str(report.bytes), "", str(report.operations), ""]
+    for name in measured:
+        total += [f"{1e6 * report.seconds(name):.3g}", ""]
+    table.add_row(*total)
+    return table
+
+
+def _print_backend(console: Console, one: BackendPlan) -> None:
+    kernel = f"{one.kernel}:{one.tile}" if one.tile else one.kernel
+    console.print(f"{one.name} ({one.device})", soft_wrap=True, markup=False)
+    console.print(f"  kernel {kernel}: {one.why}", soft_wrap=True, markup=False)
+    for found in one.passes:
+        console.print(f"  {' + '.join(found.stages)}", soft_wrap=True, markup=False)
+        amounts = f"{found.bytes:.3g} bytes, {found.operations:.3g} operations a mass"
+        console.print(f"    {amounts}; {found.note}", soft_wrap=True, markup=False)
+    if one.empty is not None:
+        console.print(f"  measured: a stage that does nothing takes {1e6 * one.empty:.3g} us", soft_wrap=True)
+    if one.unmeasured:
+        console.print(f"  not measured: {one.unmeasured}", soft_wrap=True, markup=False)
+
+
+def print_plan(console: Console, report: PlanReport) -> None:
+    """The stages of a step, each with what it moves and computes; each backend's kernel; the stability limit."""
+    scene = report.scene
+    amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
+    if scene.bodies:
+        crowd, told = scene.crowd, counts(scene)
+        waiting = (
+            f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+        )
+        bodies = "1 body" if len(crowd.copies) == 1 else f"{number(len(crowd.copies))} bodies"
+        amounts = (
+            f"{number(crowd.particle_count)} particles of {bodies}{waiting}, "
+            f"{number(crowd.clusters.count)} clusters, {len(crowd.clusters.indices) / crowd.particle_count:.2f} a particle"
+        )
+    console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
+    for line in (limit_line(report), *frequency_lines(scene)):
+        console.print(line, soft_wrap=True, markup=False)
+    measured = ", measured microseconds of the whole grid" if any(row.seconds for row in report.rows) else ""
+    console.print(f"\none step, stage by stage: bytes and operations a mass{measured}", soft_wrap=True)
+    console.print(_stage_table(report))
+    if report.plan.has("external force"):
+        console.print("the external force's operations are a random generator's, on integers", soft_wrap=True)
+    for one in report.backends:
+        console.print()
+        _print_backend(console, one)
+    for name, reason in report.unknown.items():
+        console.print(f"\n{name}: {reason}", soft_wrap=True, markup=False)

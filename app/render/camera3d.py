@@ -1,0 +1,263 @@
+"""Where a drawing in space looks: world metres <-> window pixels in perspective, and which mass the pointer means.
+
+Pure arithmetic, no OpenGL. Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import acos, atan2, cos, exp, hypot, log, pi, sin, tan
+
+import numpy as np
+
+from app.render.camera import Margins
+
+FIELD_OF_VIEW = 0.56  # rad, from the bottom to the top of the window
+START_YAW, START_PITCH = 0.45, 0.28  # rad: from the right and from above, so that depth is seen at once
+MOST_PITCH = 0.49 * pi  # straight from above, "up" would have no direction
+TURN = 0.008  # rad per pixel of dragging
+NEAREST, FARTHEST = 0.02, 60.0  # times the distance: the planes between which is drawn
+LEAST_DISTANCE, MOST_DISTANCE = 1e-4, 1e7  # m
+LEAST_FLOOR = 0.5  # cosine between the vertical and the normal of what the eye must stay above
+CENTRING = 8  # steps of Newton's method, which mostly ends after three
+BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
+
+Vector = tuple[float, float, float]
+Side = tuple[float, float]  # tangents, from the middle to the margin at smaller and at larger coordinates
+Sides = tuple[Side, Side]  # across, and up
+
+
+@dataclass
+class Camera3D:
+    """Looks from `distance` [m] at the point (`x`, `y`, `z`) [m] in the middle of a window of `width` x `height` pixels.
+
+    `yaw` [rad] turns it about the vertical, 0 looking along -z; `pitch` [rad] lifts it above the horizontal.
+    """
+
+    width: int
+    height: int
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    distance: float = 10.0
+    yaw: float = START_YAW
+    pitch: float = START_PITCH
+
+    @property
+    def target(self) -> np.ndarray:
+        """(3,) [m], what lies in the middle of the window."""
+        return np.array([self.x, self.y, self.z])
+
+    def _aim(self, target: np.ndarray) -> None:
+        self.x, self.y, self.z = (float(part) for part in target)
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3): rows are the unit vectors to the right, up, and toward the viewer."""
+        back = np.array([sin(self.yaw) * cos(self.pitch), sin(self.pitch), cos(self.yaw) * cos(self.pitch)])
+        right = np.array([cos(self.yaw), 0.0, -sin(self.yaw)])
+        return np.stack([right, np.cross(back, right), back])
+
+    @property
+    def eye(self) -> np.ndarray:
+        """(3,) [m], where it looks from."""
+        return self.target + self.distance * self.axes[2]
+
+    @property
+    def focal(self) -> float:
+        """Pixels per unit of tangent: what a metre has at a metre's depth."""
+        return self.height / 2 / tan(FIELD_OF_VIEW / 2)
+
+    @property
+    def scale(self) -> float:
+        """Pixels per metre at the depth of the target."""
+        return self.focal / self.distance
+
+    def matrix(self) -> np.ndarray:
+        """(4, 4): homogeneous world coordinates (a column) -> clip coordinates of OpenGL."""
+        near, far = NEAREST * self.distance, FARTHEST * self.distance
+        look = np.eye(4)
+        look[:3, :3] = self.axes
+        look[:3, 3] = -self.axes @ self.eye
+        project = np.zeros((4, 4))
+        project[0, 0] = 2 * self.focal / self.width
+        project[1, 1] = 2 * self.focal / self.height
+        project[2, 2], project[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
+        project[3, 2] = -1.0
+        return project @ look
+
+    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., 3) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            seen = (np.asarray(position, dtype=np.float64) - self.eye) @ self.axes.T
+            depth = -seen[..., 2]
+            depth = np.where(depth > NEAREST * self.distance, depth, np.nan)
+            place = seen[..., :2] * self.focal / depth[..., None] + (self.width / 2, self.height / 2)
+        return place, depth
+
+    def to_window(self, position: np.ndarray) -> np.ndarray:
+        """(..., 3) metres -> (..., 2) pixels; NaN for what is not in front."""
+        return self.project(position)[0]
+
+    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> Vector:
+        """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
+        right, up, back = self.axes
+        depth = float((self.eye - through) @ back)
+        ray = (x - self.width / 2) / self.focal * right + (y - self.height / 2) / self.focal * up - back
+        across, above, toward = (self.eye + depth * ray).tolist()
+        return across, above, toward
+
+    def direction(self, columns: int, rows: int) -> Vector:
+        """The unit vector in space that points as an arrow key does in the window."""
+        right, up, _ = self.axes
+        x, y, z = (columns * right + rows * up).tolist()
+        return x, y, z
+
+    def told(self) -> dict[str, float]:
+        """What another program is told of it."""
+        return {"pixels_per_metre": self.scale, "yaw": self.yaw, "pitch": self.pitch, "distance": self.distance}
+
+    def orbit(self, dx: float, dy: float) -> None:
+        """Turn what is seen about the target as a drag by (dx, dy) pixels would turn a ball."""
+        self.yaw -= TURN * dx
+        self.pitch = min(max(self.pitch - TURN * dy, -MOST_PITCH), MOST_PITCH)
+
+    def keep_above(self, point: np.ndarray, normal: np.ndarray) -> None:
+        """Turn up, and where that is not enough move up, until the eye is above the plane through `point` [m] of this
+        `normal` (3,), a unit vector, by as much as the nearest that is drawn is away. A wall or ceiling changes nothing.
+
+        The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's part
+        toward the viewer along the horizon: r cos(pitch - steepest), which must reach `wanted`.
+        """
+        if normal[1] < LEAST_FLOOR:
+            return
+        wanted = NEAREST + float(normal @ (point - self.target)) / self.distance
+        toward = float(normal[0] * sin(self.yaw) + normal[2] * cos(self.yaw))
+        reach, steepest = hypot(normal[1], toward), atan2(normal[1], toward)
+        least = steepest - acos(min(max(wanted / reach, -1.0), 1.0))
+        self.pitch = min(max(self.pitch, least), MOST_PITCH)
+        missing = wanted - float(self.axes[2] @ normal)
+        if missing > 0:
+            self._aim(self.target + missing * self.distance * np.asarray(normal))
+
+    def pan(self, dx: float, dy: float) -> None:
+        """Move what is seen at the target's depth by (dx, dy) pixels."""
+        right, up, _ = self.axes
+        self._aim(self.target - (dx * right + dy * up) / self.scale)
+
+    def zoom(self, factor: float, x: float, y: float) -> None:
+        """Go nearer by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
+        before = np.array(self.on_plane(x, y, self.target))
+        self.distance = min(max(self.distance / factor, LEAST_DISTANCE), MOST_DISTANCE)
+        self._aim(self.target + before - self.on_plane(x, y, self.target))
+
+    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera3D:
+        """A camera turned the same way that shows the whole box `bounds` (lowest x, y, z, highest x, y, z [m]) inside the
+        margins (pixels left, bottom, right, top), as large as can be. `least` [m]: no side is taken for shorter."""
+        low, high = np.array(bounds[:3]), np.array(bounds[3:])
+        grow = np.maximum(least - (high - low), 0) / 2
+        return self.holding(box_corners(low - grow, high + grow), margins)
+
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera3D:
+        """A camera turned the same way that shows balls of `radius` [m] about all `points` (n, 3) [m] inside the margins, as
+        large as can be.
+
+        With a point (x, y, z) in the camera's axes and an eye at (a, b, c), it lies left of the right margin where
+        x - a <= t (c - z), t the margin's tangent: each margin bounds a +- t c, and two together bound c. A ball takes its
+        radius times the length of (1, t) more.
+        """
+        seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
+        limits = [
+            (float(low.max()) + radius * hypot(1, below), float(high.max()) + radius * hypot(1, above))
+            for (low, high), (below, above) in zip(_limits(seen, sides), sides, strict=True)
+        ]
+        eye = np.zeros(3)
+        eye[2] = max(
+            (lower + upper) / (below + above) for (lower, upper), (below, above) in zip(limits, sides, strict=True)
+        )
+        for axis, ((lower, upper), (below, above)) in enumerate(zip(limits, sides, strict=True)):
+            least, most = upper - above * eye[2], below * eye[2] - lower
+            eye[axis] = _middle(seen[:, axis], eye[2] - seen[:, 2], radius, (below, above), least, most)
+        middle = float(seen[:, 2].min() + seen[:, 2].max()) / 2
+        distance = min(max(float(eye[2]) - middle, LEAST_DISTANCE), MOST_DISTANCE)
+        x, y, z = (np.array([eye[0], eye[1], middle]) @ self.axes).tolist()
+        return replace(self, x=x, y=y, z=z, distance=distance)
+
+    def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
+        """Those of `points` (n, 3) [m] that this camera, which holds them, goes by: it would be the same for them alone."""
+        seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
+        found = [int(np.argmin(seen[:, 2])), int(np.argmax(seen[:, 2]))]
+        eye = self.axes @ self.eye
+        for axis, (limit, side) in enumerate(zip(_limits(seen, sides), sides, strict=True)):
+            found += [int(np.argmax(one)) for one in limit]
+            found += _outer(seen[:, axis] - eye[axis], eye[2] - seen[:, 2], radius, side)
+        return points[found]
+
+    def _tangents(self, margins: Margins) -> Sides:
+        """Of a window's margins."""
+        left, bottom, right, top = margins
+        return (
+            (max(self.width / 2 - left, 8.0) / self.focal, max(self.width / 2 - right, 8.0) / self.focal),
+            (max(self.height / 2 - bottom, 8.0) / self.focal, max(self.height / 2 - top, 8.0) / self.focal),
+        )
+
+    def approach(self, other: Camera3D, share: float) -> None:
+        """Go `share` (0 to 1) of the way to what another camera shows; the turn stays, it is the user's."""
+        self._aim(self.target + (other.target - self.target) * share)
+        self.distance *= exp(log(other.distance / self.distance) * share)
+
+
+def _limits(seen: np.ndarray, sides: Sides) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Across and up, for points (n, 3) in a camera's axes: what each demands of the eye by the one margin, and the other."""
+    return [
+        (below * seen[:, 2] - seen[:, axis], above * seen[:, 2] + seen[:, axis])
+        for axis, (below, above) in enumerate(sides)
+    ]
+
+
+def _middle(place: np.ndarray, depth: np.ndarray, radius: float, side: Side, least: float, most: float) -> float:
+    """The eye's coordinate from `least` to `most` [m] from which balls of `radius` [m] at `place` (n,), `depth` (n,) [m] away
+    keep as many pixels from the one margin as from the other.
+
+    Newton's method: for two of them it is a line, and they are the outer ones as seen from the last guess.
+    """
+    below, above = (radius * hypot(1, tangent) for tangent in side)
+    eye = (least + most) / 2
+    for _ in range(CENTRING):
+        one, other = _outer(place - eye, depth, radius, side)
+        near, far = 1 / depth[one], 1 / depth[other]
+        wanted = (place[one] - below) * near + (place[other] + above) * far - (side[1] - side[0])
+        eye, before = min(max(float(wanted / (near + far)), least), most), eye
+        if eye == before:
+            break
+    return eye
+
+
+def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> list[int]:
+    """Which balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye, are seen outermost."""
+    below, above = (radius * hypot(1, tangent) for tangent in side)
+    return [int(np.argmin((away - below) / depth)), int(np.argmax((away + above) / depth))]
+
+
+def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(8, 3): the corners of the box from `low` to `high`, each (3,)."""
+    return np.array([np.where([k & 1, k & 2, k & 4], high, low) for k in range(8)])
+
+
+def pick(camera: Camera3D, position: np.ndarray, x: float, y: float, reach: float | np.ndarray) -> int | None:
+    """The mass of `position` (particles, 3) within `reach` pixels, or (particles,), of the window point (x, y) that is meant,
+    or None.
+
+    The nearest in the window, unless it lies behind another: a pixel's length further from the eye than the foremost
+    candidate counts as BEHIND pixels further from the pointer.
+    """
+    place, depth = camera.project(position)
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = np.hypot(place[:, 0] - x, place[:, 1] - y)
+    candidates = np.flatnonzero(away <= reach)  # false for NaN
+    if not len(candidates):
+        return None
+    behind = depth[candidates] - depth[candidates].min()
+    score = away[candidates] + BEHIND * behind * camera.focal / depth[candidates]
+    return int(candidates[np.argmin(score)])

@@ -1,0 +1,176 @@
+"""Vertex buffers that a simulation on the GPU writes into by itself: positions and normals never leave the graphics card.
+
+CUDA and OpenGL share the buffers where one GPU does both: a buffer is registered with CUDA once, and for each frame
+mapped on the solver's own stream, written to by the solver's kernels, and unmapped. Mapping on that stream orders both
+sides: the kernels wait for what still draws from the buffer, and what draws next waits for the kernels. Whether it can
+be done here is found by trying, once; from then on states travel through the host's memory, as those of the CPU do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from app.render.vertices import HostVertices
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+STRAIGHT = "straight from the solver's GPU memory"
+MOST_DEVICES = 64  # GPUs that one OpenGL context may draw with
+
+
+class NotShared(Exception):
+    """Why CUDA cannot write into this context's buffers."""
+
+
+class CudaVertices(HostVertices):
+    """As HostVertices, and straight from the GPU where that is possible. Needs the same current OpenGL context in each call.
+
+    `way`: how the last state came, in words, and why not straight where a GPU computed it. `shared` False: always through
+    the host (to compare both). A buffer is registered only while simulations write into it: what comes through the host
+    gets a fresh store, which a registered buffer may not.
+    """
+
+    def __init__(self, scene: Scene):
+        super().__init__(scene)
+        self.shared = True
+        self._refused = ""
+        self._runtime: Any = None
+        self._resources: dict[int, Any] = {}  # buffer -> what CUDA knows it by
+
+    def straight(self, simulation: Simulation) -> bool:
+        """True for a simulation on the GPU until that was tried and did not work."""
+        return simulation.backend == "gpu" and self.shared and not self._refused
+
+    def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
+        """As of HostVertices; `position` is not looked at where the simulation writes by itself."""
+        if self.straight(simulation):
+            try:
+                self._write(simulation, normals)
+                self.way = STRAIGHT
+                return
+            except Exception as error:  # drivers fail in many ways; what is wrong with the simulation is raised below
+                self._refused = _reason(error)
+        self._unregister()
+        super().upload(simulation, normals, position)
+        told = simulation.backend == "gpu" and self._refused
+        self.way = f"{HostVertices.way}: {self._refused}" if told else HostVertices.way
+
+    def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
+        """As of HostVertices, through the host."""
+        self._unregister()
+        super().upload_state(position, normals, normal)
+        self.way = HostVertices.way
+
+    def delete(self) -> None:
+        """Free the buffers, CUDA's hold on them first."""
+        self._unregister()
+        super().delete()
+
+    # ------------------------------------------------------------------ sharing
+
+    def _write(self, simulation: Any, normals: bool) -> None:
+        """The simulation's kernels write into the buffers. Raises NotShared."""
+        if not self._resources:
+            self._register()
+        handle = (
+            simulation.stream.handle
+        )  # an integer-like object of cuda.bindings, or a ctypes pointer of older versions
+        stream = self._runtime.cudaStream_t(int(getattr(handle, "value", handle) or 0))
+        targets = {"position": self.position_buffer} | ({"normal": self.normal_buffer} if normals else {})
+        for name, buffer in targets.items():
+            with self._mapped(buffer, stream) as array:
+                simulation.read(name, into=array)
+
+    def _register(self) -> None:
+        from pyglet import gl
+
+        if self._runtime is None:
+            self._runtime = load_runtime()
+        require_same_gpu(self._runtime)
+        discard = self._runtime.cudaGraphicsRegisterFlags.cudaGraphicsRegisterFlagsWriteDiscard
+        for buffer in (self.position_buffer, self.normal_buffer):
+            self.send(buffer, self._normal, gl.GL_DYNAMIC_COPY)  # a store for what the GPU writes and the GPU draws
+            registered = self._runtime.cudaGraphicsGLRegisterBuffer(buffer, int(discard))
+            (self._resources[buffer],) = _checked(registered, "sharing a buffer")
+
+    @contextmanager
+    def _mapped(self, buffer: int, stream: Any) -> Iterator[Any]:
+        """The buffer as a (particles, 3) float32 array of CUDA, for what runs in `stream`."""
+        runtime, resource = self._runtime, self._resources[buffer]
+        _checked(runtime.cudaGraphicsMapResources(1, resource, stream), "mapping a buffer")
+        try:
+            pointer, size = _checked(runtime.cudaGraphicsResourceGetMappedPointer(resource), "mapping a buffer")
+            if size < self._position.nbytes:
+                raise NotShared(f"a mapped buffer has {size} bytes and not {self._position.nbytes}")
+            interface = {
+                "shape": self._position.shape,
+                "typestr": self._position.dtype.str,
+                "data": (int(pointer), False),
+                "strides": None,
+                "version": 3,
+            }
+            yield SimpleNamespace(__cuda_array_interface__=interface)
+        finally:
+            unmapped = runtime.cudaGraphicsUnmapResources(1, resource, stream)
+        _checked(unmapped, "unmapping a buffer")
+
+    def _unregister(self) -> None:
+        """The buffers are OpenGL's alone again. A failure is of no use to anybody: the buffers are freed or refilled next."""
+        for resource in self._resources.values():
+            self._runtime.cudaGraphicsUnregisterResource(resource)
+        self._resources.clear()
+
+
+def load_runtime() -> Any:
+    """CUDA's runtime as a module. Raises NotShared."""
+    from gpu_backend.core.device import simulated
+
+    if simulated():
+        raise NotShared("the CUDA simulator has no GPU memory")
+    try:
+        from cuda.bindings import runtime
+    except ImportError:
+        raise NotShared("cuda.bindings is missing (pip install cuda-bindings)") from None
+    return runtime
+
+
+def require_same_gpu(runtime: Any) -> None:
+    """Raises NotShared where another GPU than CUDA's draws, or none.
+
+    Not every driver can tell its devices; then registering a buffer will show.
+    """
+    vendor, renderer = drawn_by()
+    if "nvidia" not in vendor.lower():  # CUDA is not even asked about a context it cannot know
+        raise NotShared(f"{renderer} draws, not the GPU that computes")
+    (device,) = _checked(runtime.cudaGetDevice(), "asking for the GPU")
+    status, count, devices = runtime.cudaGLGetDevices(MOST_DEVICES, runtime.cudaGLDeviceList.cudaGLDeviceListAll)
+    if int(status) == 0 and count and int(device) not in [int(known) for known in devices[:count]]:
+        raise NotShared(f"another GPU draws ({renderer})")
+
+
+def drawn_by() -> tuple[str, str]:
+    """(vendor, renderer) of the current OpenGL context, in its driver's words."""
+    import pyglet.gl
+
+    context = pyglet.gl.current_context
+    assert context is not None, "vertex buffers need a current OpenGL context"
+    info = context.get_info()
+    return str(info.get_vendor()), str(info.get_renderer())
+
+
+def _checked(result: tuple[Any, ...], what: str) -> tuple[Any, ...]:
+    """What a call of the runtime gave beside its status. Raises NotShared."""
+    status, *values = result
+    if int(status) != 0:
+        raise NotShared(f"{what} failed ({getattr(status, 'name', status)})")
+    return tuple(values)
+
+
+def _reason(error: Exception) -> str:
+    text = " ".join(str(error).split())[:120]
+    return text if isinstance(error, NotShared) else f"{type(error).__name__}: {text}"

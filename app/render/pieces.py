@@ -1,0 +1,105 @@
+"""What of a state other programs can show: skins, particles, cloths, grids and colliders as triangles, lines and points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.render import colours
+from app.render.collider_shapes import collider_mesh, plane_axes
+from model.geometry.normals import scene_normals
+from model.geometry.topology import triangles_of
+from model.scene.cloth import Plane
+from model.scene.scene import Scene
+from model.shape_matching.crowd import Copy
+from model.shape_matching.spare import copies_there
+
+PLANE_REACH = 1.0  # of the scene's size: a plane is shown as far as that on each side of the masses
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One thing: `vertices` (n, 3) [m] in one `colour`, (red, green, blue) in 0 to 1 as a screen shows it.
+
+    With `triangles` (m, 3), counter-clockwise from outside, and `normals` (n, 3) it is a surface; with `lines`, rows of
+    indices of vertices, each a line through them, it is lines; else points.
+    """
+
+    name: str
+    vertices: np.ndarray
+    colour: tuple[float, float, float]
+    triangles: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    lines: tuple[np.ndarray, ...] = ()
+
+
+def pieces_of(
+    scene: Scene, position: np.ndarray, matrices: np.ndarray | None = None, inverse_mass: np.ndarray | None = None
+) -> list[Piece]:
+    """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) as app/render/skinning.py
+    makes them, but for those that wait by `inverse_mass`, as in State (None: when the scene starts). A body without a skin
+    is its particles; a sheet without triangles its lines; one without springs its masses."""
+    if scene.bodies:
+        assert matrices is not None
+        there = copies_there(scene, inverse_mass)
+        return [_body(scene, copy, position, matrices) for copy in scene.crowd.copies if there[copy.number]]
+    name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
+    triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
+    if len(triangles):
+        return [Piece(name, position, colours.CLOTH_FRONT, triangles, scene_normals(scene, position))]
+    flat = position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+    index = np.arange(len(position)).reshape(scene.grid.rows, scene.grid.columns)
+    held = bool(scene.springs or scene.cloth_springs)
+    lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if held else ()
+    return [Piece(name, flat, colours.INK, lines=lines)]
+
+
+def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:
+    """A copy of a body: its skin as its clusters take it (linear blend skinning, model/assets/skin.py), or else its
+    particles."""
+    colour, baked = colours.BODIES[copy.number % len(colours.BODIES)], copy.baked
+    several = scene.bodies[copy.name].count + scene.bodies[copy.name].spare > 1
+    first = next(one.number for one in scene.crowd.copies if one.name == copy.name) if several else 0
+    name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
+    skin = baked.skin
+    if skin is None or not len(skin.triangles):
+        own = slice(copy.first_particle, copy.first_particle + len(baked.position))
+        return Piece(name, position[own], colour)
+    own = slice(copy.first_cluster, copy.first_cluster + baked.clusters.count)
+    vertices, normals = skinned(skin.position, skin.normal, skin.clusters, skin.weights, matrices[own])
+    return Piece(name, vertices, colour, skin.triangles, normals)
+
+
+def skinned(
+    position: np.ndarray, normal: np.ndarray, clusters: np.ndarray, weights: np.ndarray, matrices: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position, normal) (vertices, 3) float64: each vertex moved by the weighted mean of its clusters' `matrices`
+    (clusters, 3, 4), as the shaders do; normals 1 long, 0 where they cancel."""
+    moved, turned = np.zeros((2, *position.shape))
+    for weight, cluster in zip(weights.T, clusters.T, strict=True):  # one after the other: a quarter of the memory
+        own = weight[:, None, None] * matrices[cluster]
+        moved += np.einsum("vij,vj->vi", own[:, :, :3], position) + own[:, :, 3]
+        turned += np.einsum("vij,vj->vi", own[:, :, :3], normal)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    return moved, np.divide(turned, length, out=np.zeros_like(turned), where=length > 0)
+
+
+def collider_pieces(scene: Scene, position: np.ndarray, time: float) -> Iterator[Piece]:
+    """The colliders where they are at `time` [s]; of a plane a square below the masses, `position` (particles, 3) [m]."""
+    names = {id(part): name for name, part in scene.parts.items()}
+    for _, collider in scene.colliders:
+        name, moved = names[id(collider)], time * np.array(collider.velocity)
+        mesh = collider_mesh(collider)
+        if mesh is not None:
+            vertices, normals = mesh.turned(time) if mesh.turns else (mesh.vertices, mesh.normals)
+            yield Piece(name, vertices + moved, colours.COLLIDER, mesh.triangles, normals)
+        elif isinstance(collider, Plane):
+            across, along, normal = plane_axes(collider.normal)
+            middle = position.mean(axis=0)
+            middle = middle - ((middle - collider.point - moved) @ normal) * normal
+            reach = PLANE_REACH * scene.grid.extent + np.linalg.norm(position - middle, axis=1).max(initial=0.0)
+            corners = [middle + reach * (s * across + t * along) for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            square = np.array([[0, 1, 2], [0, 2, 3]])
+            yield Piece(name, np.array(corners), colours.GROUND, square, np.tile(normal, (4, 1)))

@@ -1,0 +1,217 @@
+"""The shaders of a drawing in space, GLSL 3.30: lit surfaces, springs, points, shadows and the ground.
+
+Positions are metres, (particles, 3) float32, in one buffer for everything; normals lie in another of the same shape.
+Every program finds them at the same two places, so that one vertex array serves all.
+"""
+
+from __future__ import annotations
+
+from app.render.shaders import STRAIN_COLOUR
+
+# `toward`: by so many clip units of depth a vertex is drawn nearer than it is, so that what lies on a surface shows.
+VERTEX = """#version 330 core
+layout(location = 0) in vec3 position;
+uniform mat4 transform;     // metres -> clip coordinates
+uniform float point_size;   // pixels; points only
+uniform float toward;
+out vec3 world;
+void main() {
+    world = position;
+    gl_Position = transform * vec4(position, 1.0);
+    gl_Position.z -= toward * gl_Position.w;
+    gl_PointSize = point_size;
+}
+"""
+
+LINE_FRAGMENT = """#version 330 core
+uniform vec3 colour;
+out vec4 pixel;
+void main() {
+    pixel = vec4(colour, 1.0);
+}
+"""
+
+SURFACE_VERTEX = """#version 330 core
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+uniform mat4 transform;
+uniform vec3 shift;         // m
+out vec3 place;
+out vec3 outward;
+void main() {
+    place = position + shift;
+    outward = normal;
+    gl_Position = transform * vec4(place, 1.0);
+}
+"""
+
+# A key light from above, a weak fill light from the other side, and light from all around, more of it from above. The
+# key wraps a little around what it shines on: cloth lets some light through.
+LIGHT = """
+uniform vec3 eye;           // m
+uniform vec3 key;           // unit vectors toward the lights
+uniform vec3 fill;
+uniform float shine;
+vec3 lit(vec3 colour, vec3 n, vec3 look) {
+    float from_key = max((dot(n, key) + 0.25) / 1.25, 0.0);
+    float from_fill = max(dot(n, fill), 0.0);
+    float from_around = 0.46 + 0.08 * n.y;
+    float highlight = shine * pow(max(dot(n, normalize(key + look)), 0.0), 32.0);
+    return min(colour * (from_around + 0.60 * from_key + 0.24 * from_fill) + highlight, 1.0);
+}
+"""
+
+SURFACE_FRAGMENT = (
+    """#version 330 core
+in vec3 place;
+in vec3 outward;
+uniform vec3 front;
+uniform vec3 back;
+out vec4 pixel;
+"""
+    + LIGHT
+    + """
+void main() {
+    vec3 look = normalize(eye - place);
+    float size = length(outward);
+    vec3 n = size > 1e-6 ? outward / size : look;
+    pixel = vec4(lit(gl_FrontFacing ? front : back, gl_FrontFacing ? n : -n, look), 1.0);
+}
+"""
+)
+
+THIN_SPRINGS = (
+    """#version 330 core
+layout(lines) in;
+layout(line_strip, max_vertices = 2) out;
+in vec3 world[];
+out vec3 colour;
+"""
+    + STRAIN_COLOUR
+    + """
+void main() {
+    colour = strain_colour(distance(world[0], world[1]));
+    for (int k = 0; k < 2; ++k) {
+        gl_Position = gl_in[k].gl_Position;
+        EmitVertex();
+    }
+    EndPrimitive();
+}
+"""
+)
+
+# As in two dimensions a wide spring is a rectangle in the window; one that reaches behind the eye is left out.
+WIDE_SPRINGS = (
+    """#version 330 core
+layout(lines) in;
+layout(triangle_strip, max_vertices = 4) out;
+in vec3 world[];
+uniform vec2 window;        // pixels
+uniform float half_width;   // pixels
+out vec3 colour;
+"""
+    + STRAIN_COLOUR
+    + """
+void main() {
+    vec4 first = gl_in[0].gl_Position, second = gl_in[1].gl_Position;
+    if (!(first.w > 0.0 && second.w > 0.0)) return;
+    colour = strain_colour(distance(world[0], world[1]));
+    vec2 along = (second.xy / second.w - first.xy / first.w) * window;
+    float size = length(along);
+    if (!(size > 0.0)) return;
+    vec2 side = vec2(-along.y, along.x) / size * half_width * 2.0 / window;
+    for (int k = 0; k < 4; ++k) {
+        vec4 end = k < 2 ? first : second;
+        gl_Position = end + vec4((k % 2 == 0 ? -side : side) * end.w, 0.0, 0.0);
+        EmitVertex();
+    }
+    EndPrimitive();
+}
+"""
+)
+
+SPRING_FRAGMENT = """#version 330 core
+in vec3 colour;
+out vec4 pixel;
+void main() {
+    pixel = vec4(colour, 1.0);
+}
+"""
+
+FADE = """
+uniform vec3 centre;        // m, of what is seen of the ground
+uniform float reach;        // m, where nothing is left of it
+float fade(vec3 place) {
+    return 1.0 - smoothstep(0.25, 1.0, distance(place, centre) / reach);
+}
+"""
+
+SHADOW_VERTEX = """#version 330 core
+layout(location = 0) in vec3 position;
+uniform mat4 transform;
+uniform mat4 flatten;       // along the light into the plane of the ground
+uniform vec3 shift;
+out vec3 place;
+void main() {
+    vec4 fallen = flatten * vec4(position + shift, 1.0);
+    place = fallen.xyz;
+    gl_Position = transform * fallen;
+}
+"""
+
+
+def shadow_fragment(inputs: str = "", outside: str = "false") -> str:
+    """Of what throws a shadow; more `inputs` tell which fragments are `outside` of it."""
+    uniforms = "uniform vec3 dark;\nuniform vec3 light;\nout vec4 pixel;\n"
+    return f"""#version 330 core
+in vec3 place;
+{inputs}{uniforms}{FADE}
+void main() {{
+    float left = fade(place);
+    if (left <= 0.0 || {outside}) discard;
+    pixel = vec4(mix(light, dark, left), 1.0);
+}}
+"""
+
+
+SHADOW_FRAGMENT = shadow_fragment()
+
+GROUND_VERTEX = """#version 330 core
+layout(location = 0) in vec3 position;  // corners of a square, -1 to 1, in its plane
+uniform mat4 transform;
+uniform vec3 centre;
+uniform vec3 across;
+uniform vec3 along;
+uniform float reach;
+out vec3 place;
+void main() {
+    place = centre + reach * (position.x * across + position.y * along);
+    gl_Position = transform * vec4(place, 1.0);
+}
+"""
+
+# Lines a pixel wide; where they would lie closer than a few pixels they fade instead of flickering.
+GROUND_FRAGMENT = (
+    """#version 330 core
+in vec3 place;
+uniform vec3 across;
+uniform vec3 along;
+uniform float spacing;      // m between two lines
+uniform vec3 area;
+uniform vec3 line;
+uniform float cover;        // of the area between the lines, 0 to 1
+out vec4 pixel;
+"""
+    + FADE
+    + """
+void main() {
+    vec2 cell = vec2(dot(place, across), dot(place, along)) / spacing;
+    vec2 width = max(fwidth(cell), 1e-6);
+    vec2 from = abs(fract(cell - 0.5) - 0.5) / width;
+    vec2 ink = clamp(1.2 - from, 0.0, 1.0) * clamp(1.0 - 2.5 * width, 0.0, 1.0);
+    float strength = max(ink.x, ink.y);
+    float left = fade(place);
+    pixel = vec4(mix(area, line, strength), left * mix(cover, 0.8, strength));
+}
+"""
+)

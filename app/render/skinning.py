@@ -1,0 +1,68 @@
+"""Where the clusters of a scene's bodies take a skin: from a state to the matrices that the shaders read. No OpenGL."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+
+class ClusterFrames:
+    """The clusters of all bodies of `scene` as matrices that take points of their meshes at rest to now."""
+
+    def __init__(self, scene: Scene):
+        crowd, parts = scene.crowd, scene.bodies
+        self._clusters, copies = crowd.clusters, crowd.in_cluster_order
+        turns = [np.broadcast_to(parts[copy.name].turn(), (copy.baked.clusters.count, 3, 3)) for copy in copies]
+        self._turn = np.concatenate(turns)  # a copy's own, at the start, when its clusters are not turned yet
+        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
+        self.count = crowd.clusters.count
+
+    def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """(clusters, 3, 4) float32: of points of the mesh with a 1 behind; with the clusters at `centre` (clusters, 3) [m]
+        and turned since the start by `rotation` (clusters, 3, 3), or deformed, which comes after the turn at the start."""
+        turn = rotation @ self._turn
+        found = np.empty((self.count, 3, 4), np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found[:, :, :3] = turn
+            found[:, :, 3] = centre - np.einsum("nij,nj->ni", turn, self._rest)
+        return found
+
+    def of_state(self, position: np.ndarray) -> np.ndarray:
+        """The same from positions (particles, 3) [m] alone, rotations by singular values; what is plastic, whose strain they
+        do not tell, by the nearest linear map. Where a cluster is not at finite places its matrix is not finite either."""
+        position = np.asarray(position, dtype=np.float64)
+        if np.isfinite(position).all():
+            return self.matrices(self._clusters.centres(position), self._deformations(position))
+        return np.full((self.count, 3, 4), np.nan, np.float32)
+
+    def _deformations(self, position: np.ndarray) -> np.ndarray:
+        clusters = self._clusters
+        if "plastic" not in clusters.parts:
+            return clusters.deformations(position)
+        return np.where(clusters.flat[:, None, None], clusters.rotations(position), clusters.strained(position))
+
+    def of_simulation(self, simulation: Simulation, position: np.ndarray | None = None) -> np.ndarray:
+        """As the solver has them, or from `position` (None: read) where it does not tell. Clusters that do more than turn go
+        by the whole of what takes rest offsets to goals."""
+        try:
+            turn, centre = (np.asarray(told, np.float64) for told in simulation.read_clusters())
+            if self._clusters.parts & {"linear", "plastic"}:
+                return self.matrices(centre, np.asarray(simulation.read("deformation"), np.float64))
+        except (SceneError, NotImplementedError):
+            return self.of_state(simulation.read("position") if position is None else position)
+        return self.matrices(centre, of_quaternions(turn))
+
+
+def of_quaternions(quaternion: np.ndarray) -> np.ndarray:
+    """(n, 3, 3): the rotations of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with Quaternion Curves",
+    SIGGRAPH 1985."""
+    w, x, y, z = quaternion.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,144 @@
+"""What every drawing in space shares: smooth edges, light, colliders, a ground with shadows, points and a ring."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from app.output.smooth_target import SmoothTarget
+from app.render import colours, shaders3d
+from app.render.camera3d import Camera3D
+from app.render.collider_shapes import Ground, grounds
+from app.render.cuda_vertices import CudaVertices
+from app.render.opengl import shader_program
+from app.render.shaders import POINT_FRAGMENT
+from app.render.vertex_arrays import uniform_matrix
+from app.window.detail import FINE, Detail
+from app.window.scenery import Lit, Scenery
+from model.core.build import rest_positions
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+RING = 22.0  # pixels
+
+
+class SpaceView(ABC):
+    """`scene` on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
+
+    `upload(position)` sends a state, `upload_from(simulation)` a simulation's; `draw(camera, ...)` draws it; `delete()` frees
+    the buffers. `detail`: how much goes into it. `lines`: shown as what holds it together, and not as its surface (a change
+    needs a new upload). Raises BackendUnavailable.
+    """
+
+    lines = False
+
+    def __init__(self, scene: Scene, detail: Detail = FINE):
+        self.scene = scene
+        self.vertices = CudaVertices(scene)
+        self.lowest = float(rest_positions(scene.grid)[:, 1].min())  # of all that was shown: the ground lies below it
+        self.detail, self._target = detail, SmoothTarget(detail)
+        self._scenery = Scenery(scene)
+        self._lit = Lit()
+        self._point_program = shader_program(shaders3d.VERTEX, POINT_FRAGMENT)
+
+    def show_in(self, detail: Detail) -> None:
+        """Draw in this detail from now on."""
+        self._target.delete()
+        self.detail, self._target = detail, SmoothTarget(detail)
+
+    @abstractmethod
+    def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
+        """Send positions (particles, 3) [m], with a cloth's normals where they are known. Raises InputError."""
+
+    @abstractmethod
+    def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
+        """Send the state of a simulation; `position` (particles, 3) float32, if the caller has read it already."""
+
+    @abstractmethod
+    def toggle_lines(self) -> bool:
+        """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
+
+    def keep_above_ground(self, lowest: float) -> None:
+        """The ground that a scene without a plane gets lies below `lowest` [m] from now on."""
+        if np.isfinite(lowest):
+            self.lowest = min(self.lowest, lowest)
+
+    def grounds(self, time: float) -> list[Ground]:
+        """What is drawn to stand on, at `time` [s]."""
+        return grounds(self.scene, time, self.lowest)
+
+    def draw(self, camera: Camera3D, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
+        """Draw what was uploaded last, with the colliders where they are at `time` [s]. `strain_range`: the strain at both
+        ends of the colour map."""
+        from pyglet import gl
+
+        coarse = self.detail.coarse
+        camera = replace(camera, width=-(-camera.width // coarse), height=-(-camera.height // coarse))
+        self._target.begin(camera.width, camera.height)
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
+        gl.glEnable(gl.GL_DEPTH_TEST)
+        gl.glDepthFunc(gl.GL_LEQUAL)
+        gl.glDisable(gl.GL_BLEND)
+        self._lit.use(camera)
+        self._scenery.draw_colliders(self._lit, time)
+        self._lit.program.stop()
+        self._draw_solid(camera, strain_range)
+        if self.detail.shadows:
+            self._draw_shadows(camera, time)
+        gl.glEnable(gl.GL_BLEND)
+        gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
+        gl.glDepthMask(gl.GL_FALSE)
+        self._scenery.draw_ground(camera, time, self.lowest)
+        self._draw_over(camera, selected)
+        gl.glDepthMask(gl.GL_TRUE)
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        gl.glBindVertexArray(0)
+        self._target.finish()
+
+    @abstractmethod
+    def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
+        """What hides what is behind it."""
+
+    @abstractmethod
+    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+        """All shadows, through the scenery."""
+
+    @abstractmethod
+    def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
+        """What is seen through, and marks."""
+
+    def _use_points(self, camera: Camera3D, array: Any) -> None:
+        """Points of a vertex array from now on; `_style` says how they look."""
+        from pyglet import gl
+
+        self._point_program.use()
+        self._point_program["transform"] = uniform_matrix(camera.matrix())
+        gl.glEnable(gl.GL_PROGRAM_POINT_SIZE)
+        gl.glBindVertexArray(array)
+
+    def _style(
+        self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
+    ) -> None:
+        """`size`: pixels of the window."""
+        program = self._point_program
+        program["point_size"], program["toward"] = size / self.detail.coarse, toward
+        program["fill"], program["rim"] = fill, rim
+        program["square"], program["hollow"] = int(square), int(hollow)
+
+    def _ring(self, selected: int) -> None:
+        """About the selected mass; points are in use. Where it is must be seen, in a fold and inside a body too."""
+        from pyglet import gl
+
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        self._style(RING, colours.SELECTED, colours.SELECTED, 0.0, hollow=True)
+        gl.glDrawArrays(gl.GL_POINTS, selected, 1)
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        self._scenery.delete()
+        self.vertices.delete()
+        self._target.delete()

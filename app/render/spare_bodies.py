@@ -1,0 +1,49 @@
+"""Bodies that the demo drops into its worlds and takes out of them again: which one is next, and where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.core.simulation import Simulation
+from model.shape_matching.spare import copies_there, counts
+
+GAP = 0.1  # of a body's longest side: between it and what it is dropped on
+
+
+def next_spare(world: Simulation, last: str | None) -> str:
+    """The part of which a copy is brought in next, in a scene with bodies: of those that one waits of the first
+    after `last`, in turn. Raises SceneError where none waits."""
+    scene = world.scene
+    names = list(scene.bodies)
+    if not any(part.spare for part in scene.bodies.values()):
+        raise SceneError("spare", 0, f"no body of this scene waits; spare = 5 in its [{names[0]}] keeps five")
+    there = copies_there(scene, world.body.inverse_mass)
+    waiting = {copy.name for copy in scene.crowd.copies if not there[copy.number]}
+    if not waiting:
+        name = next(name for name, part in scene.bodies.items() if part.spare)
+        raise SceneError(
+            f"{name}.spare", scene.bodies[name].spare, "no body waits any more; X takes the selected one out"
+        )
+    begin = names.index(last) + 1 if last in names else 0
+    return next(name for name in names[begin:] + names[:begin] if name in waiting)
+
+
+def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
+    """Bring in a copy of a part at rest, its middle over or under `place` [m], all of it above that. Its number. Raises
+    SceneError."""
+    part, crowd = world.scene.bodies[name], world.scene.crowd
+    first = next(copy for copy in crowd.copies if copy.name == name)
+    at_rest = crowd.position[first.particles] - part.places()[0]
+    low, high = at_rest.min(axis=0), at_rest.max(axis=0)
+    origin = np.asarray(place, dtype=np.float64) - (low + high) / 2
+    origin[1] = place[1] - low[1] + GAP * (high - low).max()
+    return world.add_body(name, origin.tolist())
+
+
+def counts_text(world: Simulation) -> str:
+    """How many bodies there are, and how many wait."""
+    told = counts(world.scene, world.body.inverse_mass)
+    return f"{told.bodies} bod{'y' if told.bodies == 1 else 'ies'}, {told.waiting} waiting"

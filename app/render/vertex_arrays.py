@@ -1,0 +1,72 @@
+"""Small things that every drawing in space does with OpenGL: fill a buffer once, tell where vertices lie, set a matrix."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+POSITION, NORMAL = 0, 1  # where the shaders of app/render/shaders3d.py look for them
+
+
+def static_buffer(data: np.ndarray) -> int:
+    """A buffer that holds `data` (C-contiguous) and is written to again seldom or never."""
+    from pyglet import gl
+
+    buffer = gl.GLuint()
+    gl.glGenBuffers(1, buffer)
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+    gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_STATIC_DRAW)
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+    return int(buffer.value)
+
+
+def refill(buffer: int, data: np.ndarray) -> None:
+    """Put `data` (C-contiguous) in place of the same number of bytes."""
+    from pyglet import gl
+
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+    gl.glBufferSubData(gl.GL_ARRAY_BUFFER, 0, data.nbytes, data.ctypes.data_as(ctypes.c_void_p))
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+
+
+def vertex_array(position: int, elements: int, normal: int | None = None) -> Any:
+    """A vertex array of (vertices, 3) float32 buffers, drawn in the order of the buffer `elements`."""
+    from pyglet import gl
+
+    array = gl.GLuint()
+    gl.glGenVertexArrays(1, array)
+    gl.glBindVertexArray(array)
+    for place, buffer in ((POSITION, position), (NORMAL, normal)):
+        if buffer is not None:
+            gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+            gl.glEnableVertexAttribArray(place)
+            gl.glVertexAttribPointer(place, 3, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
+    gl.glBindBuffer(gl.GL_ELEMENT_ARRAY_BUFFER, elements)
+    gl.glBindVertexArray(0)
+    gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+    return array
+
+
+def draw_elements(array: Any, mode: int, count: int) -> None:
+    """Draw `count` elements of a vertex array."""
+    from pyglet import gl
+
+    gl.glBindVertexArray(array)
+    gl.glDrawElements(mode, count, gl.GL_UNSIGNED_INT, None)
+
+
+def uniform_matrix(matrix: np.ndarray) -> tuple[float, ...]:
+    """(4, 4) as OpenGL takes it: column by column."""
+    return tuple(matrix.T.ravel().tolist())
+
+
+def delete_all(arrays: list[Any], buffers: list[int]) -> None:
+    """Free vertex arrays and buffers."""
+    from pyglet import gl
+
+    for array in arrays:
+        gl.glDeleteVertexArrays(1, array)
+    if buffers:
+        gl.glDeleteBuffers(len(buffers), (gl.GLuint * len(buffers))(*buffers))

@@ -1,0 +1,86 @@
+"""Positions and normals of a cloth in vertex buffers, renewed for each frame.
+
+The seam between simulation and drawing: a view draws from `position_buffer` and `normal_buffer`, and does not know how
+they were filled. `HostVertices` fills them from the host's memory; `CudaVertices` (app/render/cuda_vertices.py) lets a GPU
+backend write into them where it can.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from model.core.errors import InputError
+from model.core.simulation import Simulation
+from model.geometry.normals import scene_normals
+from model.scene.scene import Scene
+
+
+class HostVertices:
+    """Two vertex buffers of (particles, 3) float32, one copy each for a frame. Needs a current OpenGL 3.3 context.
+
+    `way`: how states come here, in words for the window.
+    """
+
+    way = "through the host's memory"
+
+    def __init__(self, scene: Scene):
+        from pyglet import gl
+
+        self.scene = scene
+        shape = (scene.grid.particle_count, 3)
+        self._position, self._normal = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        self._buffers = (gl.GLuint * 2)()
+        gl.glGenBuffers(2, self._buffers)
+        self.position_buffer, self.normal_buffer = int(self._buffers[0]), int(self._buffers[1])
+        for buffer in self._buffers:  # something lies there before the first state comes
+            self.send(buffer, self._normal)
+
+    def straight(self, simulation: Simulation) -> bool:
+        """Whether `upload` means to have the simulation's state without the host: then nobody needs to read it for it."""
+        return False
+
+    def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
+        """The state of `simulation` now. `normals` False: only lines will be drawn. `position` (particles, 3) float32: what
+        the caller has read already."""
+        if position is None:
+            with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
+                position = simulation.read("position", into=self._position)
+        self.send(self.position_buffer, position)
+        if normals:
+            self.send(self.normal_buffer, simulation.read("normal", into=self._normal))
+
+    def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
+        """Positions (particles, 3) [m] of a state that no simulation holds, with its unit normals, if they are known.
+
+        Raises InputError for another shape.
+        """
+        if position.shape != self._position.shape:
+            raise InputError(f"position has shape {position.shape}, this scene needs {self._position.shape}")
+        self.send(self.position_buffer, position)
+        if normals and normal is None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                normal = scene_normals(self.scene, position)
+        if normals and normal is not None:
+            self.send(self.normal_buffer, normal)
+
+    @staticmethod
+    def send(buffer: int, array: Any, usage: int | None = None) -> None:
+        """A fresh store for `buffer`, which holds `array`: the driver need not wait until the last frame's vertices have
+        been drawn. `usage` None: written by the host for each frame."""
+        from pyglet import gl
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            data = np.ascontiguousarray(array, dtype=np.float32)
+        kind = gl.GL_STREAM_DRAW if usage is None else usage
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+        gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), kind)
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        from pyglet import gl
+
+        gl.glDeleteBuffers(2, self._buffers)

@@ -1,0 +1,63 @@
+"""What the window's keys change of how scenes are shown, in every view alike, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from app.command.demo import NO_BODIES, Demo
+from app.window.detail import next_detail
+
+OF_PLANE = "a scene in the plane is drawn in one way"
+
+
+class Looks:
+    """The keys L, V and, of bodies, P, K, C, I, O over the `views` of a demo's worlds."""
+
+    def __init__(self, demo: Demo, views: Sequence[Any]):
+        self.demo, self.views = demo, views
+        scene = demo.world.scene
+        self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
+
+    def toggle_lines(self) -> None:
+        """L: a cloth as a surface or as springs, bodies as skins or as particles; a grid is springs anyway."""
+        if self._bodies:
+            self.toggle("lines")
+        elif self._space:
+            shown = [view.toggle_lines() for view in self.views]
+            self.demo.say("springs, coloured by strain" if shown[0] else "surface")
+        else:
+            self.demo.say(OF_PLANE)
+
+    def toggle(self, name: str) -> None:
+        """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`."""
+        if not self._bodies:
+            self.demo.say(NO_BODIES)
+            return
+        for view in self.views:
+            getattr(view, f"toggle_{name}")()
+        first = self.views[0]
+        inside = " and ".join(part for part in ("particles", "clusters", "links") if getattr(first, part))
+        self.demo.say(" behind the ".join(word for word in (inside, "skin" if first.skin else "") if word))
+        if name == "links" and not any(len(copy.baked.links) for copy in self.demo.world.scene.crowd.copies):
+            self.demo.say("these bodies have no links")
+
+    def next_colouring(self) -> None:
+        """O: particles coloured by body, by group, by cluster."""
+        if not self._bodies:
+            self.demo.say(NO_BODIES)
+            return
+        for view in self.views:
+            view.next_colouring()
+        hidden = "" if self.views[0].particles else " (P shows them)"
+        self.demo.say(f"particles coloured by {self.views[0].colouring}{hidden}")
+
+    def next_detail(self) -> None:
+        """V: how much goes into the picture."""
+        if not self._space:
+            self.demo.say(OF_PLANE)
+            return
+        detail = next_detail(self.views[0].detail)
+        for view in self.views:
+            view.show_in(detail)
+        self.demo.say(f"{detail.name} picture: {detail.meaning}")

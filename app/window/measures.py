@@ -1,0 +1,65 @@
+"""The numbers that the demo shows about its worlds. They need the whole state on the host, so not in every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.render.camera import finite_bounds, joined_bounds
+from app.render.colours import strain_range
+from app.window.surface import drawn_strain
+from model.core.energy import energies
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+from model.shape_matching.spare import present
+
+KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length); of all worlds the
+    range of colours and the `bounds` [m], as `finite_bounds` gives them."""
+
+    energy: float = 0.0
+    kinetic: float = 0.0
+    worst_strain: float = 0.0
+    strain_range: float = 0.1
+    bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
+
+
+def measure(
+    worlds: Sequence[Simulation], current: int, positions: Sequence[np.ndarray], before: Statistics
+) -> Statistics:
+    """The statistics of the world `current` of `worlds` now; of the others their `positions` (each (particles, dimensions))
+    are enough. Raises Diverged."""
+    world = worlds[current]
+    state = world.state()
+    energy = energies(world.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+    strain = drawn_strain(world.scene, state.position)
+    others = [drawn_strain(w.scene, p) for w, p in zip(worlds, positions, strict=True) if w is not world]
+    wanted = max(map(strain_range, [strain, *others]))
+    if wanted < before.strain_range <= KEEP_RANGE * wanted:
+        wanted = before.strain_range
+    there = [present(w.scene, p, w.body.inverse_mass) for w, p in zip(worlds, positions, strict=True)]
+    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before))
+
+
+def measure_picture(
+    scenes: Sequence[Scene], current: int, positions: Sequence[np.ndarray], before: Statistics
+) -> Statistics:
+    """`before` (its energy), with strain and bounds of another picture: the one that is shown after divergence."""
+    strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
+    wanted, bounds = max(map(strain_range, strains)), _bounds(positions, before)
+    return replace(before, worst_strain=_worst(strains[current]), strain_range=wanted, bounds=bounds)
+
+
+def _worst(strain: np.ndarray) -> float:
+    return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
+
+
+def _bounds(positions: Sequence[np.ndarray], before: Statistics) -> tuple[float, ...]:
+    every = [bounds for bounds in map(finite_bounds, positions) if bounds]
+    return joined_bounds(every) if every else before.bounds

@@ -1,0 +1,144 @@
+"""What lies over the demo's picture, put together: numbers, legend, messages, keys, the graph of frame times, the hand."""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.command.demo_report import numbers_text, title_text
+from app.command.frame_times import FrameGraph, FrameTimes
+from app.render import colours
+from app.render.opengl import drawing_text
+from app.window.controls import hint, keys_text
+from app.window.panels import Arrow, Panel, Style, legend_of
+
+if TYPE_CHECKING:
+    from app.window.viewer import Viewer
+
+NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
+TITLE = Style(11, bold=True), Style(10)
+MESSAGE_SECONDS = 8.0
+TEXT_INTERVAL = 0.1  # s between two renewals of the numbers: faster cannot be read
+
+
+class Overlay:
+    """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are there; `times` of
+    the last frames. Needs the window's OpenGL context."""
+
+    def __init__(self, viewer: Viewer):
+        self.viewer, self.demo = viewer, viewer.demo
+        with drawing_text():
+            self._legend = legend_of(self.demo.world.scene)
+            self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
+            self._hint = Panel("bottom-left", Style(9, monospaced=False))
+            self._notice = Panel("top-left")
+            self._warning = Panel("top-left", Style(11, colour=colours.WARNING), edge=colours.WARNING)
+            self._arrow, self._graph = Arrow(), FrameGraph()
+            several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
+            self._titles = [Panel("top-left", *TITLE) for _ in range(several)]
+            self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
+        self.times = FrameTimes()
+        self.show_keys, self.show_numbers, self.show_graph = False, True, False
+        self._keys_seen = False
+        self._text_due = 0.0
+        self._message = (self.demo.message_count, perf_counter())
+
+    def toggle_keys(self) -> None:
+        """H"""
+        self.show_keys = not self.show_keys
+        self._keys_seen = True
+
+    def toggle_numbers(self) -> None:
+        """N: the lines about speed, counts and settings."""
+        self.show_numbers = not self.show_numbers
+
+    def toggle_graph(self) -> None:
+        """M: the milliseconds of the last frames."""
+        self.show_graph = not self.show_graph
+
+    def draw(self, now: float) -> None:
+        """All of it, at `now` [s] of perf_counter."""
+        self._draw_hand()
+        viewer, demo = self.viewer, self.demo
+        width, height = viewer.width, viewer.height
+        below = self._draw_numbers(now) if self.show_numbers else 0
+        below += self._draw_titles()
+        if self._legend is not None and (not viewer.space or viewer.views[0].lines):
+            self._legend.place(width, demo.statistics.strain_range)
+            self._legend.draw()
+        if demo.message_count != self._message[0]:
+            self._message = (demo.message_count, now)
+        if demo.frozen:
+            self._warning.place(demo.failure, width, height, below)
+            self._warning.draw()
+            below += self._warning.height + 8
+        if demo.message and now < self._message[1] + MESSAGE_SECONDS:
+            self._notice.place(demo.message, width, height, below)
+            self._notice.draw()
+        above = 0
+        if self.show_keys:
+            self._keys.place(keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
+            self._keys.draw()
+        elif not self._keys_seen:
+            self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
+            self._hint.draw()
+            above = self._hint.height + 8
+        if self.show_graph:
+            self._graph.draw(self.times, above)
+
+    def _draw_numbers(self, now: float) -> int:
+        """Their height in pixels, with a gap."""
+        viewer = self.viewer
+        if now >= self._text_due:
+            self._text_due = now + TEXT_INTERVAL
+            view = viewer.views[self.demo.current]
+            way = f"{view.detail.name}{viewer.drawn_by}" if viewer.space else ""
+            if viewer.space and self.demo.world.backend == "gpu":  # of a CPU there is one way
+                way += f", {view.vertices.way}"
+            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, way)
+            self._numbers.place(text, viewer.width, viewer.height)
+        self._numbers.draw()
+        return self._numbers.height + 8
+
+    @property
+    def numbers_height(self) -> int:
+        """Pixels that the numbers take at the top."""
+        return self._numbers.height + 16 if self.show_numbers else 0
+
+    def _draw_titles(self) -> int:
+        """Of worlds side by side; how high the first is, with a gap."""
+        viewer, demo = self.viewer, self.demo
+        for number, (plain, chosen) in enumerate(zip(self._titles, self._chosen, strict=True)):
+            pane = viewer.panes[number]
+            top = viewer.height - pane.bottom - pane.height
+            panel = chosen if demo.alone and number == demo.current else plain
+            panel.place(title_text(demo, number), pane.width, viewer.height, top, pane.left)
+            panel.draw()
+        first = self._chosen if demo.alone and demo.current == 0 else self._titles
+        return first[0].height + 8 if first else 0
+
+    def _draw_hand(self) -> None:
+        """The arrow of the held force."""
+        held, demo, camera = self.demo.hand.held, self.demo, self.viewer.camera
+        if held is None:
+            return
+        place = demo.position[held.particle].astype(float)
+        start, pane = camera.to_window(place), self.viewer.panes[demo.current]
+        force = demo.force()
+        if held.target is not None:
+            end = camera.to_window(np.array(held.target))
+        else:
+            way = camera.to_window(place + demo.world.scene.grid.spacing * np.array(held.direction)) - start
+            end = start + 70 * way / (np.hypot(*way) or 1.0)
+        if np.isfinite([start, end]).all():
+            corner = np.array([pane.left, pane.bottom])
+            window = self.viewer.width, self.viewer.height
+            self._arrow.draw(tuple(start + corner), tuple(end + corner), force_text(math.hypot(*force)), window)
+
+
+def force_text(newtons: float) -> str:
+    """A force in words: three digits or more."""
+    return f"{newtons:.0f} N" if 1000 <= newtons < 1e6 else f"{newtons:.3g} N"

@@ -1,0 +1,169 @@
+"""What a cloth or bodies are seen among: colliders at their place, the ground under it all, and shadows on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from app.render import colours, shaders3d
+from app.render.camera3d import Camera3D
+from app.render.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
+from app.render.opengl import shader_program
+from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
+from model.scene.scene import Scene
+
+KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
+GROUND_REACH = 2.6  # times the scene's size, to where nothing is left of the ground
+GROUND_COVER = 0.55  # how much of what lies behind the ground it hides, seen from above
+LEAST_SLOPE = 0.15  # cosine between a plane's normal and the light from which on it bears shadows
+SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+
+Drawn = tuple[Any, int, int]  # vertex array, mode, elements
+Shade = Callable[[Camera3D, np.ndarray, np.ndarray], None]  # draws a shadow: camera, (4, 4) into the ground, its middle
+
+
+class Lit:
+    """The program of lit surfaces. `use(camera)` for each frame, then `look(...)` for each surface. Shaders of another kind
+    of surface have the same lights."""
+
+    def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
+        self.program = shader_program(vertex, fragment)
+        self.program.use()
+        self.program["key"] = tuple(KEY.tolist())
+        self.program.stop()
+
+    def use(self, camera: Camera3D) -> None:
+        """Draw with it as `camera` sees."""
+        right, up, back = camera.axes
+        fill = back + 0.5 * right + 0.2 * up  # from the viewer's own right: no side that is looked at is black
+        self.program.use()
+        self.program["transform"] = uniform_matrix(camera.matrix())
+        self.program["eye"] = tuple(camera.eye.tolist())
+        self.program["fill"] = tuple((fill / np.linalg.norm(fill)).tolist())
+
+    def look(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
+        """Colours of both sides, strength of the highlight, and how far what is drawn has moved [m]."""
+        self.program["front"], self.program["back"] = front, back
+        self.program["shine"] = shine
+        self.program["shift"] = tuple(shift.tolist())
+
+
+class Scenery:
+    """The colliders and the ground of `scene`. Needs a current OpenGL 3.3 context, the same in every call.
+
+    `draw_colliders` and `draw_shadows` before what is see-through, `draw_ground` after what is not; `delete()` frees it.
+    """
+
+    def __init__(self, scene: Scene):
+        from pyglet import gl
+
+        self.scene = scene
+        self.size = scene.grid.extent
+        self._shadow_program = shader_program(shaders3d.SHADOW_VERTEX, shaders3d.SHADOW_FRAGMENT)
+        self._ground_program = shader_program(shaders3d.GROUND_VERTEX, shaders3d.GROUND_FRAGMENT)
+        self._buffers: list[int] = []
+        self._meshes: list[tuple[Drawn, np.ndarray]] = []
+        self._turning: list[tuple[int, int, Mesh]] = []  # buffers of vertices and normals
+        self._turned_to = 0.0  # s
+        for _, collider in scene.colliders:
+            mesh = collider_mesh(collider)
+            if mesh is not None:
+                drawn = (self._array(mesh.vertices, mesh.triangles, mesh), gl.GL_TRIANGLES, mesh.triangles.size)
+                self._meshes.append((drawn, mesh.velocity))
+                if mesh.turns:
+                    self._turning.append((self._buffers[-3], self._buffers[-1], mesh))
+        self._square = self._array(SQUARE, np.array([0, 1, 2, 0, 2, 3], dtype=np.uint32))
+        self._ground_constants()
+
+    def _array(self, vertices: np.ndarray, elements: np.ndarray, mesh: Mesh | None = None) -> Any:
+        data = [vertices, elements] if mesh is None else [vertices, elements, mesh.normals]
+        buffers = [static_buffer(part) for part in data]
+        self._buffers += buffers
+        return vertex_array(*buffers)
+
+    def _turn_to(self, time: float) -> None:
+        """Send anew what turns, where it is at `time` [s]."""
+        if time != self._turned_to:
+            for place, facing, mesh in self._turning:
+                vertices, normals = mesh.turned(time)
+                refill(place, vertices)
+                refill(facing, normals)
+            self._turned_to = time
+
+    def _ground_constants(self) -> None:
+        program = self._ground_program
+        program.use()
+        program["spacing"] = line_distance(self.size)
+        program["area"], program["line"] = colours.GROUND, colours.GROUND_LINE
+        program["reach"] = GROUND_REACH * self.size
+        self.shadow_constants(self._shadow_program)
+
+    def shadow_constants(self, program: Any) -> None:
+        """What never changes in a program of shadows."""
+        program.use()
+        program["dark"], program["light"] = colours.SHADOW, colours.BACKGROUND
+        program["reach"] = GROUND_REACH * self.size
+        program.stop()
+
+    def draw_colliders(self, lit: Lit, time: float) -> None:
+        """Every collider but planes where it is at `time` [s]; `lit` is in use."""
+        self._turn_to(time)
+        for drawn, velocity in self._meshes:
+            lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
+            draw_elements(*drawn)
+
+    def draw_shadows(
+        self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
+    ) -> None:
+        """Shadows of the cloth, of the colliders and, each by itself, of `others` on the planes that the light falls on and
+        that are seen from above."""
+        from pyglet import gl
+
+        things = [(drawn, np.zeros(3)) for drawn in cloth]
+        things += [(drawn, velocity * time) for drawn, velocity in self._meshes]
+        program = self._shadow_program
+        gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
+        gl.glPolygonOffset(1.0, 2.0)
+        for ground in grounds(self.scene, time, lowest):
+            if ground.normal @ KEY < LEAST_SLOPE or not self._above(ground, camera):
+                continue
+            centre, flatten = self._centre(ground, camera), shadow_matrix(ground, KEY)
+            program.use()
+            program["transform"] = uniform_matrix(camera.matrix())
+            program["centre"], program["flatten"] = tuple(centre.tolist()), uniform_matrix(flatten)
+            for drawn, shift in things:
+                program["shift"] = tuple(shift.tolist())
+                draw_elements(*drawn)
+            program.stop()
+            for shade in others:
+                shade(camera, flatten, centre)
+        gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
+
+    def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
+        """The planes, or a ground under `lowest` [m] where there is none; see-through from below."""
+        from pyglet import gl
+
+        program = self._ground_program
+        program.use()
+        program["transform"] = uniform_matrix(camera.matrix())
+        for ground in grounds(self.scene, time, lowest):
+            program["centre"] = tuple(self._centre(ground, camera).tolist())
+            program["across"], program["along"] = tuple(ground.across.tolist()), tuple(ground.along.tolist())
+            program["cover"] = GROUND_COVER if self._above(ground, camera) else 0.0
+            draw_elements(self._square, gl.GL_TRIANGLES, 6)
+        program.stop()
+
+    @staticmethod
+    def _above(ground: Ground, camera: Camera3D) -> bool:
+        return bool((camera.eye - ground.point) @ ground.normal > 0)
+
+    @staticmethod
+    def _centre(ground: Ground, camera: Camera3D) -> np.ndarray:
+        """Where the ground is drawn about: below what the camera looks at."""
+        return camera.target - ((camera.target - ground.point) @ ground.normal) * ground.normal
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        delete_all([drawn[0] for drawn, _ in self._meshes] + [self._square], self._buffers)

@@ -1,0 +1,46 @@
+"""A cloth as something to draw: its springs, and how far they are stretched. No OpenGL."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.energy import spring_ends, spring_strain
+from model.mass_spring.cloth_parameters import REACH
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import edges_of
+
+ALIKE = 0.01  # of a rest length: strains are drawn as true as that
+
+
+def drawn_kinds(scene: Scene) -> list[str]:
+    """The kinds of a cloth's springs that are drawn as lines: bending ones lie on top of others, where there are others."""
+    kinds = list(scene.cloth_springs)
+    return [kind for kind in kinds if kind != "bending"] or kinds
+
+
+def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
+    """[(ends (springs, 2), their rest length [m])]: the springs of a cloth that are drawn, kind by kind.
+
+    Of a mesh by classes of rest lengths that differ by less than ALIKE, each with its mean.
+    """
+    grid = scene.grid
+    if not scene.mesh:
+        return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
+    found = []
+    for kind in drawn_kinds(scene):
+        ends, rest = edges_of(scene, kind)
+        number = np.floor(np.log(rest / rest.min()) / np.log1p(ALIKE)).astype(int) if len(rest) else rest
+        found += [(ends[number == n], float(rest[number == n].mean())) for n in np.unique(number)]
+    return found
+
+
+def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(springs,) float64: (length - rest) / rest of the springs that are drawn, of a grid or a cloth; (0,) without. Of bodies
+    (entries,), how far particles are from their goals, in spacings."""
+    if scene.bodies:
+        return spring_strain(scene, position)
+    if not scene.cloth:
+        return spring_strain(scene, position) if scene.springs else np.zeros(0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        strains = [spring_strain(scene, position, kind) for kind in drawn_kinds(scene)]
+    return np.concatenate([np.zeros(0), *strains])

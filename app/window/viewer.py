@@ -1,0 +1,273 @@
+"""The interactive demo in a window. What the keys do is in app/command/demo.py; here is only how it is drawn and asked for.
+
+pyglet is imported inside functions: this module can be imported where there is no display.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from app.command.demo import Demo
+from app.command.demo_report import demo_state, write_state
+from app.output.pictures import write_png
+from app.render import colours
+from app.render.camera import Margins, joined_bounds
+from app.render.opengl import load_pyglet, open_window, renderer_name
+from app.window.controls import Controls
+from app.window.detail import by_software
+from app.window.looks import Looks
+from app.window.panels import EDGE
+from app.window.panes import GAP, IN_A_ROW, Pane, check_alike, panes
+from app.window.views import camera_of, seen_bounds, view_of
+from model.core.errors import SoftlabError
+from model.scene.scene import Scene
+
+WIDTH, HEIGHT = 1200, 900
+MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
+TITLE = 80.0  # of a pane, instead of the numbers
+FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
+FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowing up, not shrinking out of sight
+STATE_FRAMES = 3  # frames between two writes of the state file
+
+
+class Viewer:
+    """The window over a Demo: draws it frame by frame, and turns keys and mouse into its actions."""
+
+    def __init__(self, demo: Demo, state_file: Path | None, frames: int | None):
+        from app.window.overlay import Overlay
+
+        self.pyglet = load_pyglet(False)
+        self.demo = demo
+        self.space, self.bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
+        ends = [(p.min(axis=0), p.max(axis=0)) for p in (world.body.position for world in demo.worlds)]
+        self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
+        self.state_file, self.frames = state_file, frames
+        caption = f"softlab: {', '.join(demo.titles)}"
+        self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
+        try:
+            self.window.set_minimum_size(480, 360)
+            self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
+            self.drawn_by = ", by software" if by_software(renderer_name()) else ""
+            self.looks = Looks(demo, self.views)
+            self.overlay = Overlay(self)
+        except BaseException:
+            self.window.close()
+            raise
+        self.camera: Any = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
+        self._lay_out()
+        self.follow = True
+        self.frame_count = 0
+        self.frame_seconds = 1 / 60
+        self.draw_seconds = 0.0
+        self.screenshot: Path | None = None
+        self._wanted_screenshot = False
+        self._last_frame = perf_counter()
+        self._approach_everything(1.0)
+        self.controls = Controls(self)
+        self.window.push_handlers(on_draw=self._draw)
+
+    def frame_everything(self) -> None:
+        """F: show everything now, and follow it from now on."""
+        self.demo.refresh(force=True)
+        self.follow = True
+        self._approach_everything(1.0)
+
+    def ask_for_screenshot(self) -> None:
+        """S: save the next frame, which is then complete."""
+        self._wanted_screenshot = True
+
+    def close(self) -> bool:
+        """Escape: end the event loop; `run` closes the window."""
+        self.pyglet.app.exit()
+        return True
+
+    # ------------------------------------------------------------------ the frame
+
+    def _lay_out(self) -> None:
+        """A pane a world, as large as the window is now; several under the numbers, so that all show as much."""
+        self.width, self.height = self.window.get_framebuffer_size()
+        several = len(self.demo.worlds) > 1
+        self.panes = panes(len(self.demo.worlds), self.width, self.height - several * self.overlay.numbers_height)
+        self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
+
+    def world_at(self, x: float, y: float) -> int:
+        """The number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to it."""
+        return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
+
+    def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
+        """Where D drops a body: above everything and over a place in the pane (frame-buffer pixels), at the depth that the
+        camera looks at."""
+        everything = self._everything()
+        across, above, toward = self.camera.on_plane(x, y, self.camera.target)
+        return across, max(above, everything[4]) if everything else above, toward
+
+    def _everything(self) -> tuple[float, ...] | None:
+        """The box [m] that the view is to hold, as `finite_bounds` gives it."""
+        bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
+        low, high = self._start
+        middle = (low + high) / 2 if self.space else np.array([low[0], high[1]])
+        reach = FOLLOW_SIZE * max(world.body.size for world in worlds)
+        half = len(middle)
+        least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
+        if not (least <= most).all():
+            return None
+        if self.space:
+            for view in self.views:
+                view.keep_above_ground(float(least[1]))
+        seen = (*least.tolist(), *most.tolist())
+        return joined_bounds([seen_bounds(world.scene, seen, world.time) for world in worlds])
+
+    def _approach_everything(self, share: float) -> None:
+        kept = self._everything()
+        if kept is None:
+            return
+        spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
+        self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
+
+    def _stay_above_ground(self) -> None:
+        if self.space:
+            for view, world in zip(self.views, self.demo.worlds, strict=True):
+                for ground in view.grounds(world.time):
+                    self.camera.keep_above(ground.point, ground.normal)
+
+    def _margins(self) -> Margins:
+        """Of a pane."""
+        if len(self.panes) == 1:
+            return MARGINS
+        left, bottom, right, _ = MARGINS
+        return (left, bottom, right, TITLE) if len(self.panes) <= IN_A_ROW else (left / 2, bottom / 2, right / 2, TITLE)
+
+    def _upload(self) -> None:
+        """The state of every world, as it is drawn."""
+        demo = self.demo
+        for number, (view, world) in enumerate(zip(self.views, demo.worlds, strict=True)):
+            if (
+                not self.space or demo.frozen
+            ):  # a plane has no normals to ask for; what is frozen is no world's state any more
+                view.upload(demo.positions[number])
+            elif view.vertices.straight(world):
+                view.upload_from(world)
+            else:
+                view.upload_from(world, demo.positions[number])
+
+    def _draw(self) -> None:
+        """One frame: physics, then the picture, both timed."""
+        from pyglet import gl
+
+        now = perf_counter()
+        self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
+        self._last_frame = now
+        demo = self.demo
+        self._lay_out()
+        self.controls.mouse.pull()
+        demo.frame()
+        if self.follow:
+            self._approach_everything(FOLLOW_SHARE)
+        self._stay_above_ground()
+        start = perf_counter()
+        gl.glClearColor(*EDGE, 1.0)  # what is seen between panes
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        top = self.panes[0].bottom + self.panes[0].height + GAP
+        self._clear(Pane(0, top, self.width, max(self.height - top, 0)))
+        self._upload()
+        for number, (view, world, pane) in enumerate(zip(self.views, demo.worlds, self.panes, strict=True)):
+            gl.glViewport(pane.left, pane.bottom, pane.width, pane.height)
+            self._clear(pane)
+            selected = demo.hand.selected if number == demo.current else None
+            view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
+        gl.glViewport(0, 0, self.width, self.height)
+        self.overlay.draw(start)
+        gl.glFinish()  # so that drawing is timed, and not only the asking for it
+        drawing = perf_counter() - start
+        self.overlay.times.add(demo.physics_seconds, drawing)
+        self.draw_seconds += 0.1 * (drawing - self.draw_seconds)
+        if self._wanted_screenshot:
+            self._wanted_screenshot = False
+            self._save_screenshot()
+        self.frame_count += 1
+        if self.state_file is not None and self.frame_count % STATE_FRAMES == 1:
+            write_state(self.state_file, self.state())
+        if self.frames is not None and self.frame_count >= self.frames:
+            self.close()
+
+    @staticmethod
+    def _clear(pane: Pane) -> None:
+        from pyglet import gl
+
+        gl.glScissor(pane.left, pane.bottom, pane.width, pane.height)
+        gl.glEnable(gl.GL_SCISSOR_TEST)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT)
+        gl.glDisable(gl.GL_SCISSOR_TEST)
+
+    def _save_screenshot(self) -> None:
+        from app.output.offscreen import read_pixels
+
+        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in self.demo.world.scene.name)
+        stem = f"softlab-{name}-step{self.demo.world.step}"
+        path, number = Path.cwd() / f"{stem}.png", 2
+        while path.exists():
+            path, number = Path.cwd() / f"{stem}-{number}.png", number + 1
+        try:
+            self.screenshot = write_png(path, read_pixels(self.width, self.height))
+            self.demo.say(f"saved {path}")
+        except SoftlabError as error:
+            self.demo.say(str(error))
+
+    # ------------------------------------------------------------------ running
+
+    def state(self) -> dict[str, Any]:
+        """What the demo is doing and what its window shows, for a state file (see `run_demo`)."""
+        shown = {
+            "frame": self.frame_count,
+            "window": [self.width, self.height],
+            "keys_shown": self.overlay.show_keys,
+            "numbers_shown": self.overlay.show_numbers,
+            "graph_shown": self.overlay.show_graph,
+            "screenshot": str(self.screenshot) if self.screenshot else None,
+        }
+        if self.space:
+            shown |= {"lines": self.views[0].lines, "way": self.views[0].vertices.way}
+        if self.bodies:
+            names = ("particles", "skin", "clusters", "links", "colouring")
+            shown |= {name: getattr(self.views[0], name) for name in names}
+        return (
+            demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height) | self.camera.told() | shown
+        )
+
+    def run(self) -> None:
+        """Show the window until it is closed."""
+        try:
+            self.pyglet.app.run(interval=1 / 60)
+        finally:
+            if self.state_file is not None:
+                write_state(self.state_file, self.state() | {"closed": True})
+            self.window.switch_to()
+            for view in self.views:
+                view.delete()
+            self.window.close()
+
+
+def run_demo(
+    *scenes: Scene,
+    backend: str = "cpu",
+    threads: str = "1x",
+    precision: str = "float32",
+    math: str = "fast",
+    frames: int | None = None,
+    state_file: Path | None = None,
+) -> None:
+    """Show one or more scenes, side by side, in a window until it is closed, or for `frames` frames.
+
+    `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing (its keys:
+    `Viewer.state`). Raises SceneError (scenes that cannot be side by side), BackendUnavailable (no display, no OpenGL,
+    no GPU) and what opening a scene raises.
+    """
+    check_alike(scenes)
+    load_pyglet(False)  # no display: say so before anything is compiled
+    with Demo(scenes, backend=backend, threads=threads, precision=precision, math=math) as demo:
+        Viewer(demo, state_file, frames).run()

@@ -1,0 +1,40 @@
+"""Which view and which camera a scene needs: those of a plane or those of space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from app.render.camera import Camera
+from app.render.camera3d import Camera3D
+from app.render.collider_shapes import with_colliders
+from app.render.opengl import renderer_name
+from app.window.detail import FINE, usual_detail
+from model.scene.scene import Scene
+
+
+def view_of(scene: Scene, quick: bool = False) -> Any:
+    """A SceneView or, for a cloth, a View3D, for bodies a BodiesView, in the current OpenGL context. Raises
+    BackendUnavailable.
+
+    `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
+    """
+    from app.render.bodies_view import BodiesView
+    from app.render.scene_view import SceneView
+    from app.render.view3d import View3D
+
+    if scene.dimensions == 2:
+        return SceneView(scene)
+    detail = usual_detail(renderer_name()) if quick else FINE
+    return (BodiesView if scene.bodies else View3D)(scene, detail)
+
+
+def camera_of(scene: Scene, width: int, height: int) -> Any:
+    """A Camera or, in space, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
+    return Camera3D(width, height) if scene.dimensions == 3 else Camera(width, height)
+
+
+def seen_bounds(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
+    """What the view is to hold: the masses within `bounds`, as `finite_bounds` gives them, and in space the colliders near
+    them at `time` [s]."""
+    return with_colliders(scene, bounds, time) if scene.dimensions == 3 else tuple(bounds)

@@ -1,0 +1,293 @@
+"""The worlds of the demo: opened, stepped frame by frame, read for the picture, and frozen when they diverge. What the
+user does to them is in app/command/demo.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf, log
+from time import perf_counter
+from typing import Self
+
+import numpy as np
+
+from app.driver import open_simulation
+from app.render.camera import finite_bounds
+from app.window.hand import Hand
+from app.window.measures import Statistics, measure, measure_picture
+from app.window.panes import check_alike, titles_of
+from model.core.errors import Diverged, SoftlabError
+from model.core.simulation import Simulation, State
+from model.scene.scene import Scene
+
+ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in every frame, beyond it when dt is over
+WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
+STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
+FRAME = 1 / 60  # s
+MOST_BATCHES, BODY_BATCHES = 20, 4  # in a frame, while a cloth or a body is pulled
+STATISTICS_INTERVAL = 0.1  # s, at least
+STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
+
+OpenWorld = Callable[..., Simulation]
+
+
+def stiffness_paths(scene: Scene) -> dict[str, float]:
+    """Dotted path -> stiffness [N/m] of every kind of spring in the scene that gives, as it is now; pbd asks for none."""
+    if scene.method.solver == "pbd":
+        return {}
+    springs = {"springs": scene.springs} if scene.springs else scene.cloth_springs
+    return {f"{kind}.stiffness": one.stiffness for kind, one in springs.items() if not one.inextensible}
+
+
+def live_parts(scene: Scene) -> tuple[str, ...]:
+    """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of
+    bodies, which are pulled through their state (app/window/grip.py)."""
+    poked = () if scene.bodies else ("poke",)
+    return ("gravity", *poked, "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
+
+
+def first_steps(scene: Scene) -> int:
+    """Steps per frame at first: 10, but of bodies those that come nearest to a frame's time."""
+    if not scene.bodies:
+        return 10
+    return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
+
+
+def _over_limit(world: Simulation) -> bool:
+    return world.scene.method.dt > world.limit * (1 + 1e-12)
+
+
+class Worlds:
+    """One or more scenes that run side by side, stepped by `frame`. Raises what `open_simulation` raises, and SceneError for
+    scenes that cannot be side by side; when opening only.
+
+    Public: `worlds`, `positions` (one (particles, dimensions) float32 array a world: what is drawn), `statistics`, `message`,
+    `paused`, `frozen` (diverged, with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand`
+    (selected mass, held poke), `physics_seconds` of the last frame; `current`, the number of the world in which the hand is
+    and whose numbers are shown, `alone`, whether it is the only one that is changed, and `titles`. Positions are read from
+    the worlds when they are asked for: large cloths on a GPU are drawn without them.
+
+    Clocks go together: `steps_per_frame` are of the world with the longest dt, others do as many as take them there.
+    """
+
+    def __init__(
+        self,
+        scenes: Sequence[Scene],
+        *,
+        backend: str = "cpu",
+        threads: str = "1x",
+        precision: str = "float32",
+        math: str = "fast",
+        open_world: OpenWorld = open_simulation,
+    ):
+        check_alike(scenes)
+        self.scenes, self.titles = list(scenes), titles_of(scenes)
+        self.current, self.alone = 0, False
+        self.backend, self.threads = backend, str(threads)
+        self._options = {"precision": precision, "math": math}
+        self._open_world = open_world
+        self.worlds: list[Simulation] = []
+        try:
+            for scene in self.scenes:
+                self.worlds.append(self._open(scene, backend, self.threads, None))
+        except BaseException:
+            self.close()
+            raise
+        self._positions = [world.read("position").astype(np.float32) for world in self.worlds]
+        self._moved = False  # since they were read
+        self._watchable = [position.copy() for position in self._positions]
+        self.statistics = Statistics()
+        self.message = self.failure = ""
+        self.message_count = 0  # so that the same message twice is seen as new
+        self.paused = False
+        self.frozen = False
+        self.steps_per_frame = first_steps(max(self.scenes, key=lambda scene: scene.method.dt))
+        self.hand = Hand(self.scenes[0].dimensions)
+        self.physics_seconds = 0.0
+        self._statistics_due, self._look_seconds = 0.0, inf
+        self._dropped: str | None = None  # the part of which a body was brought in last
+        self._at = 0  # of the world that is stepped or looked at
+        self.refresh(force=True)
+
+    def _open(self, scene: Scene, backend: str, threads: str, state: State | None) -> Simulation:
+        return self._open_world(
+            scene,
+            backend,
+            threads=threads,
+            live=live_parts(scene),
+            initial=state,
+            allow_unstable=True,  # the student is to see the limit break
+            **self._options,
+        )
+
+    def close(self) -> None:
+        """Close every world."""
+        for world in self.worlds:
+            world.close()
+        self.worlds = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def world(self) -> Simulation:
+        """The one that is picked in, and whose numbers are shown."""
+        return self.worlds[self.current]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Of `positions` that world's."""
+        return self.positions[self.current]
+
+    def steps_of(self, world: Simulation) -> int:
+        """That a world does in a frame."""
+        pace = self._pace
+        return (
+            self._steps(world, self.steps_per_frame * pace.scene.method.dt)
+            if world is not pace
+            else self.steps_per_frame
+        )
+
+    @property
+    def positions(self) -> list[np.ndarray]:
+        """As the worlds are now, or as they were when they froze."""
+        if self._moved:
+            self._read()
+        return self._positions
+
+    # ------------------------------------------------------------------ the frame
+
+    def frame(self) -> None:
+        """The physics of one frame: `steps_per_frame` steps of every world."""
+        self.physics_seconds = 0.0
+        if self.frozen:
+            return  # the picture stays as it was when the state went bad
+        if not self.paused:
+            start = perf_counter()
+            self._step()
+            self.physics_seconds = perf_counter() - start
+        if not self.frozen:
+            self._moved = True
+            if self._keeps_pictures():
+                self._read()
+            self.refresh()
+
+    def _step(self) -> None:
+        """The steps of a frame, the held force renewed before each of its batches."""
+        done = 0
+        for batch in range(1, self._batches() + 1):
+            if done:
+                self.world.read("position", into=self._positions[self.current])
+            steps = self.steps_per_frame * batch // self._batches() - done
+            self._guard(self._push)
+            if not self._guard(lambda steps=steps: self._pull_and_advance(steps)):  # type: ignore[misc]
+                return
+            done += steps
+
+    def _batches(self) -> int:
+        """Of a frame's steps. A cloth gives way to a pull across it without resistance, and little dampens it: it would swing
+        up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
+        if self.hand.held is None or self.world.scene.dimensions == 2:
+            return 1
+        return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MOST_BATCHES)
+
+    @property
+    def _pace(self) -> Simulation:
+        """The world whose steps are counted: the one with the longest."""
+        return max(self.worlds, key=lambda world: world.scene.method.dt)
+
+    @staticmethod
+    def _steps(world: Simulation, seconds: float) -> int:
+        """That come nearest to so much time; not more than a frame may have, since dt can be made as short as one likes."""
+        return min(max(round(seconds / world.scene.method.dt), 0), STEPS_PER_FRAME[-1])
+
+    def _pull_and_advance(self, steps: int) -> None:
+        pace = self._pace
+        seconds = steps * pace.scene.method.dt
+        until = pace.time + seconds
+        self.hand.pull(self.world, seconds)
+        for number, world in enumerate(self.worlds):
+            self._at = number
+            world.advance(steps if world is pace else self._steps(world, until - world.time))
+        for number, world in enumerate(self.worlds):
+            self._at = number
+            world.synchronize()
+
+    def _keeps_pictures(self) -> bool:
+        """Whether the last picture that fits the window is kept in every frame."""
+        return any(map(_over_limit, self.worlds)) or sum(map(len, self._positions)) <= ALWAYS_KEPT
+
+    def _read(self) -> None:
+        self._moved = False
+        with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
+            for world, position in zip(self.worlds, self._positions, strict=True):
+                world.read("position", into=position)
+        if self._keeps_pictures():
+            for world, position, watchable in zip(self.worlds, self._positions, self._watchable, strict=True):
+                bounds = finite_bounds(position)
+                if bounds and max(map(abs, bounds)) <= WATCHABLE * world.body.size and np.isfinite(position).all():
+                    watchable[...] = position
+
+    @property
+    def over_limit(self) -> bool:
+        return _over_limit(self.world)
+
+    def _hold_time(self) -> float:
+        """For which a held force stays as it is [s]."""
+        return self.steps_per_frame // self._batches() * self._pace.scene.method.dt
+
+    def _push(self) -> None:
+        position = (self.positions if self.hand.held else self._positions)[
+            self.current
+        ]  # with nothing held not looked at
+        self.hand.push(self.world, position, self._hold_time())
+
+    def refresh(self, force: bool = False) -> None:
+        """Energies, strain and bounds, if they are due (they need the whole state on the host)."""
+        now = perf_counter()
+        if self.frozen or (now < self._statistics_due and not force):
+            return
+        self._guard(self._measure)
+        cost = perf_counter() - now
+        usual = min(cost, self._look_seconds)  # one that waits for a compiler tells nothing of the next
+        self._look_seconds = cost
+        self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_SHARE)
+
+    def _measure(self) -> None:
+        self._at = self.current
+        self.statistics = measure(self.worlds, self.current, self.positions, self.statistics)
+
+    def _guard(self, action: Callable[[], object]) -> bool:
+        """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
+        try:
+            action()
+        except Diverged as error:
+            whose = f"{self.titles[self._at]}: " if len(self.worlds) > 1 else ""
+            self._freeze(f"{whose}{error}. R restarts; the picture is the last that fitted the window")
+            return False
+        except SoftlabError as error:
+            self.say(str(error))
+            return False
+        return True
+
+    def say(self, message: str) -> None:
+        """Show a message."""
+        self.message = message
+        self.message_count += 1
+
+    def _freeze(self, failure: str) -> None:
+        self.frozen, self.failure = True, failure
+        self.message = ""
+        self.hand.held = None
+        self._moved = False  # what is shown from now on is no world's state
+        for position, watchable in zip(self._positions, self._watchable, strict=True):
+            position[...] = watchable
+        self.statistics = measure_picture(self.scenes, self.current, self.positions, self.statistics)
+
+    def _blocked(self) -> bool:
+        if self.frozen:
+            self.say("diverged: first restart with R")
+        return self.frozen

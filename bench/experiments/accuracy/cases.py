@@ -1,0 +1,125 @@
+"""What the accuracy runs judge: the grid of scenes, methods, step sizes, iterations, precisions and backends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.accuracy.methods import OF_CLOTHS, QUICK_FLOAT32, WRONG, XPBD, changes, fits, position_based
+from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, end_of
+from bench.experiments.sweep import host_of, source_hash
+from bench.reference import cache
+from bench.store.results import configuration
+from model.core.digest import source_digest
+from model.core.integrators import INTEGRATORS
+from model.core.simulation import PRECISIONS, Simulation
+from model.scene.scene import Scene, load_scene
+
+STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
+CLOTH_STEP_SIZES = (0.004, 0.002, 0.001, 0.0005)  # s
+IMPLICIT_STEP_SIZES = (0.02, 0.01, 0.004, 0.001)  # s: no limit ends them
+XPBD_STEP_SIZES = (0.01, 0.0025, 0.000625)  # s
+ROPE_STEP_SIZES = {  # s: iterations go along a rope a link at a time, so that it takes substeps
+    "S6": (0.0025, 0.000625, 0.00015625, 0.0000390625),
+    "S6-still": (0.0025, 0.000625, 0.00015625),
+}
+ITERATIONS = (1, 4, 20)
+SPARED = {(label, 20, 0.000625) for label in ("S4", "S5")}  # four iterations leave under 1e-8 spacings there
+QUICK_XPBD, QUICK_ITERATIONS = XPBD[:1], ITERATIONS[:2]
+WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")  # of exact math and other sizes: what holds at these steps
+
+
+@dataclass(frozen=True)
+class Case:
+    """One configuration to judge, and the description and source hash by which the store knows it."""
+
+    label: str
+    scene: Scene
+    backend: str
+    precision: str
+    math: str
+    description: dict[str, Any]
+    sources: str
+
+    @property
+    def steps(self) -> int:
+        return round(end_of(self.label) / self.scene.method.dt)
+
+    def __str__(self) -> str:
+        method = self.scene.method
+        effort = f" x {method.iterations}" if method.position_based else ""
+        return f"{self.label} {method.name}{effort} dt {method.dt:g} {self.precision} {self.math} {self.backend}"
+
+    def open(self) -> Simulation:
+        return open_simulation(self.scene, self.backend, precision=self.precision, math=self.math, allow_unstable=True)
+
+
+def cases(
+    scenes: Sequence[str],
+    backends: Sequence[str],
+    wide: bool = False,
+    methods: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
+) -> list[Case]:
+    """Each scene x backend x precision x method x step size (x iterations), in the order they are measured (None: all).
+
+    `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE; and, where no methods are named, all
+    orderings of xpbd and all ITERATIONS; else, where neither methods nor precisions are named, no more kernels than the lab
+    book's sentences need. Methods that a scene's sheet does not take are left out of it;
+    what converges to something else, of cloths, in float32.
+    """
+    found = []
+    every = methods or (*INTEGRATORS, *OF_CLOTHS, *(XPBD if wide else QUICK_XPBD))
+    iterations = ITERATIONS if wide or methods else QUICK_ITERATIONS
+    few = tuple(name for name in WIDE if methods is None or name in methods)
+    for label in scenes:
+        base = load_scene((SCENES | CLOTHS)[label])
+        names = [name for name in every if fits(base, name)]
+        kinds: list[tuple[str, Scene, Sequence[str], str]] = [(label, base, names, "fast")]
+        if wide and label == "S1":
+            kinds.append((label, base, few, "exact"))
+            for name, (_, n) in SIZES.items():
+                kinds.append((name, base.replace({"grid.rows": n, "grid.columns": n}), few, "fast"))
+        found += [
+            make_case(name, sized.replace(change), backend, precision, math)
+            for name, sized, used, math in kinds
+            for backend in backends
+            for precision in precisions or PRECISIONS
+            for method in used
+            if not (label in CLOTHS and method in WRONG and precision == "float32")
+            if wide or methods or precisions or _quick(label, method, precision)
+            for change in _variants(label, method, iterations)
+        ]
+    return found
+
+
+def _quick(label: str, method: str, precision: str) -> bool:
+    """Whether a quick run has it: all integrators in float64, few in float32; a position-based method on one scene."""
+    if position_based(method):
+        return label == "S1" and precision == "float64"
+    return precision == "float64" or method in QUICK_FLOAT32
+
+
+def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[str, Any]]:
+    """What is changed in a scene for each step size and number of iterations of a method."""
+    if position_based(method):
+        sizes = ROPE_STEP_SIZES.get(label, XPBD_STEP_SIZES)
+        pairs = [(n, dt) for n in iterations for dt in sizes if (label, n, dt) not in SPARED]
+        return [changes(method, n) | {"method.dt": dt} for n, dt in pairs]
+    if method in OF_CLOTHS:
+        return [changes(method) | {"method.dt": dt} for dt in IMPLICIT_STEP_SIZES]
+    return [changes(method) | {"method.dt": dt} for dt in (CLOTH_STEP_SIZES if label in CLOTHS else STEP_SIZES)]
+
+
+def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
+    """One configuration, described as the store holds it."""
+    description = configuration(scene, backend=backend, precision=precision, math=math, **host_of(backend))
+    return Case(label, scene, backend, precision, math, description, judged_sources(backend))
+
+
+def judged_sources(backend: str) -> str:
+    """The hash of what an error depends on: the backend's sources, and the reference's."""
+    return f"{source_hash(backend)}-{source_digest(Path(cache.__file__).parent)}"

@@ -1,0 +1,269 @@
+"""Speed against error: every method, step size, precision and backend on scenes with a converged reference.
+
+Scenes S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s, a time at which a perturbation has not yet grown (the
+damped net contracts), so that the distance to the reference means something. Reference: RK4 at h and h/2 with
+Richardson extrapolation in NumPy float64 (bench/reference/), with its own error estimate; a point under ten times that
+is marked as not resolved. A twin of it, disturbed by 1e-9, gives the growth factor that stands beside every error;
+beyond 1e3 the error is refused (bench/measure/growth.py). Runs that diverge are points with an infinite error and a reason:
+where a method breaks is a result.
+
+Scene S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s, S5 (`cloth-drop`), one that falls on a ball, to 0.5 s, both at step
+sizes of their own, and by implicit Euler, too. S6 (`rope-stiff`), a stiff rope with a heavy end, swings down to 1.0 s, and in
+S6-still (`rope-stiff-still`) hangs at rest by 12 s, where a closed form tells how far it stretches; only position-based
+solvers know loads. None of them if quick: references take up to a minute (bench/experiments/accuracy/references.py).
+
+The hand-out's step is held against Newton's law like all others, and on grids beside it against x'' = a / 2, which it
+solves. Position-based solvers, of which the number of iterations is varied too, have a second error, to their own scheme
+with its iterations converged, and the residuals of a step (bench/experiments/accuracy/solver_error.py).
+
+Error and time of one configuration are had from the same opened simulation; times as bench/measure/timing.py says. Practice:
+Hairer and Wanner, "Solving ODEs II", IV.10; SciML's work-precision diagrams.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.experiments.accuracy.cases import STEP_SIZES, Case, cases, make_case
+from bench.experiments.accuracy.judge import distance
+from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, RESOLVED, SOLVER, UNRESOLVED, judge
+from bench.experiments.accuracy.methods import METHODS, OF_CLOTHS
+from bench.experiments.accuracy.points import (
+    AT_REST,
+    CLOTHS,
+    COPY,
+    COST,
+    END,
+    SCENES,
+    AccuracyPoint,
+    AccuracySummary,
+    end_of,
+    pareto_front,
+    point,
+)
+from bench.experiments.accuracy.references import converged_for, growth_for, motion_of
+from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
+from bench.experiments.advise.choice import chosen
+from bench.experiments.sweep import backends_here
+from bench.measure.growth import Growth
+from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.reference import cache
+from bench.store.database import Store, configuration_hash
+from bench.store.results import measures
+from model.core.errors import Diverged
+from model.core.simulation import PRECISIONS, Simulation
+
+__all__ = [
+    "COST",
+    "END",
+    "ERROR",
+    "HALF",
+    "RESOLVED",
+    "SCENES",
+    "STAGE",
+    "STEP_SIZES",
+    "UNRESOLVED",
+    "AccuracyPoint",
+    "AccuracySummary",
+    "Case",
+    "cases",
+    "distance",
+    "make_case",
+    "pareto_front",
+    "run_accuracy",
+]
+
+HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
+COPIES = 3  # of the state to the host, of which the median counts
+STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
+
+
+@dataclass(frozen=True)
+class Effort:
+    """`repeats` samples of `min_seconds` [s]; `max_seconds`: the most of one sample."""
+
+    repeats: int
+    min_seconds: float
+    max_seconds: float
+
+
+QUICK = Effort(3, 0.015, 0.5)
+FULL = Effort(7, 0.1, 5.0)
+
+
+def run_accuracy(
+    store: Store,
+    *,
+    quick: bool = False,
+    integrators: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
+    backends: Sequence[str] | None = None,
+    scenes: Sequence[str] | None = None,
+    progress: bool = True,
+    command: str = "softlab accuracy",
+) -> AccuracySummary:
+    """Judge what the store lacks of the grid of cases, and return all of its points.
+
+    `quick`: fewer and shorter samples, neither `exact` math nor other sizes, of xpbd one ordering and few iterations.
+    `scenes`: labels of SCENES and CLOTHS (None: all; no cloth if `quick`). `integrators`: names of METHODS or OF_CLOTHS, or
+    `xpbd` for all of its orderings; they and `precisions`: None: all; parts that are run apart meet in the store. `backends`:
+    cpu, gpu (None: all that are here). References are kept in the folder `references` beside the store. Every number is on
+    disk when it is had; Ctrl-C ends cleanly.
+
+    Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
+    """
+    begin = time.perf_counter()
+    effort = QUICK if quick else FULL
+    names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
+    accurate = chosen(precisions, list(PRECISIONS), "--precision") if precisions else None
+    here, revision = backends_here(backends), source_revision()
+    summary = AccuracySummary(enter_machine(store))
+    labels = scenes or (*SCENES, *([] if quick else CLOTHS))
+    everything = cases(labels, here, not quick, names, accurate)
+    missing = [case for case in everything if not _held(store, case, summary.machine, effort)]
+    summary.held = len(everything) - len(missing)
+    try:
+        if missing:
+            summary.run = store.start_run(summary.machine, command, revision)
+            _measure_all(store, summary, missing, effort, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.points = _points(store, summary.machine, everything)
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _held(store: Store, case: Case, machine: str, effort: Effort) -> bool:
+    key = case.description, machine, case.sources
+    wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
+    told = all(store.has_measure(*key, name) for name in wanted)
+    return told and store.sample_count(*key, STAGE) >= effort.repeats
+
+
+def _measure_all(store: Store, summary: AccuracySummary, missing: list[Case], effort: Effort, show: bool) -> None:
+    with progress_bar(show) as bar:
+        task = bar.add_task("accuracy", total=2 * len(missing))
+
+        def tell(text: str, advance: int) -> None:
+            bar.update(task, description=text, advance=advance)
+
+        groups: dict[tuple[str, str], list[Case]] = {}
+        for case in missing:
+            groups.setdefault((case.label, case.backend), []).append(case)
+        for group in groups.values():
+            _Group(store, summary, effort, tell).measure(group)
+
+
+class _Group:
+    """The cases of one scene and backend: judged one after another, then sampled in turn."""
+
+    def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Callable[[str, int], None]):
+        self.store, self.summary, self.effort, self.tell = store, summary, effort, tell
+        self.folder = references(store)
+        self.iterated = Iterated(self.folder)
+
+    def measure(self, group: Sequence[Case]) -> None:
+        label = group[0].label
+        scene, end = motion_of(group[0].scene), end_of(label)
+        self.tell(f"{label}: converged reference", 0)
+        right, half = converged_for(label, scene, end, self.folder), None
+        if not scene.cloth:
+            half = cache.kept(scene, end, self.folder, inertia=HALF_ACCELERATION)
+        growth = growth_for(label, scene, end, self.folder)
+        with ExitStack() as stack:
+            subjects = []
+            for case in group:
+                self.tell(str(case), 1)
+                subject = Subject(stack.enter_context(case.open()), case)
+                broken = self._judge(subject, right, half, growth)
+                self._prepare(subject, broken)
+                subjects.append(subject)
+            self._sample(subjects)
+
+    def _judge(
+        self, subject: Subject, right: cache.Converged, half: cache.Converged | None, growth: Growth
+    ) -> Diverged | None:
+        """Run to the end and store the errors; the error with which it broke, if it did."""
+        case, simulation = subject.name, subject.simulation
+        broken, copying = None, None
+        try:
+            simulation.advance(case.steps)
+            state = simulation.state()
+        except Diverged as divergence:
+            broken = divergence
+        else:
+            copying = copy_seconds(simulation)
+        numbers = judge(case.scene, broken or state, right, growth, half)
+        if case.scene.method.position_based:
+            if broken is None:
+                rest = right.position if case.label in AT_REST else None
+                numbers |= solver_numbers(case.scene, state, case.steps, self.iterated, rest)
+            else:
+                numbers[SOLVER] = (math.inf, "spacing", str(broken))
+        if copying is not None:
+            numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
+        with self.store.transaction():
+            for name, (value, unit, reason) in numbers.items():
+                self.store.add_measure(self.summary.run, case.description, case.sources, name, value, unit, reason)
+        return broken
+
+    def _prepare(self, subject: Subject, broken: Diverged | None) -> None:
+        """Choose the steps of a sample: of a run that broke those before it did, of one over its limit the run's."""
+        if broken is not None:
+            subject.steps = max(1, broken.step - 1)
+            return
+        warm_up(subject)
+        if subject.simulation.scene.method.dt > subject.simulation.limit:
+            subject.steps = subject.name.steps
+        else:
+            choose_steps(subject, self.effort.min_seconds, self.effort.max_seconds)
+
+    def _sample(self, subjects: Sequence[Subject]) -> None:
+        store, summary, repeats = self.store, self.summary, self.effort.repeats
+        costs: dict[int, list[float]] = {}
+        for subject, sample in interleaved(subjects, [repeats] * len(subjects), Neighbours()):
+            case = subject.name
+            marks = [sample.suspect, "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None]
+            suspect = "; ".join(filter(None, marks)) or None
+            run, sources = summary.run, case.sources
+            store.add_sample(run, case.description, sources, sample.seconds, sample.steps, stage=STAGE, suspect=suspect)
+            taken = costs.setdefault(id(subject), [])
+            taken.append(sample.seconds / (sample.steps * case.scene.method.dt))
+            if len(taken) == repeats:  # last, so that a case with a cost is complete
+                cost = statistics.median(taken)
+                store.add_measure(run, case.description, sources, COST, cost, "s/s", f"median of {repeats}")
+                summary.measured += 1
+                self.tell(f"{case}: timed", 1)
+
+
+def references(store: Store) -> Path | None:
+    """The folder of the converged references that belong to a store; None for one in memory."""
+    return None if store.path == ":memory:" else Path(store.path).absolute().parent / "references"
+
+
+def copy_seconds(simulation: Simulation) -> float:
+    """Seconds that the state takes from the device to arrays on the host; the state must be checked already."""
+    taken = []
+    for _ in range(COPIES):
+        begin = time.perf_counter()
+        simulation.state()
+        taken.append(time.perf_counter() - begin)
+    return statistics.median(taken)
+
+
+def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:
+    """What the store holds of the cases."""
+    named: dict[str, dict[str, Any]] = {}
+    for measure in measures(store, machine=machine):
+        named.setdefault(measure.configuration, {})[measure.name] = measure
+    found = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
+    return [entry for entry in found if entry is not None]

@@ -1,0 +1,71 @@
+"""The error of one run, so that no time is told without one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.experiments.accuracy.methods import why_unknown
+from bench.reference.mass_spring import converged, smooth
+from model.core.errors import Diverged
+from model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+# What the reference costs in NumPy, per mass and force evaluation; four evaluations a step, at h and h/2.
+SECONDS_PER_EVALUATION = 1e-7  # s, rounded up
+SECONDS_PER_CLOTH_EVALUATION = 5e-7  # a cloth has three times the springs in three dimensions
+SECONDS_PER_WIND_EVALUATION = 8e-7  # in addition
+BUDGET = 4.0  # s
+STEPS_PER_RADIAN = 4  # as in the reference
+
+
+def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[float | None, str | None]:
+    """(error, None) or (None, why there is none).
+
+    The error is the root mean square over the free masses of the distance to the converged reference at the same
+    physical time, over the spacing. References that would cost over BUDGET seconds are not made.
+    """
+    if diverged is not None:
+        return None, "diverged"
+    free = state.inverse_mass > 0
+    if not free.any():
+        return 0.0, None
+    if state.step == 0:
+        return 0.0, None
+    why = why_unknown(scene)
+    if why is not None:
+        return None, why
+    if scene.external and scene.external.magnitude > 0:
+        return None, "a random force is another force at every step size, so no converged reference exists"
+    steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN
+    cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)  # h and h/2, and h/4 to see the order
+    if cost > BUDGET:
+        return None, f"a converged reference would take about {cost:.0f} s; softlab accuracy judges the integrators"
+    reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
+    error, _ = distance(state.position, reference, free, scene.grid.spacing)
+    if not np.isfinite(error):
+        return None, "the reference did not converge"
+    if error < 10 * estimate / scene.grid.spacing:
+        return None, f"below what the reference resolves ({10 * estimate / scene.grid.spacing:.1e} of the spacing)"
+    return error, None
+
+
+def fastest_rate(scene: Scene) -> float:
+    """A rate [1/s] that nothing in the scene exceeds: its largest frequency, and what its dampers add."""
+    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    return frequency_bound(scene) + fastest_damping(scene) + along
+
+
+def evaluation_seconds(scene: Scene) -> float:
+    """What one evaluation of the forces takes in NumPy, roughly."""
+    if not scene.cloth:
+        return scene.grid.particle_count * SECONDS_PER_EVALUATION + 1e-4
+    each = SECONDS_PER_CLOTH_EVALUATION + (SECONDS_PER_WIND_EVALUATION if scene.wind else 0.0)
+    return scene.grid.particle_count * each + 4e-4
+
+
+def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
+    """(root mean square, maximum) over the masses `free` of |position - reference| [m], over `spacing` [m]."""
+    away = position[free].astype(np.float64) - reference[free]
+    squared = np.sum(away * away, axis=1)
+    return float(np.sqrt(np.mean(squared)) / spacing), float(np.sqrt(squared.max()) / spacing)

@@ -1,0 +1,109 @@
+"""How far a position-based run is from its own scheme, converged in its iterations: the solver's error beside the model's.
+
+The error against Newton's law (bench/experiments/accuracy/judgement.py) is that of the scheme, implicit Euler, and what its
+iterations left over. The second alone is the distance to the same scheme, step size and ordering with so many iterations
+that twice as many change less than SHARE of it, in float64 and exact math on the CPU. Orderings converge to slightly
+different states: a projection goes along its constraint as that iterate has it (Macklin et al., XPBD, 2016, section 4),
+which is why the balance below does not vanish with the iterations.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.accuracy.judge import distance
+from bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER, Numbers
+from bench.experiments.accuracy.methods import why_unknown
+from bench.experiments.sweep import source_hash
+from bench.reference import xpbd
+from bench.reference.steps import masses
+from model.core.disk_cache import read_arrays, write_arrays
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+SHARE = 1e-3  # of the solver's error: what twice the iterations may still change
+FLOOR = 1e-9  # spacings: below what references resolve, and over the rounding of float64 in thousands of steps
+MOST_ITERATIONS = 5120
+ORDERINGS = {"jacobi": "weighted-jacobi"}  # what bench/reference/xpbd.py calls it
+
+
+class Iterated:
+    """End states by their number of iterations, kept in `folder` as references are (None: in memory alone)."""
+
+    def __init__(self, folder: Path | None):
+        self.folder = folder
+        self._held: dict[str, np.ndarray] = {}
+
+    def end(self, scene: Scene, steps: int) -> np.ndarray:
+        """(particles, dimensions) float64 [m]: where the masses are after `steps` steps, in exact math on the CPU."""
+        text = f"{scene.canonical()} {steps} {source_hash('cpu')}"
+        key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        if key in self._held:
+            return self._held[key]
+        file = self.folder / f"iterated-{key}.npz" if self.folder else None
+        held = read_arrays(file) if file else None
+        shape = scene.grid.particle_count, scene.dimensions
+        if held is None or "position" not in held or held["position"].shape != shape:
+            with open_simulation(scene, "cpu", precision="float64", math="exact", allow_unstable=True) as simulation:
+                simulation.advance(steps)
+                held = {"position": simulation.state().position}
+            if file:
+                write_arrays(file, **held)
+        self._held[key] = held["position"]
+        return held["position"]
+
+    def converged(self, scene: Scene, steps: int, free: np.ndarray) -> tuple[np.ndarray, float, int]:
+        """(positions [m] of the scene's scheme with its iterations converged; the last change [spacings]; iterations)."""
+        iterations, spacing = scene.method.iterations, scene.grid.spacing
+        mine = before = self.end(scene, steps)
+        while True:
+            iterations *= 2
+            after = self.end(scene.replace({"method.iterations": iterations}), steps)
+            change, error = (distance(one, after, free, spacing)[0] for one in (before, mine))
+            if change <= max(SHARE * error, FLOOR) or iterations >= MOST_ITERATIONS:
+                return after, change, iterations
+            before = after
+
+
+def solver_numbers(
+    scene: Scene, state: State, steps: int, iterated: Iterated, rest: np.ndarray | None = None
+) -> Numbers:
+    """The measures of a position-based run that ended in `state` after `steps` steps.
+
+    SOLVER [spacings], root mean square over the free masses; and of one more step from there, by NumPy, the largest
+    CONSTRAINT |C + a~ lambda| [m] and BALANCE |M (x - x~) - grad C' lambda| [kg m] (XPBD 2016, eq. 9 and 8). `rest`
+    (particles, dimensions) [m]: where the motion is at rest by then; the converged scheme is there, too, at any step size.
+    """
+    free = state.inverse_mass > 0
+    if not free.any():
+        return {SOLVER: (0.0, "spacing", "nothing is free")}
+    if rest is None:
+        right, change, iterations = iterated.converged(scene, steps, free)
+        against = f"{iterations} iterations; half of them change {change:.1e} spacings"
+    else:
+        right, against = rest, "rest, where the converged scheme is"
+    error = distance(state.position, right, free, scene.grid.spacing)[0]
+    numbers: Numbers = {SOLVER: (error, "spacing", f"against {against}")}
+    if why_unknown(scene) is None:
+        constraint, balance = next_residuals(scene, state)
+        numbers[CONSTRAINT] = (constraint, "m", "largest, of the next substep")
+        numbers[BALANCE] = (balance, "kg m", "largest, of the next substep")
+    return numbers
+
+
+def next_residuals(scene: Scene, state: State) -> tuple[float, float]:
+    """bench.reference.xpbd.residuals of the substep that follows `state`, where the motion is known (`why_unknown`)."""
+    method = scene.method
+    h, inverse_mass = method.dt / method.substeps, state.inverse_mass.astype(np.float64)
+    p, v = state.position.astype(np.float64), state.velocity.astype(np.float64)
+    mass = np.broadcast_to(masses(scene), (scene.grid.rows, scene.grid.columns, 1)).ravel()
+    a = xpbd.accelerations(scene, p, v, state.time, state.step, None, mass)
+    drag = (scene.damping.coefficient if scene.damping else 0.0) / mass[:, None]
+    constraints = xpbd.of_scene(scene)
+    ordering = ORDERINGS.get(method.ordering, method.ordering)
+    made = xpbd.substep(constraints, p, v, a, inverse_mass, h, method.iterations, ordering, drag)
+    return xpbd.residuals(constraints, made, p, inverse_mass, h)

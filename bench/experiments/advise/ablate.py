@@ -1,0 +1,311 @@
+"""What does a scene need? One part at a time is dropped, one setting at a time made cheaper, and both sides measured.
+
+The error of every run is that against the full scene's converged reference, with the growth of a disturbance beside it
+(bench/measure/growth.py). What counts is the change, the distance to the full scene's own run at the same time: where it is
+less than the full scene's own error, nobody could tell the part from the method's mistake, and it is not needed at this
+step size. Where the motion is chaotic by then nothing is told, and statistics are shown instead.
+
+All runs of a backend are timed side by side with the full scene (A B A B ...), each from the scene's start; the least of
+the repeats counts, since what disturbs a sample only ever makes it longer. What is had goes into the store at once.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time as clock
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.experiments.accuracy.experiment import Case, make_case, references
+from bench.experiments.accuracy.judge import distance
+from bench.experiments.accuracy.judgement import judge
+from bench.experiments.accuracy.methods import newton, sweeps
+from bench.experiments.accuracy.own_reference import (
+    OWN_SECONDS,
+    by_numpy,
+    converged_of,
+    growth_of,
+    numpy_seconds,
+    own_converged,
+    own_seconds,
+)
+from bench.experiments.accuracy.points import END
+from bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
+from bench.experiments.advise.ablation_results import CHANGE, PREFIX, SECONDS, SUSPECT, AblationSummary, tables_of
+from bench.experiments.advise.experiment import REFERENCE_SECONDS
+from bench.experiments.held_force import held_converged, held_seconds
+from bench.experiments.sweep import backends_here
+from bench.measure.growth import Growth
+from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.reference import cache
+from bench.reference.cache import Converged
+from bench.store.database import Store, configuration_hash
+from bench.store.results import measures
+from model.core.build import pinned_indices
+from model.core.errors import Diverged, SceneError
+from model.core.integrators import stability_limit
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+VERSION = 1  # part of every resume key: raise it when what is measured changes
+STAGE = "ablate"  # of the samples in the store
+REPEATS, SAMPLE_SECONDS, MOST_SAMPLE = 9, 0.03, 1.0
+MOST_ROUNDS, DISTURBED = 3, 1.5  # of samples, while a median is over so many times the least
+FOR_STATISTICS = 1e-3  # spacings: of a chaotic motion, whose reference would take minutes to be any better
+RUN_SECONDS = 60.0  # the most that one run up to the time of judgement may take, estimated
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One run: the `ablation` and the `case` by which the store knows it, in `steps` steps."""
+
+    ablation: Ablation
+    case: Case
+    steps: int
+
+
+def ablate(
+    store: Store,
+    scene: Scene,
+    *,
+    backends: Sequence[str] | None = None,
+    time: float | None = None,
+    progress: bool = True,
+    command: str = "softlab ablate",
+) -> AblationSummary:
+    """What each part of the scene, its arithmetic, integrator and step size are good for, judged at `time` [s] (None: 1.5).
+
+    `backends`: None: all that are here. Measures what the store lacks; Ctrl-C ends cleanly.
+
+    Raises SceneError (a time that cannot be, a step size over the limit, nothing that moves, a reference or a run that would
+    take too long, a manufactured scene, constraints that Newton's law does not tell the motion of), BackendUnavailable,
+    InputError (the store), Diverged (the full scene).
+    """
+    begin = clock.perf_counter()
+    wanted = END if time is None else time
+    steps = _check(scene, wanted)
+    chosen = backends_here(backends)
+    summary = AblationSummary(enter_machine(store))
+    work = _Work(store, scene, steps, summary, command)
+    groups = [work.variants(backend) for backend in chosen]
+    try:
+        missing = [group for group in groups if not work.complete(group)]
+        summary.held = sum(len(group) for group in groups if group not in missing)
+        if missing:
+            _measure(work, missing, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    known = {configuration_hash(variant.case.description) for group in groups for variant in group}
+    summary.tables = tables_of(m for m in measures(store, machine=summary.machine) if m.configuration in known)
+    summary.notes += _notes(scene, wanted, work.end, summary)
+    summary.seconds = clock.perf_counter() - begin
+    return summary
+
+
+def _measure(work: _Work, groups: Sequence[Sequence[Variant]], show: bool) -> None:
+    with progress_bar(show) as bar:
+        row = bar.add_task("converged reference", total=2 * sum(map(len, groups)) + 1)
+
+        def tell(text: str) -> None:
+            bar.update(row, description=text, advance=1)
+
+        work.prepare()
+        tell("ablations")
+        for group in groups:
+            work.measure(group, tell)
+
+
+def _check(scene: Scene, end: float) -> int:
+    """The steps up to `end` [s], an even number; refuse what has no answer before anything is measured."""
+    dt = scene.method.dt
+    if not 0 < end < math.inf:
+        raise SceneError("--time", end, "must be greater than 0 and finite")
+    motion = newton(scene)
+    if scene.manufactured:
+        raise SceneError(
+            "manufactured", "present", "its force is made from the other parts, so that the motion stays as it is whichever "
+            "of them is dropped; use a scene without it"
+        )  # fmt: skip
+    if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
+        raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, nothing is needed")
+    limit = stability_limit(scene)
+    if dt > limit * (1 + 1e-12):
+        remedy = (
+            f"pass --set method.dt={0.9 * limit:.2g}" if limit else "choose another with --set method.integrator=..."
+        )
+        raise SceneError("method.dt", dt, f"over the stability limit {limit:.6g} s of {scene.method.name}; {remedy}")
+    steps = 2 * round(end / (2 * dt))
+    if steps < 2:
+        raise SceneError("--time", end, f"must be at least two steps of method.dt, {2 * dt:g} s")
+    method = scene.method
+    forces = sweeps(method.name, method.iterations, method.substeps)
+    seconds = 2 * steps * forces * (scene.grid.particle_count * OWN_SECONDS + 1e-6)
+    if random_force(scene):
+        judged = held_seconds(motion, steps) + numpy_seconds(motion, end)
+    else:
+        judged = min(numpy_seconds(motion, end), own_seconds(motion, end))
+    for what, needed, most in (("a run", seconds, RUN_SECONDS), ("its reference", judged, REFERENCE_SECONDS)):
+        if needed > most:
+            fits = end * most / needed
+            raise SceneError("--time", end, f"{what} would take about {needed:.0f} s; use at most {fits:.1g}, or a "
+                             "smaller grid")  # fmt: skip
+    return steps
+
+
+def _notes(scene: Scene, wanted: float, end: float, summary: AblationSummary) -> list[str]:
+    notes = []
+    if not math.isclose(wanted, end, rel_tol=1e-9):
+        notes.append(f"judged at {end:g} s, not {wanted:g}: a whole number of steps, and of steps twice as long")
+    if random_force(scene):
+        notes.append(
+            "the random force is another one at every step size: step sizes are not varied, and the reference holds each "
+            "of its draws over its step"
+        )
+    elif not by_numpy(scene, end):
+        notes.append("the reference was solved by the lab's own rk4 in float64: NumPy's would have taken minutes")
+    if any(row.suspect for table in summary.tables for row in (table.full, *table.rows)):
+        notes.append("?: other programs ran, or the samples scatter; ask again on a quiet machine")
+    return notes
+
+
+class _Work:
+    """The measuring of one scene. `end` [s]: when it is judged."""
+
+    def __init__(self, store: Store, scene: Scene, steps: int, summary: AblationSummary, command: str):
+        self.store, self.scene, self.steps, self.summary, self.command = store, scene, steps, summary, command
+        self.end = steps * scene.method.dt
+        self.newton: Converged
+        self.growth: Growth
+        self._full: State
+
+    def variants(self, backend: str) -> list[Variant]:
+        """The full scene, and everything that can be left out of it."""
+        key = ""
+        found = []
+        for ablation in (FULL, *ablations(self.scene)):
+            scene = ablation.of(self.scene)
+            case = make_case("", scene, backend, ablation.precision, ablation.math)
+            key = key or configuration_hash(case.description | {"end": self.end})
+            told = {"full": key, "title": self.scene.title, "name": ablation.name, "kind": ablation.kind,
+                    "spares": ablation.spares}  # fmt: skip
+            described = case.description | {"end": self.end, "ablation": told}
+            case = replace(case, description=described, sources=f"{case.sources}-a{VERSION}")
+            found.append(Variant(ablation, case, round(self.end / scene.method.dt)))
+        return found
+
+    def complete(self, group: Sequence[Variant]) -> bool:
+        """Whether the store holds all of a group: its times count only side by side."""
+        machine = self.summary.machine
+        return all(
+            self.store.has_measure(variant.case.description, machine, variant.case.sources, SECONDS)
+            for variant in group
+        )
+
+    def prepare(self) -> None:
+        """Reference, growth, and the run in the store."""
+        folder, motion = references(self.store), newton(self.scene)
+        self.growth = growth_of(motion, self.end, folder)
+        if random_force(motion):
+            self.newton = held_converged(motion, self.steps, folder)
+        elif not self.growth.chaotic:
+            self.newton = converged_of(motion, self.end, folder)
+        elif by_numpy(motion, self.end):
+            self.newton = cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS)
+        else:
+            self.newton = own_converged(motion, self.end, FOR_STATISTICS)
+        self.summary.run = self.store.start_run(self.summary.machine, self.command, source_revision())
+
+    def measure(self, group: Sequence[Variant], tell: Tell) -> None:
+        """Judge each of a group, then sample those that held in turn. Raises Diverged where the full scene does."""
+        with ExitStack() as stack:
+            subjects = []
+            for variant in group:
+                tell(f"{variant.ablation.name}, {variant.case.backend}")
+                subject = Subject(stack.enter_context(variant.case.open()), variant)
+                if self._judge(subject):
+                    self._choose_steps(subject)
+                    subjects.append(subject)
+                else:
+                    self._add(variant, {SECONDS: (None, "s/s", "diverged")})
+                    tell(f"{variant.ablation.name} diverged")
+            self._time(subjects, tell)
+        self.summary.measured += len(group)
+
+    def _add(self, variant: Variant, numbers: dict[str, tuple[Any, str, str | None]]) -> None:
+        case = variant.case
+        with self.store.transaction():
+            for name, (value, unit, reason) in numbers.items():
+                self.store.add_measure(self.summary.run, case.description, case.sources, name, value, unit, reason)
+
+    def _judge(self, subject: Subject) -> bool:
+        """Run to the end and store errors and change; whether it held."""
+        variant, simulation = subject.name, subject.simulation
+        outcome: State | Diverged
+        try:
+            simulation.advance(variant.steps)
+            outcome = simulation.state()
+        except Diverged as diverged:
+            if variant.ablation is FULL:
+                raise
+            outcome = diverged
+        if variant.ablation is FULL:
+            assert isinstance(outcome, State)
+            self._full = outcome
+        judged = judge(self.scene, outcome, self.newton, self.growth)  # by the energy of the full scene
+        numbers: dict[str, tuple[Any, str, str | None]] = {
+            PREFIX + name.removeprefix("accuracy_"): told for name, told in judged.items()
+        }
+        if isinstance(outcome, Diverged):
+            numbers[CHANGE] = (math.inf, "spacing", str(outcome))
+        else:
+            numbers[CHANGE] = (self._change(outcome), "spacing", variant.ablation.why)
+        self._add(variant, numbers)
+        return isinstance(outcome, State)
+
+    def _change(self, state: State) -> float:
+        free = state.inverse_mass > 0
+        theirs = self._full.position.astype(np.float64)
+        return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
+
+    def _choose_steps(self, subject: Subject) -> None:
+        """The steps of a sample: over the limit, where a longer run might break, those of the run that held."""
+        warm_up(subject)
+        if subject.simulation.scene.method.dt > subject.simulation.limit:
+            subject.steps = subject.name.steps
+        else:
+            choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
+
+    def _time(self, subjects: Sequence[Subject], tell: Tell) -> None:
+        """Sample in turn, again while disturbed, and store the least of each."""
+        watch = Neighbours()
+        taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
+        marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
+        for _ in range(MOST_ROUNDS):
+            for subject, sample in interleaved(subjects, [REPEATS] * len(subjects), watch):
+                case = subject.name.case
+                simulated = "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None
+                suspect = "; ".join(filter(None, (sample.suspect, simulated))) or None
+                marks[id(subject)] += [suspect] if suspect else []
+                taken[id(subject)].append(sample.seconds / (sample.steps * case.scene.method.dt))
+                self.store.add_sample(
+                    self.summary.run, case.description, case.sources, sample.seconds, sample.steps, stage=STAGE,
+                    suspect=suspect,
+                )  # fmt: skip
+            if all(statistics.median(times) <= DISTURBED * min(times) for times in taken.values()):
+                break
+        for subject in subjects:
+            times, reasons = taken[id(subject)], list(dict.fromkeys(marks[id(subject)]))
+            spread = statistics.median(times) / min(times)
+            reasons += [f"the median is {spread:.2g} times the least"] if spread > DISTURBED else []
+            told = (min(times), "s/s", f"least of {len(times)}")
+            self._add(subject.name, {SUSPECT: (float(bool(reasons)), "", "; ".join(reasons) or None), SECONDS: told})
+            tell(f"{subject.name.ablation.name}: timed")

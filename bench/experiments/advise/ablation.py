@@ -1,0 +1,121 @@
+"""What can be left out of a scene, or done more cheaply, one thing at a time: the table behind `softlab ablate`.
+
+Everything is derived from the scene. Each optional part of it that is a force or a constraint, and that does anything, can
+be dropped; what it is solved with can be cheaper. A new part needs nothing here; a new setting of `[method]` is one more
+function in ENTRIES.
+
+The full scene is run in float64 and exact math: the most that the lab has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from model.core.errors import SceneError
+from model.core.integrators import INTEGRATORS
+from model.core.plans import scene_plan
+from model.scene.scene import Scene
+
+FULL_PRECISION, FULL_MATH = "float64", "exact"
+KEPT = ("method", "perturbation", "manufactured")  # kinds that are no force and no constraint: how, from which start; a
+# manufactured force is made from the other parts, and holds the motion whichever is dropped
+PART, INTEGRATOR, ARITHMETIC, COARSER, FINER = (
+    "part",
+    "integrator",
+    "arithmetic",
+    "coarser",
+    "finer",
+)  # values of `kind`
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """One thing less. `name`: of the run, `without gravity`; `why` it may be cheaper; `kind`: of PART ... FINER; `spares`:
+    what of the full scene it does without, `gravity`; `drop`: the name of a part, empty for none; `changes`: of other
+    fields, by dotted path."""
+
+    name: str
+    why: str
+    kind: str
+    spares: str
+    drop: str = ""
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    precision: str = FULL_PRECISION
+    math: str = FULL_MATH
+
+    def of(self, scene: Scene) -> Scene:
+        """The scene with one thing less. Raises SceneError where it cannot do without."""
+        tables = {name: table for name, table in scene.as_dict().items() if name != self.drop}
+        return Scene(tables, scene.name).replace(self.changes)
+
+
+FULL = Ablation("full scene", f"{FULL_PRECISION}, {FULL_MATH} math", "full", "nothing")
+
+
+def _parts(scene: Scene) -> Iterator[Ablation]:
+    for name, kind in scene.kinds.items():
+        if kind in KEPT:
+            continue
+        part = Ablation(f"without {name}", "no stage of it", PART, name, drop=name)
+        try:
+            without = part.of(scene)
+        except SceneError:  # the masses, or what another part stands on: not optional
+            continue
+        if scene_plan(without) != scene_plan(scene):  # one that is switched off is not there to be dropped
+            yield part
+
+
+def _integrators(scene: Scene) -> Iterator[Ablation]:
+    if scene.method.position_based or scene.method.integrator not in INTEGRATORS:
+        return
+    now = INTEGRATORS[scene.method.integrator]
+    for other in INTEGRATORS.values():
+        if other.forces < now.forces:
+            why = f"{other.forces} of {now.forces} force evaluations a step"
+            yield Ablation(other.name, why, INTEGRATOR, now.name, changes={"method.integrator": other.name})
+
+
+def _efforts(scene: Scene) -> Iterator[Ablation]:
+    if not scene.method.position_based:
+        return
+    for name in ("iterations", "substeps"):
+        now = getattr(scene.method, name)
+        if now > 1:
+            half = now // 2
+            fewer = f"{half} {name}" if half > 1 else f"1 {name.removesuffix('s')}"
+            changed = {f"method.{name}": half}
+            yield Ablation(fewer, f"{half} of {now}", INTEGRATOR, f"{now} {name}", changes=changed)
+
+
+def _arithmetic(_: Scene) -> Iterator[Ablation]:
+    yield Ablation("float32", "half the bytes a number", ARITHMETIC, FULL_PRECISION, precision="float32")
+    yield Ablation("fast math", "fused and approximate operations", ARITHMETIC, f"{FULL_MATH} math", math="fast")
+
+
+def _step_sizes(scene: Scene) -> Iterator[Ablation]:
+    if random_force(scene):  # which is another force at every step size
+        return
+    dt = scene.method.dt
+    yield Ablation(f"dt {2 * dt:g} s", "half the steps", COARSER, f"dt {dt:g} s", changes={"method.dt": 2 * dt})
+    yield Ablation(f"dt {dt / 2:g} s", "twice the steps", FINER, f"dt {dt:g} s", changes={"method.dt": dt / 2})
+
+
+ENTRIES: tuple[Callable[[Scene], Iterable[Ablation]], ...] = (
+    _parts,
+    _integrators,
+    _efforts,
+    _arithmetic,
+    _step_sizes,
+)
+
+
+def ablations(scene: Scene) -> list[Ablation]:
+    """Everything that can be left out of the scene or made cheaper, and the step size halved."""
+    return [ablation for entry in ENTRIES for ablation in entry(scene)]
+
+
+def random_force(scene: Scene) -> bool:
+    """Whether the scene has a random force, which is drawn anew every step."""
+    return scene.external is not None and scene.external.magnitude > 0

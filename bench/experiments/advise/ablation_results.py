@@ -1,0 +1,276 @@
+"""What `softlab ablate` found: a verdict on each thing left out, as a table and as one sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from bench.experiments.accuracy.judgement import RESOLVED
+from bench.experiments.accuracy.methods import name_of
+from bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
+from bench.experiments.advise.advice import NOISE
+from bench.experiments.advise.search import FLOOR
+from bench.measure.growth import MOST_GROWTH
+from bench.reference.cache import TOLERANCE
+from bench.store.results import Measure
+
+PREFIX = "ablation_"
+CHANGE = "ablation_change"  # spacings: root mean square over the free masses, to the end of the full scene's own run
+SECONDS = "ablation_seconds"  # of wall time a simulated second, the least of the repeats
+SUSPECT = "ablation_suspect"
+NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "cannot be told", "finer"  # verdicts
+WIDE = 100  # columns of a terminal that has place for the reasons
+STYLES = {NEEDED: "bold", NOT_NEEDED: "green", UNTOLD: "yellow", GAINS: "cyan"}
+
+
+@dataclass(frozen=True)
+class AblationRow:
+    """One thing less. `name`, `kind`, `spares`: of the Ablation, `why`: its, or how the run broke; `error` [spacings]: root
+    mean square over the free masses, against the full scene's converged reference, infinite where it broke or the motion
+    is chaotic; `change` [spacings]: to the full scene's own run; `estimate` [spacings]: of the reference's own error;
+    `growth`: of a disturbance; `energy_off` [J], `mean_off` [spacings]: energy and centre of mass against the
+    reference's; `seconds`: wall time a simulated second, None where it broke; `suspect`: why that may be wrong."""
+
+    name: str
+    kind: str
+    spares: str
+    why: str
+    error: float
+    change: float
+    estimate: float
+    growth: float
+    energy_off: float | None
+    mean_off: float | None
+    seconds: float | None
+    suspect: str | None
+
+    @property
+    def broke(self) -> bool:
+        return not math.isfinite(self.change)
+
+    @property
+    def chaotic(self) -> bool:
+        return not self.growth <= MOST_GROWTH
+
+
+@dataclass(frozen=True)
+class Ablated:
+    """All rows of one scene on one backend, `full` and those with one thing less, the most saving first. `title`, `dt`
+    [s] and `integrator`: of the full scene, judged at `end` [s]."""
+
+    title: str
+    dt: float
+    integrator: str
+    backend: str
+    end: float
+    full: AblationRow
+    rows: tuple[AblationRow, ...]
+
+    @property
+    def floor(self) -> float:
+        """The change [spacings] under which nothing is needed: the method's own error, or what references resolve."""
+        return max(self.full.error, RESOLVED * max(self.full.estimate, TOLERANCE))
+
+    def saving(self, row: AblationRow) -> float | None:
+        """How many times as fast as the full scene; None where it was not timed."""
+        return self.full.seconds / row.seconds if self.full.seconds and row.seconds else None
+
+    def told_saving(self, row: AblationRow) -> float | None:
+        """The saving, where neither time is suspect: what a sentence may say."""
+        return None if row.suspect or self.full.suspect else self.saving(row)
+
+    def verdict(self, row: AblationRow) -> str:
+        """Needed: without it the run breaks, or ends further off than the full scene's own error. Of a finer step: what
+        it gains. Of a chaotic motion nothing is told."""
+        if row.broke:
+            return NEEDED
+        if self.full.chaotic:
+            return UNTOLD
+        if row.kind == FINER:
+            told = self.full.error >= self.floor
+            return GAINS if told and row.error <= FLOOR * self.full.error else NOT_NEEDED
+        return NEEDED if row.change > self.floor else NOT_NEEDED
+
+    # ------------------------------------------------------------------ words
+
+    def sentence(self) -> str:
+        """What the scene needs, from the data."""
+        head = f"{self.title} at dt {self.dt:g} s with {self.integrator}, on the {self.backend}"
+        if self.full.chaotic:
+            broke = [row.name for row in self.rows if row.broke]
+            text = (
+                f"{head}: what it needs cannot be told at {self.end:g} s, by when a disturbance has grown "
+                f"{self.full.growth:.1e} times (over {MOST_GROWTH:g}); ask for a shorter --time, or compare the statistics"
+            )
+            return text + (f"; it diverges {_listed(broke)}." if broke else ".")
+        found = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,
+                 COARSER: self._step_words, FINER: self._step_words}  # fmt: skip
+        told = [found[kind]([row for row in self.rows if row.kind == kind]) for kind in found if self._any(kind)]
+        own = f"{head}, by itself {self.full.error:.1e} spacings off at {self.end:g} s"
+        return f"{own}: {'; '.join(filter(None, told)) or 'nothing was left out'}."
+
+    def _any(self, kind: str) -> bool:
+        return any(row.kind == kind for row in self.rows)
+
+    def _of(self, rows: Sequence[AblationRow], verdict: str) -> list[AblationRow]:
+        return [row for row in rows if self.verdict(row) == verdict]
+
+    def _parts_words(self, rows: Sequence[AblationRow]) -> str:
+        needed = sorted(self._of(rows, NEEDED), key=lambda row: -row.change)
+        text = f"it needs {_listed([row.spares for row in needed])}" if needed else "it needs none of its parts"
+        spare = [f"{row.spares} (without it {self._price(row)})" for row in self._of(rows, NOT_NEEDED)]
+        return text + (f", not {_listed(spare)}" if spare else "")
+
+    def _method_words(self, rows: Sequence[AblationRow]) -> str:
+        enough = self._of(rows, NOT_NEEDED)
+        told = [f"{row.name} is enough ({self._price(row)})" for row in enough]
+        spared = {row.spares for row in enough}
+        kept = [
+            f"{what} is needed ({', '.join(f'{row.name} {self._harm(row)}' for row in rows if row.spares == what)})"
+            for what in dict.fromkeys(row.spares for row in rows)
+            if what not in spared
+        ]
+        return "; ".join([*told, *kept])
+
+    def _step_words(self, rows: Sequence[AblationRow]) -> str:
+        told = []
+        for row in rows:
+            verdict, saving = self.verdict(row), self.told_saving(row)
+            cost = f" for {1 / saving:.2g} times the time" if saving else ""
+            if verdict == GAINS:
+                told.append(f"{row.name} would make the error {self.full.error / row.error:.2g} times smaller{cost}")
+            elif row.kind == FINER:
+                told.append(f"{row.name} gains nothing{cost}")
+            elif verdict == NOT_NEEDED:
+                told.append(f"{row.name} is enough ({self._price(row)})")
+            else:
+                told.append(f"{row.name} is too long ({self._harm(row)})")
+        return "; ".join(told)
+
+    def _price(self, row: AblationRow) -> str:
+        """`changes 3.1e-06, 1.4 times as fast`."""
+        return f"changes {row.change:.1e}{_speed(self.told_saving(row))}"
+
+    @staticmethod
+    def _harm(row: AblationRow) -> str:
+        return "diverges" if row.broke else f"changes {row.change:.1e}"
+
+
+def _speed(saving: float | None) -> str:
+    if saving is None:
+        return ""
+    if 1 / NOISE < saving < NOISE:
+        return ", saves nothing"
+    return f", {saving:.2g} times as fast" if saving > 1 else f", takes {1 / saving:.2g} times as long"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+
+
+@dataclass
+class AblationSummary:
+    """What `ablate` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `tables`: one a backend;
+    `notes`: what to know beside them; `interrupted`: Ctrl-C."""
+
+    machine: str
+    run: str = ""
+    tables: list[Ablated] = field(default_factory=list)
+    measured: int = 0
+    held: int = 0
+    notes: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    interrupted: bool = False
+
+
+def tables_of(measures: Iterable[Measure]) -> list[Ablated]:
+    """The ablations among the measures of one machine, one for each full scene and backend, newest last."""
+    groups: dict[str, dict[str, dict[str, Measure]]] = {}
+    for measure in measures:
+        told = measure.description.get("ablation")
+        if told is not None and measure.name.startswith(PREFIX):
+            of_group = groups.setdefault(told["full"], {})
+            of_group.setdefault(told["name"], {})[measure.name] = measure
+    tables = [_table(group) for group in groups.values()]
+    return [table for table in tables if table is not None]
+
+
+def _table(group: Mapping[str, Mapping[str, Measure]]) -> Ablated | None:
+    """One full scene's; None where it is not complete, or of several sources."""
+    rows = [_row(named) for named in group.values() if CHANGE in named]
+    full = next((row for row in rows if row.name == FULL.name), None)
+    if full is None:
+        return None
+    head: dict[str, Any] = group[FULL.name][CHANGE].description
+    kinds = {table.get("kind", name): table for name, table in head["scene"].items() if isinstance(table, dict)}
+    newest = group[FULL.name][CHANGE].sources
+    current = {name for name, named in group.items() if CHANGE in named and named[CHANGE].sources == newest}
+    less = [row for row in rows if row is not full and row.name in current]
+    return Ablated(
+        head["ablation"]["title"], kinds["method"]["dt"], name_of(kinds["method"]), head["backend"], head["end"], full,
+        tuple(sorted(less, key=lambda row: math.inf if row.seconds is None else row.seconds)),
+    )  # fmt: skip
+
+
+def _row(named: Mapping[str, Measure]) -> AblationRow:
+    told = named[CHANGE].description["ablation"]
+
+    def value(name: str) -> float | None:
+        measure = named.get(f"{PREFIX}{name}")
+        return measure.value if measure and measure.sources == named[CHANGE].sources else None
+
+    error, change, estimate, growth = (value(name) for name in ("error", "change", "reference_estimate", "growth"))
+    suspect = named.get(SUSPECT)
+    return AblationRow(
+        told["name"], told["kind"], told["spares"], named[CHANGE].reason or "",
+        math.inf if error is None else error, math.inf if change is None else change, estimate or 0.0, growth or 0.0,
+        value("energy_off"), value("mean_off"), value("seconds"), (suspect.reason or None) if suspect else None,
+    )  # fmt: skip
+
+
+def print_ablation(console: Console, summary: AblationSummary) -> None:
+    """A table for each backend, sorted by what is saved, and its sentence."""
+    for found in summary.tables:
+        growth = f"a disturbance grows {found.full.growth:.1e} times by then"
+        console.print(
+            f"{found.title}, on the {found.backend}, judged at {found.end:g} s; {growth}", markup=False, soft_wrap=True
+        )
+        console.print(_printed(found, console.width >= WIDE))
+        for row in found.rows:
+            if row.broke:
+                console.print(f"{row.name}: {row.why}", markup=False, soft_wrap=True)
+        console.print(found.sentence(), markup=False, soft_wrap=True)
+    for note in summary.notes:
+        console.print(f"note: {note}", markup=False, soft_wrap=True)
+    console.print(
+        f"{summary.measured} measured, {summary.held} held in the store, {summary.seconds:.0f} s"
+        + ("; interrupted: the same command resumes" if summary.interrupted else "")
+    )
+
+
+def _printed(found: Ablated, wide: bool) -> Table:
+    """The table of one backend; of a chaotic motion with statistics in the place of error and change. `wide`: with why."""
+    chaotic = found.full.chaotic
+    heads = ("energy off, J", "centre off, spacings") if chaotic else ("error, spacings", "change, spacings")
+    numeric = (Column(head, justify="right") for head in ("times as fast", "ms a simulated s", *heads))
+    last = Column("", no_wrap=True)
+    table = Table(
+        Column("", no_wrap=True), *numeric, Column("verdict", no_wrap=True), *([last] if wide else []), box=None
+    )
+    for row in (found.full, *found.rows):
+        numbers = (row.energy_off, row.mean_off) if chaotic else (row.error, None if row is found.full else row.change)
+        shown = [f"{number:.1e}" if number is not None and math.isfinite(number) else "-" for number in numbers]
+        saving = found.saving(row)
+        cost = "-" if row.seconds is None else f"{1e3 * row.seconds:.3g}{'?' if row.suspect else ''}"
+        verdict = "" if row is found.full else found.verdict(row)
+        cells = [escape(row.name), "-" if saving is None else f"{saving:.2f}", cost, *shown]
+        cells.append(f"[{STYLES[verdict]}]{verdict}[/]" if verdict else "")
+        table.add_row(*cells, *(["diverged" if row.broke else escape(row.why)] if wide else []))
+    return table

@@ -1,0 +1,153 @@
+"""What `softlab advise` answers: the soonest way to an error, the runner-up, and why others do not count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from bench.experiments.accuracy.methods import changes
+from bench.experiments.accuracy.points import method_words
+from bench.measure.growth import DISTURBANCE
+from model.scene.scene import Scene
+
+NOISE = 1.1  # times that are nearer than that are called equal
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One configuration that reaches the error, timed. `dt` [s] is the largest found to reach it, in `steps` steps up to
+    the time of judgement; `error` in spacings; `seconds`: wall time of a simulated second, the least of the repeats
+    (what disturbs a sample only ever makes it longer), `median` of them beside it; `copy_seconds` [s]: of the state to
+    the host, once; `limit` [s]: the largest stable step size in any state of the net; `suspect`: why its times may be
+    wrong, or None; `iterations` of a position-based method, by whose name `integrator` goes."""
+
+    integrator: str
+    dt: float
+    precision: str
+    backend: str
+    math: str
+    kernel: str
+    threads: int | None
+    steps: int
+    error: float
+    seconds: float
+    median: float
+    copy_seconds: float
+    limit: float
+    suspect: str | None = None
+    iterations: int | None = None
+
+    @property
+    def share(self) -> float:
+        """The step size over its stability limit."""
+        return self.dt / self.limit
+
+    @property
+    def name(self) -> str:
+        method = method_words(self.integrator, self.iterations)
+        return f"{method}, dt {self.dt:.4g} s, {self.precision}, {self.backend}"
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The fields of a scene, by dotted path, that make it be solved so."""
+        return changes(self.integrator, self.iterations or 1) | {"method.dt": self.dt}
+
+    def copied(self, time: float) -> float:
+        """Wall time of a simulated second, a copy of the state to the host every `time` seconds [s] included."""
+        return self.seconds + self.copy_seconds / time
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The answer. `scene` as asked about, `error` [spacings] asked for at `time` [s]; `growth`: of a disturbance of 1e-9
+    up to then; `choices`: every configuration that reaches the error and was timed, soonest first; `beaten`: (method in
+    words, why it was not timed); `why`: why there is no answer, with what to do, None where there is one; `notes`: what
+    to know beside it; `seconds` that the search took."""
+
+    scene: Scene
+    error: float
+    time: float
+    growth: float
+    choices: tuple[Choice, ...] = ()
+    beaten: tuple[tuple[str, str], ...] = ()
+    why: str | None = None
+    notes: tuple[str, ...] = ()
+    seconds: float = 0.0
+    machine: str = field(default="", compare=False)
+
+    @property
+    def best(self) -> Choice | None:
+        return self.choices[0] if self.choices else None
+
+    @property
+    def runner_up(self) -> Choice | None:
+        """The next soonest."""
+        return self.choices[1] if len(self.choices) > 1 else None
+
+    def configured(self) -> Scene:
+        """The scene with the method and step size of the best choice. Raises ValueError where there is none."""
+        if self.best is None:
+            raise ValueError(self.why or "no choice")
+        return self.scene.replace(self.best.changes)
+
+    def options(self) -> str:
+        """What to pass to `softlab run` beside a scene that is configured so: a scene does not hold it."""
+        best = self.best
+        assert best is not None
+        return f"--backend {best.backend} --precision {best.precision}"
+
+    def heading(self) -> str:
+        """For the file that the scene is written to: what was found, and what a scene does not hold."""
+        best = self.best
+        assert best is not None
+        return "\n".join(
+            [
+                f"Written by softlab advise: the soonest way to {self.error:g} spacings of error at {self.time:g} s.",
+                f"There its error is {best.error:.2e}; its dt is {best.share:.0%} of the stability limit {best.limit:.6g} s.",
+                f"Backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of wall time a simulated second.",
+            ]
+        )
+
+    def __str__(self) -> str:
+        grid = self.scene.grid
+        lines = [
+            f"{self.scene.title}, {grid.rows} x {grid.columns} masses: at most {self.error:g} spacings of error at "
+            f"{self.time:g} s (a disturbance of {DISTURBANCE:g} grows {self.growth:.1e} times by then)"
+        ]
+        if self.why:
+            lines.append(f"no answer: {self.why}")
+        best, second = self.best, self.runner_up
+        if best is not None:
+            lines += [f"soonest    {self._line(best)}", f"           {_margin(best)}"]
+            lines.append(f"           {self.options()} {self._settings(best)}")
+        if best is not None and second is not None:
+            ratio = second.seconds / best.seconds
+            clear = second.seconds > min(best.median, NOISE * best.seconds)
+            close = f"{ratio:.2g} times as long" if clear else "no difference beyond the spread of the repeats"
+            lines += [f"runner-up  {self._line(second)}; {close}", f"           {_margin(second)}"]
+        lines += [f"  then     {self._line(choice)}" for choice in self.choices[2:]]
+        lines += [f"  not      {name}: {reason}" for name, reason in self.beaten]
+        lines += [f"note: {note}" for note in self.notes]
+        lines.append(f"{self.seconds:.0f} s")
+        return "\n".join(lines)
+
+    def _settings(self, choice: Choice) -> str:
+        """What to add to the command line, for a scene that is as it was asked about."""
+        held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
+        same = ("method.solver", "method.substeps", "method.iterations")  # not told where they are so already
+        told = {path: value for path, value in choice.changes.items() if path not in same or held.get(path, 1) != value}
+        return " ".join(f"--set {path}={value}" for path, value in told.items())
+
+    def _line(self, choice: Choice) -> str:
+        cost, copied = 1e3 * choice.seconds, 1e3 * choice.copied(self.time)
+        mark = f" (suspect: {choice.suspect})" if choice.suspect else ""
+        return (
+            f"{choice.name}: {cost:.3g} ms a simulated second ({copied:.3g} with the copy to the host){mark}, "
+            f"error {choice.error:.2e}"
+        )
+
+
+def _margin(choice: Choice) -> str:
+    if choice.share == 0:
+        return "it is stable at any dt"
+    return f"its dt is {choice.share:.0%} of its stability limit {choice.limit:.4g} s"

@@ -1,0 +1,104 @@
+"""Whether an advice is right, by brute force: the whole grid of methods and step sizes, judged, and the best of it timed.
+
+Slow on purpose, and without what `softlab advise` takes for granted (that errors fall by their order, that a method with
+many more forces cannot win): every integrator and precision at step sizes a fixed factor apart, up to the stability limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, inf
+
+from bench.experiments.accuracy.experiment import references
+from bench.experiments.accuracy.methods import newton
+from bench.experiments.accuracy.own_reference import converged_of, growth_of
+from bench.experiments.advise.advice import NOISE, Advice, Choice
+from bench.experiments.advise.experiment import ADVISED, iterations_of
+from bench.experiments.advise.search import LEAST_STEPS, Kind, Search, Task
+from bench.experiments.sweep import backends_here
+from bench.measure.progress import progress_bar
+from bench.store.database import Store
+from model.core.simulation import PRECISIONS
+
+
+@dataclass(frozen=True)
+class Check:
+    """`judged` configurations of the grid, `reaching` of which reach the error; `advised`: the advice, timed beside
+    `rivals`, the largest step size of each method that reaches it, soonest first."""
+
+    judged: int
+    reaching: int
+    advised: Choice
+    rivals: tuple[Choice, ...]
+
+    def cheaper(self, factor: float = NOISE) -> list[Choice]:
+        """The rivals that reach the error in less time than the advised configuration's over `factor`."""
+        return [rival for rival in self.rivals if rival.seconds < self.advised.seconds / factor]
+
+    def __str__(self) -> str:
+        lines = [f"checked by brute force: {self.judged} configurations judged, {self.reaching} reach the error"]
+        for choice in (self.advised, *self.rivals):
+            share = choice.seconds / self.advised.seconds
+            lines.append(f"  {share:8.3f} x the advised time: {choice.name}, error {choice.error:.3g}")
+        cheaper = self.cheaper()
+        lines.append(
+            f"{len(cheaper)} of them cheaper by more than {100 * (NOISE - 1):.0f} % (the noise of timing): the advice is "
+            + ("wrong" if cheaper else "right")
+        )
+        return "\n".join(lines)
+
+
+def grid_steps(least: int, per_octave: int, octaves: int) -> list[int]:
+    """Steps from the fewest that are stable to 2^octaves times as many, `per_octave` to a doubling."""
+    return sorted({ceil(least * 2 ** (k / per_octave)) for k in range(per_octave * octaves + 1)})
+
+
+def brute_force(
+    store: Store,
+    advice: Advice,
+    *,
+    backends: Sequence[str] | None = None,
+    integrators: Sequence[str] = ADVISED,
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    per_octave: int = 2,
+    octaves: int = 5,
+    command: str = "brute force",
+    progress: bool = False,
+) -> Check:
+    """Judge the whole grid at the time of the advice, and time what reaches the error beside what was advised.
+
+    Raises ValueError for an advice without an answer, BackendUnavailable, SceneError.
+    """
+    best = advice.best
+    if best is None:
+        raise ValueError(advice.why or "no choice")
+    scene, end = advice.scene, advice.time
+    motion = newton(scene)
+    growth = growth_of(motion, end, references(store))
+    right = converged_of(motion, end, references(store))
+    run = store.start_run(advice.machine, command)
+    search = Search(store, Task(scene, advice.error, end, growth, right, advice.machine, run, inf))
+    kinds = [
+        kind
+        for backend in backends_here(backends)
+        for precision in precisions
+        for name in integrators
+        for iterations in iterations_of(name)
+        if search.limit(kind := Kind(name, precision, backend, iterations)) > 0
+    ]
+    judged, reaching, fewest = 0, 0, []
+    with progress_bar(progress) as bar:
+        for kind in bar.track(kinds, description="brute force"):
+            limit = search.limit(kind)
+            least = LEAST_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
+            errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
+            able = [steps for steps, error in errors.items() if error <= advice.error]
+            judged, reaching = judged + len(errors), reaching + len(able)
+            if able:
+                fewest.append((kind, min(able), errors[min(able)]))
+    advised = (Kind(best.integrator, best.precision, best.backend, best.iterations), best.steps, best.error)
+    timed = search.time([advised, *(entry for entry in fewest if entry != advised)])
+    key = (best.integrator, best.precision, best.backend, best.iterations, best.steps)
+    mine = next(c for c in timed if (c.integrator, c.precision, c.backend, c.iterations, c.steps) == key)
+    return Check(judged, reaching, mine, tuple(choice for choice in timed if choice is not mine))

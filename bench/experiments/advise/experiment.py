@@ -1,0 +1,149 @@
+"""Which method, step size, precision and backend reaches an error soonest on this machine: measured, not looked up.
+
+The error at a step size is the same story for every backend, and falls by a known power of it; so no full grid is run.
+For each integrator the largest step size that reaches the error is closed in on by its order from one or two coarse
+runs; an integrator that already needs many times the forces of the best so far is not even compiled. What is found in
+float64 is where the search in float32 and on the other backends begins; every answer was reached by the very
+configuration it names. Those are then timed side by side. Step sizes over the stability limit are not advised.
+
+Everything goes into the store as it is had, so that asking again, or for less, costs little.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+
+from bench.experiments.accuracy.experiment import references
+from bench.experiments.accuracy.judgement import RESOLVED
+from bench.experiments.accuracy.methods import METHODS, XPBD, newton, order_of, position_based, sweeps
+from bench.experiments.accuracy.own_reference import by_numpy, converged_of, growth_of, numpy_seconds, own_seconds
+from bench.experiments.accuracy.points import END
+from bench.experiments.advise.advice import Advice
+from bench.experiments.advise.search import Kind, Search, Task, disturbed
+from bench.experiments.sweep import backends_here
+from bench.measure.growth import MOST_GROWTH, Growth
+from bench.measure.machine import enter_machine, source_revision
+from bench.measure.progress import progress_bar
+from bench.reference import cache
+from bench.store.database import Store
+from model.core.build import pinned_indices
+from model.core.errors import SceneError
+from model.core.simulation import PRECISIONS
+from model.scene.scene import Scene
+
+REFERENCE_SECONDS = 60.0  # the most that a reference may take, estimated
+TOTAL_SECONDS = 180.0
+ADVISED = tuple(name for name in METHODS if name not in XPBD[1:])  # of the orderings, the one that converges soonest
+ITERATIONS = (1, 4)  # of a position-based method that are tried
+
+
+def advise(
+    store: Store,
+    scene: Scene,
+    error: float,
+    *,
+    backends: Sequence[str] | None = None,
+    time: float | None = None,
+    integrators: Sequence[str] = ADVISED,
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    total_seconds: float = TOTAL_SECONDS,
+    progress: bool = True,
+    command: str = "softlab advise",
+) -> Advice:
+    """The soonest way to at most `error` spacings (root mean square over the free masses) at `time` [s] (None: 1.5).
+
+    `integrators`: names of bench.experiments.accuracy.methods.METHODS. `backends`: None: all that are here.
+    `total_seconds`: after it no new search is begun; what was found is told.
+
+    Raises SceneError (an error or time that cannot be, a scene with a random force, nothing that moves, a reference that
+    would take too long, constraints that Newton's law does not tell the motion of), BackendUnavailable, InputError (the
+    store). Chaos, and an error that nothing reaches, are
+    answers: `why` says so.
+    """
+    begin = clock.perf_counter()
+    end = END if time is None else time
+    _check(scene, error, end, total_seconds)
+    chosen = backends_here(backends)
+    revision = source_revision()
+    machine = enter_machine(store)
+    with progress_bar(progress) as bar:
+        row = bar.add_task("growth of a disturbance", total=None)
+        motion = newton(scene)
+        growth = growth_of(motion, end, references(store))
+        found = Advice(scene, error, end, growth.factor, machine=machine)
+        if growth.chaotic:
+            return replace(found, why=_chaos(growth), seconds=clock.perf_counter() - begin)
+        bar.update(row, description="converged reference")
+        right = converged_of(motion, end, references(store))
+        if not right.estimate * RESOLVED <= error * scene.grid.spacing:
+            off = right.estimate / scene.grid.spacing
+            why = f"the reference itself is only good to {off:.1e} spacings; ask for a larger --error"
+            return replace(found, why=why, seconds=clock.perf_counter() - begin)
+        run = store.start_run(machine, command, revision)
+        search = Search(store, Task(scene, error, end, growth, right, machine, run, begin + total_seconds))
+        kinds = [
+            Kind(name, precision, backend, iterations)
+            for name in sorted(integrators, key=lambda name: (-order_of(name), position_based(name), sweeps(name)))
+            for iterations in iterations_of(name)
+            for backend in chosen
+            for precision in sorted(precisions, reverse=True)  # float64 first: its errors fall by the order
+        ]
+        bar.update(row, total=len(kinds) + 1)
+        for kind in kinds:
+            bar.update(row, description=str(kind))
+            search.find(kind)
+            bar.advance(row)
+        bar.update(row, description=f"timing {len(search.reached)} side by side")
+        choices = search.timed()
+    notes = [*search.notes(), *disturbed(choices)]
+    if not by_numpy(motion, end):
+        notes.append("the reference was solved by the lab's own rk4 in float64: NumPy's would have taken minutes")
+    return replace(
+        found, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
+        notes=tuple(notes), seconds=clock.perf_counter() - begin,
+    )  # fmt: skip
+
+
+def iterations_of(name: str) -> tuple[int | None, ...]:
+    """The numbers of iterations with which a method is tried; an integrator has none."""
+    return ITERATIONS if position_based(name) else (None,)
+
+
+def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None:
+    """Refuse what has no answer before anything is measured."""
+    for name, value in (("--time", end), ("--total-seconds", total_seconds)):
+        if not 0 < value < inf:
+            raise SceneError(name, value, "must be greater than 0 and finite")
+    least = RESOLVED * cache.TOLERANCE
+    if not least <= error < inf:
+        raise SceneError(
+            "--error", error, f"in spacings; must be finite and at least {least:g}, which references resolve"
+        )
+    motion = newton(scene)
+    if scene.external and scene.external.magnitude > 0:
+        raise SceneError(
+            "external.magnitude",
+            scene.external.magnitude,
+            "a random force is another force at every step size, so that no run has an error; "
+            "pass --set external.magnitude=0",
+        )
+    if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
+        raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, any method is right")
+    needed = min(numpy_seconds(motion, end), own_seconds(motion, end))
+    if needed > REFERENCE_SECONDS:
+        fits = end * REFERENCE_SECONDS / needed
+        raise SceneError(
+            "--time", end, f"its reference would take about {needed:.0f} s; use at most {fits:.1g}, or a smaller grid"
+        )
+
+
+def _chaos(growth: Growth) -> str:
+    text = (
+        f"chaos: by {growth.times[-1]:g} s a disturbance has grown {growth.factor:.1e} times (over {MOST_GROWTH:g}), and "
+        "every method's trajectory is as wrong as any other's"
+    )
+    safe = growth.safe_time()
+    return f"{text}; up to {safe:.2g} s it is told: --time {safe:.2g}" if safe else f"{text}; ask for a shorter --time"

@@ -1,0 +1,315 @@
+"""The search of `softlab advise`: the largest step size of each method that reaches an error, then all of them timed."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from math import ceil, inf, isfinite, log, sqrt
+from typing import Any
+
+import numpy as np
+
+from bench.experiments.accuracy.experiment import Case, copy_seconds, make_case
+from bench.experiments.accuracy.judgement import ERROR, judge
+from bench.experiments.accuracy.methods import changes, order_of, sweeps
+from bench.experiments.accuracy.points import COPY, method_words
+from bench.experiments.advise.advice import Choice
+from bench.measure.growth import Growth
+from bench.measure.machine import gpu_simulated
+from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.reference.cache import Converged
+from bench.reference.mass_spring import start
+from bench.store.database import Store, configuration_hash
+from bench.store.results import Timing, measures, timings
+from model.core.errors import Diverged, SoftlabError
+from model.core.integrators import stability_limit
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+STAGE = "advise"  # of its samples in the store
+TIGHT = 1.03  # a step size is found when one so many times as large misses the error
+MOST_RUNS = 12  # of one integrator, precision and backend, to find it
+MOST_STRIDE = 64.0  # times the steps, from one run to the next
+FLOOR = 0.75  # an error that twice the steps leave above so much of it has stopped to fall
+HOPELESS = 10  # times the forces of the best so far: not compiled, not run
+REPEATS, SAMPLE_SECONDS, MOST_SAMPLE = 9, 0.02, 1.0  # many and short: the least of them counts
+MOST_ROUNDS = 3  # of samples, while they are disturbed
+DISTURBED = 1.5  # a median over so many times the least: other programs had the cores
+LEAST_STEPS = 4  # where nothing limits the step size
+
+Tried = tuple[int, float]  # steps, error [spacings]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is searched for a step size."""
+
+    integrator: str  # the method's name
+    precision: str
+    backend: str
+    iterations: int | None = None  # of a position-based one
+
+    def __str__(self) -> str:
+        return f"{self.method}, {self.precision}, {self.backend}"
+
+    @property
+    def method(self) -> str:
+        """In words."""
+        return method_words(self.integrator, self.iterations)
+
+    @property
+    def sweeps(self) -> int:
+        """What a step of it costs in force evaluations, or as much."""
+        return sweeps(self.integrator, self.iterations or 1)
+
+    @property
+    def order(self) -> int:
+        return order_of(self.integrator)
+
+    def changes(self, dt: float) -> dict[str, Any]:
+        """The fields of a scene that make it be solved so."""
+        return changes(self.integrator, self.iterations or 1) | {"method.dt": dt}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is asked: at most `error` spacings at `end` [s], against `newton`; where it is stored (`machine`, `run`);
+    nothing new is begun after `deadline` (time.perf_counter)."""
+
+    scene: Scene
+    error: float
+    end: float
+    growth: Growth
+    newton: Converged
+    machine: str
+    run: str
+    deadline: float
+
+
+class _OutOfTime(Exception):
+    """The time for the search was used up."""
+
+
+def next_steps(low: Tried | None, high: Tried | None, target: float, order: int, least: int, turn: int) -> int:
+    """The number of steps to try next, between the most that miss the target (`low`) and the fewest that reach it.
+
+    With one of them known, the order tells how far to go; with both, log error is taken as linear in log steps, a little
+    to one side and then the other, so that both ends close in. One of them must be given.
+    """
+    if low is not None and high is not None:
+        (few, worse), (many, better) = low, high
+        guess = sqrt(few * many)
+        if isfinite(worse) and 0 < better < worse:
+            guess = few * (worse / target) ** (log(many / few) / log(worse / better))
+        guess *= 1.01 if turn % 2 else 1 / 1.01
+        return min(many - 1, max(few + 1, round(guess)))
+    if low is not None:
+        steps, error = low
+        known = order > 0 and isfinite(error) and turn < 3
+        factor = 1.01 * (error / target) ** (1 / order) if known else 2.0
+        return max(steps + 1, ceil(steps * min(MOST_STRIDE, max(factor, TIGHT))))
+    assert high is not None
+    steps, error = high
+    guess = min(steps / TIGHT, steps * (error / target) ** (1 / max(order, 1)) / 1.01)
+    return max(least, min(steps - 1, ceil(guess)))
+
+
+class Search:
+    """The search under way. `reached`: (steps, error) of what reaches the error, with the fewest steps found; `beaten`:
+    (method, why it was left out)."""
+
+    def __init__(self, store: Store, task: Task):
+        self.store, self.task = store, task
+        self.reached: dict[Kind, Tried] = {}
+        self.beaten: list[tuple[str, str]] = []
+        self._closest: tuple[float, str] = (inf, "")
+        self._seconds: dict[Kind, float] = {}  # of a step, from the runs so far
+        self._held = {
+            (m.configuration, m.sources): m.value for m in measures(store, ERROR, task.machine) if m.value is not None
+        }
+
+    def case(self, kind: Kind, steps: int) -> Case:
+        """The configuration, described with the time it is judged at, which is no part of the scene."""
+        scene = self.task.scene.replace(kind.changes(self.task.end / steps))
+        made = make_case("", scene, kind.backend, kind.precision)
+        return replace(made, description=made.description | {"end": self.task.end})
+
+    def limit(self, kind: Kind) -> float:
+        return stability_limit(self.task.scene.replace(kind.changes(self.task.end)))
+
+    def find(self, kind: Kind) -> None:
+        """Add the kind to `reached` with the fewest steps that do, or to `beaten` with the reason."""
+        limit = self.limit(kind)
+        if limit == 0:
+            self._leave(kind.method, "unstable at every step size here")
+            return
+        least = max(LEAST_STEPS if limit == inf else 1, ceil(self.task.end / limit * (1 - 1e-12)))
+        forces = kind.sweeps
+        best = min((n * k.sweeps for k, (n, _) in self.reached.items()), default=None)
+        if best is not None and least * forces > HOPELESS * best:
+            self._leave(kind.method, f"its stability limit of {limit:.3g} s alone makes it {least * forces / best:.0f} "
+                        "times as many forces as the best")  # fmt: skip
+            return
+        most = None if best is None else int(HOPELESS * best / forces)
+        same = [n for k, (n, _) in self.reached.items() if k.method == kind.method]
+        try:
+            self._close_in(kind, least, most, same[0] if same else None)
+        except _OutOfTime:
+            self._leave(str(kind), "the time for the search was used up")
+        except SoftlabError as problem:
+            self._leave(str(kind), str(problem))
+
+    def _leave(self, name: str, reason: str) -> None:
+        if (name, reason) not in self.beaten:
+            self.beaten.append((name, reason))
+
+    def _close_in(self, kind: Kind, least: int, most: int | None, seed: int | None) -> None:
+        order = kind.order
+        low: Tried | None = None  # most steps that miss the error
+        high: Tried | None = None  # fewest that reach it
+        steps = max(least, seed or least)
+        for turn in range(MOST_RUNS):
+            error = self.error(kind, steps)
+            if error <= self.task.error:
+                high = steps, error
+            else:
+                if low is not None and steps >= 1.9 * low[0] and isfinite(low[1]) and error > FLOOR * low[1]:
+                    least_error = min(error, low[1])
+                    self._leave(str(kind), f"its error stops falling at {least_error:.1e} spacings")
+                    return
+                low = steps, error
+            if high and (high[0] == least or (low and (high[0] - low[0] <= 1 or high[0] <= TIGHT * low[0]))):
+                break
+            steps = next_steps(low, high, self.task.error, order, least, turn)
+            if most is not None and high is None and steps > most:
+                needed = steps * kind.sweeps
+                self._leave(
+                    str(kind), f"would need about {needed} forces a run, over {HOPELESS} times those of the best"
+                )
+                return
+        if high:
+            self.reached[kind] = high
+        else:
+            self._leave(str(kind), f"did not reach it in {MOST_RUNS} runs; the last, of {steps} steps, missed")
+
+    def error(self, kind: Kind, steps: int) -> float:
+        """The error [spacings] at the end; from the store, where it holds it. Infinite where the run diverged."""
+        case = self.case(kind, steps)
+        held = self._held.get((configuration_hash(case.description), case.sources))
+        if held is None:
+            held = self._run(kind, case, steps)
+            self._held[configuration_hash(case.description), case.sources] = held
+        if held < self._closest[0]:
+            self._closest = held, f"{kind}, dt {self.task.end / steps:.4g} s"
+        return held
+
+    def _run(self, kind: Kind, case: Case, steps: int) -> float:
+        expected = steps * self._seconds.get(kind, 0.0)
+        if clock.perf_counter() + expected > self.task.deadline:
+            raise _OutOfTime
+        with case.open() as simulation:
+            begin = clock.perf_counter()
+            try:
+                simulation.advance(steps)
+                outcome: State | Diverged = simulation.state()
+            except Diverged as diverged:
+                outcome = diverged
+            self._seconds[kind] = (clock.perf_counter() - begin) / steps
+            numbers = judge(case.scene, outcome, self.task.newton, self.task.growth)
+            if not isinstance(outcome, Diverged):
+                numbers[COPY] = (copy_seconds(simulation), "s", "the whole state")
+        with self.store.transaction():
+            for name, (value, unit, reason) in numbers.items():
+                self.store.add_measure(self.task.run, case.description, case.sources, name, value, unit, reason)
+        return numbers[ERROR][0]
+
+    # ------------------------------------------------------------------ timing
+
+    def timed(self) -> list[Choice]:
+        """What reaches the error, soonest first; all of it timed side by side, unless the store holds all of it."""
+        return self.time([(kind, *tried) for kind, tried in self.reached.items()])
+
+    def time(self, wanted: Sequence[tuple[Kind, int, float]]) -> list[Choice]:
+        """Time each (kind, steps, error) side by side, unless the store holds sound samples of all; soonest first.
+
+        Samples that other programs disturbed (by the cores' load, or because they differ much) are taken again: the least
+        of all counts, so that more of them can only mend it.
+        """
+        cases = [self.case(kind, steps) for kind, steps, _ in wanted]
+        found = self._timings()
+        for _ in range(MOST_ROUNDS):
+            if all(self._sound(found.get(self._key(case))) for case in cases):
+                break
+            self._sample(cases)
+            found = self._timings()
+        machine = self.task.machine
+        copies = {m.configuration: m.value for m in measures(self.store, COPY, machine)}
+        choices = []
+        for (kind, steps, error), case in zip(wanted, cases, strict=True):
+            key = configuration_hash(case.description)
+            timing, dt = found[self._key(case)], case.scene.method.dt
+            choices.append(
+                Choice(
+                    kind.integrator, dt, kind.precision, kind.backend, case.math, timing.kernel, timing.threads, steps,
+                    error, timing.low / dt, timing.median / dt, copies.get(key) or 0.0,
+                    self.limit(kind), "; ".join(timing.suspect) or None, kind.iterations,
+                )
+            )  # fmt: skip
+        return sorted(choices, key=lambda choice: choice.seconds)
+
+    @staticmethod
+    def _key(case: Case) -> tuple[str, str]:
+        return configuration_hash(case.description), case.sources
+
+    def _timings(self) -> dict[tuple[str, str], Timing]:
+        return {(t.configuration, t.sources): t for t in timings(self.store, self.task.machine, STAGE)}
+
+    @staticmethod
+    def _sound(timing: Timing | None) -> bool:
+        return timing is not None and timing.count >= REPEATS and timing.median <= DISTURBED * timing.low
+
+    def _sample(self, cases: Sequence[Case]) -> None:
+        """Time the cases in turn (A B A B ...)."""
+        run = self.task.run
+        with ExitStack() as stack:
+            subjects = []
+            for case in cases:
+                subject = Subject(stack.enter_context(case.open()), case)
+                warm_up(subject)
+                choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
+                kernel = subject.simulation.kernel
+                self.store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
+                subjects.append(subject)
+            for subject, sample in interleaved(subjects, [REPEATS] * len(subjects), Neighbours()):
+                case = subject.name
+                simulated = "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None
+                suspect = "; ".join(filter(None, (sample.suspect, simulated))) or None
+                self.store.add_sample(
+                    run, case.description, case.sources, sample.seconds, sample.steps, stage=STAGE, suspect=suspect
+                )
+
+    # ------------------------------------------------------------------ words
+
+    def failure(self) -> str:
+        """Why nothing reaches the error."""
+        error, name = self._closest
+        closest = f"the closest is {name} with {error:.1e}" if isfinite(error) else "no run held"
+        return f"nothing tried reaches {self.task.error:g} spacings: {closest}; ask for a larger --error"
+
+    def notes(self) -> list[str]:
+        """What to know beside the answer."""
+        task = self.task
+        way = np.linalg.norm(task.newton.position - start(task.scene)[0], axis=1)
+        moved = way.max() / task.scene.grid.spacing
+        if moved < task.error:
+            return [f"nothing moves by more than {moved:.1e} spacings until then, so any method is right"]
+        return []
+
+
+def disturbed(choices: Sequence[Choice]) -> list[str]:
+    """A note where other programs ran while the choices were timed."""
+    if any("load" in (c.suspect or "") or c.median > DISTURBED * c.seconds for c in choices):
+        return ["other programs ran while this was timed; ask again on a quiet machine before you rely on close times"]
+    return []

@@ -1,0 +1,178 @@
+"""Three solvers, one body: `softlab bar`. What each method's material really is, and laws that bodies keep.
+
+A strip of the lab's grid under all three solvers (bench/experiments/bar_strip.py) and a bar of jelly of the same material
+(bench/experiments/bar_body.py): sag, first frequency and, of the strip, what resists shear, each against the spacing, the
+substeps of a frame and the size of the clusters, one of them at a time; beside them the laws of
+bench/experiments/body_laws.py. All of it in float64 and exact math, which hangs on no backend, so that what remains is the
+method. Kept in the store, resumable.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from bench.experiments import bar_body, bar_strip, body_laws
+from bench.experiments.bar_body import bar, stand, sway
+from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
+from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
+from bench.experiments.findings import Experiment, FindingsSummary, Measures, described
+from bench.experiments.sweep import backends_here, source_hash
+from bench.measure.machine import enter_machine, source_revision
+from bench.measure.progress import progress_bar
+from bench.store.database import Store
+from model.core.digest import source_digest
+from model.scene.scene import Scene
+
+VERSION = 1  # part of every resume key: raise it when an experiment changes
+STRIP, BODY, LAW = "bar: strip", "bar: body", "bar: law"  # values of `finding`
+SOLVERS = {  # name -> solver, iterations
+    "mass-spring": ("mass-spring", 1),
+    "xpbd": ("xpbd", 1),
+    "xpbd, converged": ("xpbd", 32),
+    "shape-matching": ("shape-matching", 1),
+}
+LINKS = (8, 16, 32, 64)  # along the strip
+SUBSTEPS = (1, 2, 4, 8, 16)  # of a frame
+REGIONS = (1, 2, 3, 4)
+LAYERS = (8, 16, 24, 32)  # of particles along the jelly bar
+OVERLAPS = (1.0, 1.25, 1.5, 2.0)  # cluster_radius over cluster_spacing
+SOME_LINKS, SOME_LAYERS, SOME_OVERLAP, FINEST = 16, 16, 1.25, SUBSTEPS[-1]  # where the others are varied
+QUICK = {8, 16, 1, 4, 2, 1.25}  # values of what is varied that `quick` keeps, but of REGIONS
+QUICK_REGIONS = REGIONS[:2]  # each is machine code of its own
+LAWS = {SPIN: KEPT, FLIGHT: KEPT, DROP: ENERGY}
+LAW_SUBSTEPS = (1, 4, 16)
+
+
+def run_bar(
+    store: Store,
+    *,
+    quick: bool = False,
+    backends: Sequence[str] | None = None,
+    progress: bool = True,
+    command: str = "softlab bar",
+) -> FindingsSummary:
+    """Measure what the store lacks.
+
+    `quick`: few values of each. `backends`: None: all that are here. Ctrl-C ends cleanly (`interrupted`).
+    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
+    """
+    begin = time.perf_counter()
+    chosen = backends_here(backends)
+    summary = FindingsSummary(enter_machine(store), "bar")
+    try:
+        everything = [one for backend in chosen for one in experiments(backend, quick)]
+        missing = [e for e in everything if not store.has_measure(e.description, summary.machine, e.sources, e.name)]
+        summary.held = len(everything) - len(missing)
+        if missing:
+            summary.run = store.start_run(summary.machine, command, source_revision())
+            _measure(store, summary, missing, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Experiment], show: bool) -> None:
+    with progress_bar(show) as bar_shown:
+        task = bar_shown.add_task("bar", total=len(missing))
+        for experiment in missing:
+            bar_shown.update(task, description=str(experiment))
+            experiment.run(store, summary.run)
+            summary.measured += 1
+            bar_shown.advance(task)
+
+
+def experiments(backend: str, quick: bool = False) -> list[Experiment]:
+    """All of a backend: strips, jelly bars, laws."""
+    own = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
+    sources = f"{source_hash(backend)}-{own}-b{VERSION}"
+    return [*_strips(backend, sources, quick), *_bodies(backend, sources, quick), *_laws(backend, sources, quick)]
+
+
+def _experiment(
+    name: str, scene: Scene, backend: str, sources: str, finding: str, run: Callable[[], Measures], **how: object
+) -> Experiment:
+    told = {"precision": "float64", "math": "exact"} | how
+    return Experiment(name, described(scene, backend, finding, **told), sources, run)
+
+
+def _kept(values: Sequence[float], quick: bool) -> list[float]:
+    return [value for value in values if not quick or value in QUICK]
+
+
+def settings(quick: bool = False) -> Iterator[tuple[str, int, int, int]]:
+    """(name of SOLVERS, links, substeps, region) of every strip, each once."""
+    for name in SOLVERS:
+        yield from dict.fromkeys(
+            [
+                *((name, int(links), FINEST, 1) for links in _kept(LINKS, quick)),
+                *((name, SOME_LINKS, int(substeps), 1) for substeps in _kept(SUBSTEPS, quick)),
+            ]
+        )
+    for region in QUICK_REGIONS if quick else REGIONS:
+        if region > 1:
+            for links in _kept(LINKS, quick):
+                yield "shape-matching", int(links), FINEST, region
+
+
+def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
+    found = []
+    loads = {SAG: hang, FREQUENCY: swing, ACROSS: bend}
+    for name, links, substeps, region in settings(quick):
+        solver, iterations = SOLVERS[name]
+        method = method_of(solver, substeps, iterations, region)
+        told = {"solver": name, "links": links, "substeps": substeps, "region": region}
+        for load, run in loads.items():
+            if load == ACROSS and (quick or name == "xpbd, converged"):
+                continue
+            scene = strip(links, method, load)
+
+            def measure(scene: Scene = scene, run: Callable[[Scene, str], Measures] = run) -> Measures:
+                return run(scene, backend)
+
+            found.append(_experiment(load, scene, backend, sources, STRIP, measure, load=load, **told))
+    return found
+
+
+def bodies(quick: bool = False) -> list[tuple[int, float, int]]:
+    """(layers, overlap, substeps) of every jelly bar, each once."""
+    found = [
+        *((SOME_LAYERS, overlap, FINEST) for overlap in _kept(OVERLAPS, quick)),
+        *((int(layers), SOME_OVERLAP, FINEST) for layers in _kept(LAYERS, quick)),
+        *((SOME_LAYERS, SOME_OVERLAP, int(substeps)) for substeps in _kept(SUBSTEPS, quick)),
+    ]
+    return list(dict.fromkeys(found))
+
+
+def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
+    found = []
+    for layers, overlap, substeps in bodies(quick):
+        told = {"layers": layers, "overlap": overlap, "substeps": substeps}
+        lying, standing = (bar(layers, overlap, substeps, up) for up in (False, True))
+
+        def swings(scene: Scene = lying, layers: int = layers, overlap: float = overlap) -> Measures:
+            return sway(scene, backend, layers, overlap)
+
+        def stands(scene: Scene = standing) -> Measures:
+            return stand(scene, backend)
+
+        found.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, load=FREQUENCY, **told))
+        found.append(_experiment(SAG, standing, backend, sources, BODY, stands, load=SAG, **told))
+    return found
+
+
+def _laws(backend: str, sources: str, quick: bool) -> list[Experiment]:
+    found = []
+    for law, name in LAWS.items():
+        for substeps in _kept(LAW_SUBSTEPS, quick):
+            scene = law_scene(law, int(substeps))
+            for precision in ("float64", "float32") if law == DROP and not quick else ("float64",):
+
+                def measure(scene: Scene = scene, law: str = law, precision: str = precision) -> Measures:
+                    return hold(law, scene, backend, precision)
+
+                told = {"law": law, "substeps": int(substeps), "precision": precision}
+                found.append(_experiment(name, scene, backend, sources, LAW, measure, **told))
+    return found

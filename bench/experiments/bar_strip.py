@@ -1,0 +1,214 @@
+"""One bar of the lab's grid under all three solvers: how long it hangs, how fast it swings, and what holds it against shear.
+
+A strip of LENGTH [m] below its pins (or beside them) and WIDTH [m] across, one material at every spacing d: springs of
+k = STIFFNESS [N/m] and masses of k d^2 / c^2, so that waves along it go at c = SPEED [m/s]. As a rod it sags by
+g L^2 / (2 c^2) and swings first at c / (4 L). Rows stay straight, so that each number follows from a chain:
+
+- of springs, n links and masses: a sag of (1 + 1/n) times that, and w = 2 c/d sin(pi / (4 n + 2));
+- an oscillator of w in steps of h: velocity Verlet swings at 2/h asin(w h / 2), implicit Euler at atan(w h) / h;
+- of clusters: the linear system of `chain_of_clusters`.
+
+Springs alone do not resist shear. A strip held at its side then hangs down from there, whatever its load. One of clusters
+bends as a beam: WEIGHT is what g is there.
+"""
+
+from __future__ import annotations
+
+from math import asin, atan, pi, sin
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.findings import Measures
+from model.core.build import build, rest_positions
+from model.core.errors import Diverged, UnstableTimeStep
+from model.core.simulation import Simulation, State
+from model.scene.scene import Scene
+from model.shape_matching.matching import lattice_clusters, matching_stiffness
+
+LENGTH, WIDTH = 1.0, 0.25  # m
+SPEED = 8.0  # m/s, c
+STIFFNESS = 10.0  # N/m, k
+GRAVITY, WEIGHT = 9.81, 0.1  # m/s^2: of the strip that hangs, and of the one that is loaded across
+FRAME = 1 / 60  # s
+SWING = 0.01  # m: the amplitude at its end
+FRAMES = 96  # that a swing is followed, some three periods
+REST_FRAMES, ACROSS_FRAMES = 600, 3600  # to rest: by e^-30, and of a pendulum as long by e^-19
+REST_RATE, ACROSS_RATE = 6.0, 0.63  # 1/s: of the dampers that bring it there, none of them over what is critical
+OPTIONS: dict[str, Any] = {"precision": "float64", "math": "exact"}
+SHARED = ("gravity", "damping")  # live, so that what has neither shares kernels with what has both: they add zeros
+
+SAG, FREQUENCY, DECAY, ACROSS = "bar_sag", "bar_frequency", "bar_decay", "bar_across"  # m; 1/s; 1/s; m
+REFUSED = "refused"  # how the reason of a missing number begins
+
+
+def rod_sag(gravity: float = GRAVITY) -> float:
+    """[m]: the longest way down of a hanging rod of the material, rho g L^2 / (2 E)."""
+    return gravity * LENGTH**2 / (2 * SPEED**2)
+
+
+def rod_frequency() -> float:
+    """[1/s]: of the first longitudinal swing of a rod that is held at one end, sqrt(E / rho) / (4 L)."""
+    return SPEED / (4 * LENGTH)
+
+
+def beam_tip(gravity: float = WEIGHT) -> float:
+    """[m]: how far the end of a beam of the clusters' material that is held at its side hangs down by its own weight.
+
+    Bending and shear, S. P. Timoshenko (1921): q L^4 / (8 E I) + q L^2 / (2 kappa G A), of a rectangle kappa = 5/6. Clusters
+    that store w^2 m |goal - x|^2 / 2 do not shrink across when they are drawn out, so that E = 2 G.
+    """
+    return gravity * (12 * LENGTH**4 / (8 * WIDTH**2) + 2 * LENGTH**2 / (2 * 5 / 6)) / SPEED**2
+
+
+def chain_sag(links: int, gravity: float = GRAVITY) -> float:
+    """[m]: of a chain of springs, m g / k (1 + 2 + ... + n)."""
+    return rod_sag(gravity) * (1 + 1 / links)
+
+
+def chain_frequency(links: int) -> float:
+    """[1/s]: of a chain of springs, held at one end."""
+    return 2 * SPEED * links / LENGTH * sin(pi / (4 * links + 2)) / (2 * pi)
+
+
+def verlet_frequency(frequency: float, h: float) -> float:
+    """[1/s]: what velocity Verlet makes of a frequency in steps of h [s]."""
+    return asin(pi * frequency * h) / (pi * h)
+
+
+def implicit_frequency(frequency: float, h: float) -> float:
+    """[1/s]: what implicit Euler makes of it."""
+    return atan(2 * pi * frequency * h) / (2 * pi * h)
+
+
+def strip(links: int, method: dict[str, Any], load: str = SAG) -> Scene:
+    """The strip with `links` along it under a method's fields: hanging with a damper (SAG), without weight or damper
+    (FREQUENCY), or held at its left side (ACROSS)."""
+    spacing = LENGTH / links
+    mass = STIFFNESS * (spacing / SPEED) ** 2
+    along, across = links + 1, max(1, round(WIDTH / spacing))
+    beside = load == ACROSS
+    rates = {SAG: REST_RATE, FREQUENCY: 0.0, ACROSS: ACROSS_RATE}
+    weights = {SAG: GRAVITY, FREQUENCY: 0.0, ACROSS: WEIGHT}
+    return Scene(
+        {
+            "title": "Bar",
+            "grid": {
+                "rows": across if beside else along, "columns": along if beside else across, "spacing": spacing,
+                "mass": mass, "pinned": "left" if beside else "top",
+            },
+            "springs": {"stiffness": STIFFNESS, "rest_length": spacing},
+            "damping": {"coefficient": rates[load] * mass},
+            "gravity": {"acceleration": weights[load]},
+            "method": method,
+        },
+        "bar",
+    )  # fmt: skip
+
+
+def method_of(solver: str, substeps: int, iterations: int = 1, region: int = 1) -> dict[str, Any]:
+    """The fields of a method that does a frame in so many substeps; mass-spring in as many steps."""
+    if solver == "mass-spring":
+        return {"solver": solver, "integrator": "velocity-verlet", "dt": FRAME / substeps}
+    own = {"region": region} if solver == "shape-matching" else {}
+    return {"solver": solver, "dt": FRAME, "substeps": substeps, "iterations": iterations, **own}
+
+
+def frame_steps(scene: Scene) -> int:
+    """How many steps of the scene a frame has."""
+    return round(FRAME / scene.method.dt)
+
+
+def follow(simulation: Simulation, shape: np.ndarray, frames: int) -> np.ndarray:
+    """(frames + 1,): the way from the start along `shape` (particles, dimensions), once a frame. Raises Diverged."""
+    begin = simulation.body.position
+    found = []
+    for frame in range(frames + 1):
+        if frame:
+            simulation.advance(frame_steps(simulation.scene))
+        found.append(float(np.sum((simulation.read("position") - begin) * shape) / np.sum(shape**2)))
+    simulation.check()
+    return np.array(found)
+
+
+def swing_of(ways: np.ndarray, step: float) -> tuple[float, float]:
+    """(frequency, decay) [1/s] of a swing seen every `step` [s]: x'' = s x' - d x of a linear step, by least squares (Prony
+    1795); its eigenvalues have the square d and the real part s / 2."""
+    matrix = np.stack([ways[1:-1], -ways[:-2]], axis=1)
+    (s, d), *_ = np.linalg.lstsq(matrix, ways[2:], rcond=None)
+    angle = np.arccos(np.clip(s / (2 * np.sqrt(d)), -1, 1))
+    return float(angle / (2 * np.pi * step)), float(-np.log(d) / (2 * step))
+
+
+def told(measure: Any, *names: str) -> Measures:
+    """What `measure` returns; for a step size that is refused, or a run that diverged, no number and why."""
+    try:
+        return measure()
+    except UnstableTimeStep as error:
+        return {name: (float("nan"), "", f"{REFUSED}: {error}") for name in names}
+    except Diverged as error:
+        return {name: (float("inf"), "", str(error)) for name in names}
+
+
+def hang(scene: Scene, backend: str) -> Measures:
+    """SAG: how far the strip's lower end comes to hang under where it is without weight."""
+
+    def measure() -> Measures:
+        with open_simulation(scene, backend, **OPTIONS) as simulation:
+            simulation.advance(REST_FRAMES * frame_steps(scene))
+            lowest = simulation.state().position[-1, 1]
+        return {SAG: (float(-LENGTH - lowest), "m", f"rod: {rod_sag():.6g}")}
+
+    return told(measure, SAG)
+
+
+def swing(scene: Scene, backend: str) -> Measures:
+    """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a chain's."""
+
+    def measure() -> Measures:
+        rest, links = rest_positions(scene.grid), scene.grid.rows - 1
+        place = np.arange(scene.grid.particle_count) // scene.grid.columns
+        shape = np.zeros_like(rest)
+        shape[:, 1] = -np.sin(pi * place / (2 * links + 1))
+        begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
+        with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
+            frequency, decay = swing_of(follow(simulation, shape, FRAMES), FRAME)
+        return {FREQUENCY: (frequency, "1/s", f"rod: {rod_frequency():.6g}"), DECAY: (decay, "1/s", None)}
+
+    return told(measure, FREQUENCY, DECAY)
+
+
+def bend(scene: Scene, backend: str) -> Measures:
+    """ACROSS: how far the end of a strip that is held at its left side comes to hang under its place."""
+
+    def measure() -> Measures:
+        with open_simulation(scene, backend, **OPTIONS) as simulation:
+            simulation.advance(ACROSS_FRAMES * frame_steps(scene))
+            moved = simulation.state().position - rest_positions(scene.grid)
+        end = moved.reshape(scene.grid.rows, scene.grid.columns, 2)[:, -1, 1].mean()
+        return {ACROSS: (float(-end), "m", f"beam: {beam_tip():.6g}")}
+
+    return told(measure, ACROSS)
+
+
+def chain_of_clusters(scene: Scene) -> tuple[float, float]:
+    """(SAG, FREQUENCY) of a strip by shape matching, from its clusters alone.
+
+    With K u = sum share (x - goal) of a row's displacement u, a substep h rests where K u = g / w^2 + h^2 (g - K g) on free
+    rows, and takes a mode of K's eigenvalue e to z^2 = (1 - b e)(2 z - 1), b = w^2 h^2 / (1 + w^2 h^2): one iteration.
+    """
+    column = scene.replace({"grid.columns": 1, "method.iterations": 1})
+    clusters, n = lattice_clusters(column), column.grid.rows
+    w2, h = matching_stiffness(column), column.method.dt / column.method.substeps
+    mean = np.zeros((clusters.count, n))
+    np.add.at(mean, (clusters.owner, clusters.indices), clusters.masses / clusters.cluster_mass[clusters.owner])
+    matrix = np.zeros((n, n))
+    np.add.at(matrix, (clusters.indices, clusters.indices), clusters.shares)
+    np.add.at(matrix, clusters.indices, -clusters.shares[:, None] * mean[clusters.owner])
+    gravity = np.concatenate([[0.0], np.full(n - 1, scene.gravity.acceleration if scene.gravity else 0.0)])
+    load = gravity * (1 / w2 + h**2) - h**2 * matrix @ gravity
+    sag = np.linalg.solve(matrix[1:, 1:], load[1:])[-1]
+    softest = float(np.linalg.eigvals(matrix[1:, 1:]).real.min())
+    b = w2 * h**2 / (1 + w2 * h**2)
+    return float(sag), float(np.arccos(np.sqrt(1 - b * softest)) / (2 * np.pi * h))

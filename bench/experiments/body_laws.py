@@ -1,0 +1,103 @@
+"""Laws that bodies are held against: spin that is lost by a formula, momenta in free flight, rest after a drop.
+
+SPIN: a rigid body, one cluster, turns about a principal axis. A substep takes the angle D of the last one to
+atan2(sin D, 2 - cos D), the first being atan(omega h): matching takes the rotation nearest to 2 R - R_before, and what
+of that is no rotation is lost. Iterations cannot mend it, substeps do, at first order.
+FLIGHT: a soft body is thrown, spinning. Split masses keep the linear momentum to rounding; the angular one is lost as a
+rigid body's.
+DROP: a soft body falls on a plane. It lies still when its kinetic energy is under STILL of that of the drop; nothing damps it
+but friction, the step itself, and what comes back from the plane.
+"""
+
+from __future__ import annotations
+
+from math import atan, atan2, cos, pi, sin
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, told
+from bench.experiments.findings import Measures
+from model.scene.scene import Scene
+
+SPIN, FLIGHT, DROP = "spin", "flight", "drop"
+KEPT, SPIN_LAW, MOMENTUM, ENERGY = "body_spin_kept", "body_spin_law", "body_momentum", "body_energy"
+SECONDS = {SPIN: 2.0, FLIGHT: 2.0, DROP: 10.0}
+SPEED = 2 * pi  # rad/s, about the axis of SPIN and FLIGHT
+THROWN = (1.0, 4.0, 0.5)  # m/s
+HEIGHT = 0.5  # m, of the drop
+STILL = 1e-6
+GRAVITY = 9.81  # m/s^2
+SAMPLED = {"shape": {"name": "beam"}, "particle_spacing": 0.0625, "volume_sampling": 1.0, "surface_sampling": 0.0}
+BODIES: dict[str, dict[str, Any]] = {
+    SPIN: {"kind": "rigid_body", "spin": [0.0, 0.0, SPEED]},
+    FLIGHT: {
+        "kind": "soft_body", "cluster_stiffness": 4000.0, "spin": [0.0, 0.0, SPEED], "velocity": list(THROWN),
+    },
+    DROP: {
+        "kind": "soft_body", "cluster_stiffness": 4000.0, "angle": 20.0, "axis": [0.3, 0.2, 1.0],
+        "origin": [0.0, HEIGHT + 0.25, 0.0],
+    },
+}  # fmt: skip
+
+
+def law_scene(law: str, substeps: int) -> Scene:
+    """What a law is held against: a beam, in space, thrown, or over a plane."""
+    return Scene(
+        {
+            "title": law.capitalize(),
+            "body": SAMPLED | BODIES[law],
+            "plane": {
+                "point": [0.0, 0.0 if law == DROP else -1e3, 0.0], "normal": [0.0, 1.0, 0.0], "thickness": 0.03125,
+                "static_friction": 0.5, "dynamic_friction": 0.4,
+            },
+            "gravity": {"acceleration": 0.0 if law == SPIN else GRAVITY},
+            "method": {"solver": "shape-matching", "dt": FRAME, "substeps": substeps, "iterations": 1},
+        },
+        law,
+    )  # fmt: skip
+
+
+def spin_left(substeps: int) -> float:
+    """The part of the spin that the law leaves after SECONDS; of a velocity that is a way over h, so sin D / h."""
+    h = FRAME / substeps
+    angle = atan(SPEED * h)
+    for _ in range(substeps * round(SECONDS[SPIN] / FRAME) - 1):
+        angle = atan2(sin(angle), 2 - cos(angle))
+    return sin(angle) / (SPEED * h)
+
+
+def angular_momentum(position: np.ndarray, velocity: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    """(3,) [kg m^2/s], about the centre of mass."""
+    m = mass[:, None]
+    away = position - (m * position).sum(axis=0) / mass.sum()
+    return np.cross(away, m * velocity).sum(axis=0)
+
+
+def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Measures:
+    """The measures of a law: KEPT, the part of the angular momentum that is left after SECONDS (of SPIN beside SPIN_LAW, of
+    FLIGHT beside MOMENTUM, how far the linear momentum is from what gravity makes of it, over what that gave), or ENERGY,
+    the kinetic energy after a DROP over that of the fall."""
+    names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
+
+    def measure() -> Measures:
+        crowd, steps = scene.crowd, round(SECONDS[law] / scene.method.dt)
+        mass = crowd.clusters.mass
+        with open_simulation(scene, backend, live=SHARED[:1], **OPTIONS | {"precision": precision}) as simulation:
+            simulation.advance(steps)
+            state = simulation.state()
+        position, velocity = (np.asarray(array, dtype=np.float64) for array in (state.position, state.velocity))
+        if law == DROP:
+            energy = 0.5 * float(np.sum(mass[:, None] * velocity**2))
+            return {ENERGY: (energy / float(mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
+        spin = angular_momentum(position, velocity, mass)
+        before = angular_momentum(crowd.position, crowd.velocity, mass)
+        found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}
+        if law == SPIN:
+            return found | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}
+        fallen = mass.sum() * GRAVITY * SECONDS[law]
+        momentum = (mass[:, None] * velocity).sum(axis=0) - mass.sum() * np.array(THROWN) + [0.0, fallen, 0.0]
+        return found | {MOMENTUM: (float(np.abs(momentum).max() / fallen), "", "off what gravity makes of it")}
+
+    return told(measure, *names)

@@ -1,0 +1,184 @@
+"""Small scenes of soft and rigid bodies: squashed, shot at each other, stacked, heaped; and what is measured of them.
+
+All scenes have the same parts, some of them switched off or far away, so that kernels are compiled once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+GRAVITY = 9.81  # m/s^2
+AWAY = {"point": [0.0, -1e5, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction": 0.5, "dynamic_friction": 0.4}
+FLOOR = AWAY | {"point": [0.0, 0.0, 0.0]}
+SAMPLED = {"shape": {"name": "beam"}, "surface_sampling": 0.0, "volume_sampling": 1.0}
+SEPARATION = 1.0  # m/s
+MEET = {"maximum_speed": 1e3, "sleeping_speed": 1e-30, "adhesion_reach": 0.0, "separation_speed": SEPARATION}
+SPACING, RIGID_SPACING = 0.16, 0.125  # m
+SOFT = {"kind": "soft_body", "particle_spacing": SPACING, "adhesion": 1e-30, **SAMPLED}  # 24 particles, 3 clusters
+BRICK = {"kind": "rigid_body", "particle_spacing": RIGID_SPACING, "adhesion": 1e-30, **SAMPLED}  # 32 in two layers
+BRICK_HEIGHT = 0.25  # m
+TILTED = {"angle": 30.0, "axis": [0.3, 0.2, 1.0]}
+ULP = {"float64": 2.0**-53, "float32": 2.0**-24}  # the rounding of 1
+
+SPEED = 100.0  # m/s: of what is shot at a wall
+FALL = 10.0  # m/s: faster than anything falls here, sqrt(2 g 3.9 m)
+
+Change = Callable[[np.ndarray], np.ndarray]
+SQUASHED: dict[str, Change] = {
+    "into a plane": lambda p: p * [0, 1, 1],
+    "into its own plane": lambda p: p * [1, 0, 1],
+    "onto its axis": lambda p: p * [1, 0, 0],
+    "onto a line across": lambda p: p * [0, 1, 0],
+    "into a point": lambda p: p * 0,
+}
+MIRRORED: dict[str, Change] = {"mirrored": lambda p: p * [-1, 1, 1], "inside out": lambda p: -p}
+CHANGED = SQUASHED | MIRRORED
+
+# ---------------------------------------------------------------------- scenes
+
+
+def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> dict[str, Any]:
+    return {"solver": "shape-matching", "dt": dt, "substeps": substeps, "iterations": iterations}
+
+
+def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Any = AWAY, **tables: Any) -> Scene:
+    """`tables`: bodies and the method."""
+    world = {"gravity": {"acceleration": gravity}, "damping": {"coefficient": damping}, "plane": plane}
+    return Scene(world | {"method": method()} | tables, "bodies")
+
+
+def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: float = 0.01, **tables: Any) -> Scene:
+    """Bodies that meet; `contact`: fields of that part."""
+    contact = MEET | tables.pop("contact", {})
+    return bodies_scene(gravity=gravity, contact=contact, method=method(substeps, iterations, dt), **tables)
+
+
+def alone(kind: dict[str, Any]) -> dict[str, Any]:
+    """A body for scenes without contacts, which compile in a third of the time."""
+    return {name: value for name, value in kind.items() if name != "adhesion"}
+
+
+def thrown_at_a_plane(body: dict[str, Any], substeps: int = 1) -> Scene:
+    """From a metre above it, tilted."""
+    shot_down = TILTED | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 1.0, 0.0]}
+    return meeting(substeps=substeps, plane=FLOOR, body=body | shot_down)
+
+
+def thrown_at_a_box(substeps: int = 4) -> Scene:
+    """From a tenth of a metre above a box of a metre; a ball far away, for the kernel's sake."""
+    box = {"kind": "box", "center": [0.0, -0.5, 0.0], "half_size": [2.0, 0.5, 2.0]}
+    return bodies_scene(
+        gravity=0.0, method=method(substeps), box=box, sphere={"kind": "sphere", "center": [0.0, 1e5, 0.0], "radius": 1.0},
+        body=alone(BRICK) | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 0.2, 0.0]},
+    )  # fmt: skip
+
+
+def shot(part: float, kind: dict[str, Any], angle: float, aside: float, **contact: float) -> Scene:
+    """At a rigid brick at rest, in substeps of `part` of the distance that particles keep."""
+    distance = (kind["particle_spacing"] + RIGID_SPACING) / 2
+    bullet = kind | {"velocity": [0.0, -SPEED, 0.0], "origin": [aside, 0.6, -aside / 2], "angle": angle}
+    return meeting(dt=part * distance / SPEED, wall=BRICK, bullet=bullet | {"axis": [0.2, -0.5, 1.0]}, contact=contact)
+
+
+def inside_each_other(one: dict[str, Any], other: dict[str, Any], aside: Any, iterations: int = 1) -> Scene:
+    """One body begins in the other, `aside` [m] of its middle."""
+    return meeting(iterations=iterations, one=one | {"origin": list(aside)}, other=other)
+
+
+def ball_in_a_body() -> Scene:
+    """A ball lies in the lower side of a body; a box far away, for the kernel's sake."""
+    ball = {"kind": "sphere", "center": [0.0, -0.16, 0.0], "radius": 0.15, "thickness": 0.01}
+    far = {"kind": "box", "center": [0.0, 1e5, 0.0]}
+    return bodies_scene(gravity=0.0, method=method(4), sphere=ball, box=far, body=alone(SOFT))
+
+
+def stack(substeps: int, iterations: int = 1, bricks: int = 10, **contact: float) -> Scene:
+    """Of 32 particles each, sixteen on sixteen."""
+    brick = BRICK | {"origin": [0.0, 0.125, 0.0], "copies": [1, bricks, 1], "apart": [1.0, BRICK_HEIGHT, 1.0]}
+    return meeting(
+        GRAVITY, substeps, iterations, brick=brick, plane=FLOOR | {"thickness": RIGID_SPACING / 2}, contact=contact
+    )
+
+
+def load(ratio: float, substeps: int) -> Scene:
+    """A brick on a brick, `ratio` times as heavy."""
+    lower = BRICK | {"origin": [0.0, 0.125, 0.0]}
+    upper = BRICK | {"origin": [0.0, 0.125 + BRICK_HEIGHT, 0.0], "density": 1000.0 * ratio}
+    return meeting(GRAVITY, substeps, lower=lower, upper=upper, plane=FLOOR | {"thickness": RIGID_SPACING / 2})
+
+
+def heap(copies: int, substeps: int, separation_speed: float = FALL) -> Scene:
+    """Jellies dropped on each other. Contacts part at the speed of the fall: see what stays caught."""
+    body = SOFT | TILTED | {"origin": [0.0, 0.75, 0.0], "copies": [1, copies, 1], "apart": [1.0, 0.45, 1.0]}
+    plane, contact = FLOOR | {"thickness": SPACING / 2}, {"separation_speed": separation_speed}
+    return meeting(GRAVITY, substeps, soft=body, plane=plane, contact=contact)
+
+
+# ---------------------------------------------------------------------- states, and what is measured of them
+
+
+def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: Any = None) -> State:
+    """A state at time 0: the scene's, but for what is given."""
+    crowd = scene.crowd
+    position = crowd.position if position is None else np.asarray(position, dtype=np.float64)
+    velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64)
+    return State(position, velocity, 1 / crowd.clusters.mass, 0.0, 0, rotation)
+
+
+def masses(scene: Scene) -> np.ndarray:
+    """(particles, 1) [kg]"""
+    m: np.ndarray = scene.crowd.clusters.mass[:, None]
+    return m
+
+
+def centre(scene: Scene, values: np.ndarray, body: int | None = None) -> np.ndarray:
+    """(3,): the mean by mass of a body's values, or of all."""
+    chosen = scene.crowd.body == body if body is not None else np.ones(len(values), bool)
+    m = masses(scene)[chosen]
+    found: np.ndarray = (m * values[chosen]).sum(axis=0) / m.sum()
+    return found
+
+
+def kinetic(scene: Scene, velocity: np.ndarray) -> float:
+    """[J]"""
+    return 0.5 * float((masses(scene) * velocity.astype(float) ** 2).sum())
+
+
+def changed(scene: Scene, change: Change) -> State:
+    """At rest, but squashed about its centre."""
+    middle = centre(scene, scene.crowd.position)
+    return start(scene, change(scene.crowd.position - middle) + middle)
+
+
+def out_of_shape(scene: Scene, position: np.ndarray) -> float:
+    """How far [m] the worst particle is from its place in its body, each body turned as it fits best (det +1)."""
+    worst = 0.0
+    for body in range(len(scene.crowd.copies)):
+        chosen, m = scene.crowd.body == body, masses(scene)[scene.crowd.body == body]
+        now = position[chosen] - centre(scene, position, body)
+        rest = scene.crowd.position[chosen] - centre(scene, scene.crowd.position, body)
+        u, _, v = np.linalg.svd((m * now).T @ rest)
+        turn = u @ np.diag([1, 1, np.linalg.det(u) * np.linalg.det(v)]) @ v
+        worst = max(worst, float(np.abs(now - rest @ turn.T).max()))
+    return worst
+
+
+def nearest(scene: Scene, position: np.ndarray) -> float:
+    """The least distance [m] between particles of two bodies."""
+    body = scene.crowd.body
+    apart = np.linalg.norm(position[:, None] - position, axis=2)
+    return float(apart[body[:, None] != body].min())
+
+
+def sunk(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(bodies,): how much nearer the centre of each has come to what is below it, over g h^2."""
+    h = scene.method.dt / scene.method.substeps
+    fallen = [centre(scene, scene.crowd.position - position, body)[1] for body in range(len(scene.crowd.copies))]
+    found: np.ndarray = np.diff([0.0, *fallen]) / (GRAVITY * h * h)
+    return found

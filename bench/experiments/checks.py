@@ -1,0 +1,141 @@
+"""Is the answer right? Asked of every configuration before its time counts.
+
+Against the float64 NumPy reference at a small size, with the same kernel and threads; and against the other backend at
+the configuration's own size, where there is one. Errors are distances of the free masses, in units of the spacing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.measure.machine import gpu_simulated
+from model.core.build import wave
+from model.core.errors import Diverged, SceneError
+from model.core.simulation import Simulation, State
+from model.scene.scene import Scene
+
+CHECK_ROWS, CHECK_COLUMNS = 23, 19  # masses: small for the reference, divisible by no block or band
+CHECK_STEPS = 100
+SIMULATOR_CHECK = (6, 5, 8)  # rows, columns, steps under the CUDA simulator, which takes milliseconds a mass
+OWN_SIZE_STEPS = 10
+WAVE_ROWS = 256  # masses down, after which the wave that they are moved by begins again
+CHUNK = 1 << 18  # masses compared at a time: they stay in the cache
+AMPLITUDE = 0.05  # spacings: the masses start off their rest, so that every spring pulls
+# Spacings: over it the answer is wrong, not rounded. For grids up to CHECK_ROWS masses wide; a coordinate's rounding
+# grows with its size, and so does this (the hand-out's (p' - p) / dt carries it into the velocity).
+LIMITS = {"float32": 1e-3, "float64": 1e-9}
+
+
+@dataclass(frozen=True)
+class Check:
+    """`error`, `largest`: root mean square and maximum over the free masses, in spacings; infinite when diverged.
+
+    `note`: how they were had, or what went wrong. `good`: under the limit of the precision.
+    """
+
+    error: float
+    largest: float
+    note: str
+    good: bool
+
+
+def compare(simulation: Simulation, expected: np.ndarray, note: str) -> Check:
+    """How far the simulation's positions are from `expected` (particles, 2) [m]."""
+    body, position = simulation.body, simulation.read("position")
+    count = len(position) - len(body.pinned)
+    if not count:
+        return Check(0.0, 0.0, note + "; every mass is pinned", True)
+    total, farthest = 0.0, 0.0
+    for begin in range(0, len(position), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        offset = np.subtract(position[part], expected[part], dtype=np.float64)
+        squared = np.where(body.inverse_mass[part] > 0, np.sum(offset * offset, axis=1), 0.0)
+        total, farthest = total + float(squared.sum()), max(farthest, float(squared.max()))
+    spacing = simulation.scene.grid.spacing
+    error, largest = math.sqrt(total / count) / spacing, math.sqrt(farthest) / spacing
+    if not math.isfinite(error):
+        return Check(math.inf, math.inf, note + "; the state is not finite", False)
+    widest = max(simulation.body.rows, simulation.body.columns)
+    return Check(error, largest, note, error <= LIMITS[simulation.options.precision] * max(1, widest / CHECK_ROWS))
+
+
+@lru_cache(maxsize=64)
+def _reference(scene_text: str, steps: int) -> np.ndarray:
+    from bench.reference.mass_spring import simulate
+
+    return simulate(Scene(json.loads(scene_text)), steps)[0]
+
+
+def against_reference(simulation: Simulation) -> Check:
+    """The scene, integrator, kernel, threads, precision and math of `simulation`, at a small size, held against NumPy.
+
+    A kernel that does not take so small a grid is replaced by the backend's own choice, which the note then says.
+    """
+    simulated = simulation.backend == "gpu" and gpu_simulated()
+    rows, columns, steps = SIMULATOR_CHECK if simulated else (CHECK_ROWS, CHECK_COLUMNS, CHECK_STEPS)
+    small = simulation.scene.replace(
+        {
+            "grid.rows": rows,
+            "grid.columns": columns,
+            "perturbation.amplitude": AMPLITUDE * simulation.scene.grid.spacing,
+        }
+    )
+    options = simulation.options
+    threads = simulation.threads if simulation.backend == "cpu" else "1x"
+    note = f"{rows} x {columns} masses, {steps} steps, against NumPy in float64"
+
+    def opened(kernel: str | None) -> Simulation:
+        return open_simulation(
+            small,
+            simulation.backend,
+            threads=threads,
+            precision=options.precision,
+            math=options.math,
+            kernel=kernel,
+            allow_unstable=True,
+        )
+
+    try:
+        trial = opened(simulation.kernel)
+    except SceneError:
+        trial = opened(None)
+        note += f"; by kernel {trial.kernel}, since {simulation.kernel} does not take that size"
+    with trial:
+        try:
+            trial.advance(steps)
+            trial.check()
+        except Diverged as error:
+            return Check(math.inf, math.inf, str(error), False)
+        return compare(trial, _reference(small.canonical(), steps), note)
+
+
+def displaced(simulation: Simulation) -> State:
+    """The scene's start with every free mass moved a little, so that all springs take part."""
+    body, grid = simulation.body, simulation.scene.grid
+    few = grid.model_copy(update={"rows": min(grid.rows, WAVE_ROWS)})  # sines of millions of masses take seconds
+    position = body.position + np.resize(wave(few, AMPLITUDE * grid.spacing), body.position.shape)
+    position[body.pinned] = body.position[body.pinned]
+    return State(position, body.velocity, body.inverse_mass, 0.0, 0)
+
+
+def against_other(simulation: Simulation, other: Simulation) -> Check:
+    """Both simulations of the same scene, from the same displaced state, after a few steps. Both are reset."""
+    state = displaced(simulation)
+    note = f"own size, {OWN_SIZE_STEPS} steps, against {other.backend} ({other.kernel}, {other.options.precision})"
+    try:
+        for each in (simulation, other):
+            each.load(state)
+            each.advance(OWN_SIZE_STEPS)
+            each.check()
+        return compare(simulation, other.read("position").astype(np.float64), note)
+    except Diverged as error:
+        return Check(math.inf, math.inf, str(error), False)
+    finally:
+        for each in (simulation, other):
+            each.reset()

@@ -1,0 +1,52 @@
+"""Clusters that no mesh comes to, for laws and tests: given by their members, flat ones, lines, pairs and points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from bench.experiments.body_scenes import SAMPLED, bodies_scene
+from model.scene.scene import Scene
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.crowd import Copy, Crowd
+from model.shape_matching.links import LinkedCopies, make_links
+
+BODY = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # in whose place they are
+
+
+def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
+    """A scene whose crowd is these clusters and links, as one body."""
+    scene = bodies_scene(**{"body": BODY, "gravity": 0.0, **tables})
+    copies = (Copy("body", SimpleNamespace(clusters=clusters, lattice=None), 0, 0, 0),)  # type: ignore[arg-type]
+    at, count = clusters.position, len(clusters.mass)
+    zero, body = np.zeros_like(at), np.zeros(count, np.int32)
+    scene.__dict__["crowd"] = Crowd(
+        at, zero, body, clusters, make_links(links), copies, 0.1, float(clusters.mass.mean())
+    )
+    scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # what its arrays are kept under
+    return scene
+
+
+def clusters_of(position: Any, *members: Any, stiffness: Any = np.inf, mass: Any = None) -> Clusters:
+    """Each of `members`: the particles of a cluster."""
+    position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
+    return Clusters(
+        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), np.concatenate(members).astype(np.int32),
+        np.ones(sum(sizes)), np.full(len(members), stiffness, float) if np.isscalar(stiffness) else np.asarray(stiffness),
+        np.ones(len(position)) if mass is None else np.asarray(mass, dtype=np.float64), position,
+    )  # fmt: skip
+
+
+def degenerate() -> Clusters:
+    """Flat, collinear, of one particle, of two, of none, and of all in one place; and a particle in none."""
+    flat = [[x, y, 0.0] for x in range(3) for y in range(3)]
+    line, one, two = [[3.0 + n, n, n] for n in range(4)], [[9.0, 0.0, 0.0]], [[11.0, 0.0, 0.0], [11.0, 1.0, 1.0]]
+    place, orphan = [[14.0, 0.0, 0.0]] * 3, [[16.0, 0.0, 0.0]]
+    groups = [flat, line, one, two, [], place]
+    ends = np.cumsum([0, *(len(group) for group in groups)])
+    members = [np.arange(a, b) for a, b in pairwise(ends)]
+    return clusters_of(np.array([*flat, *line, *one, *two, *place, *orphan]) * 0.1, *members)

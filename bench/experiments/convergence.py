@@ -1,0 +1,136 @@
+"""How fast the orderings of a position-based solver converge, by iterations and by time.
+
+One step of a cloth that hangs by two corners, drawn out by STRETCH along its height, rippled by RIPPLE, and let go without
+gravity; structural and shear springs do not give (compliance 0). What n iterations leave over then is the stretch itself,
+which positions alone tell, on any backend: RESIDUAL, the root mean square of |C| over the rest length, XPBD's own residual
+(2016, eq. 9) where the compliance is 0. All of it was there before the step, at all wavelengths; step size and masses do not
+matter.
+
+Orderings are compared at equal residuals, not at equal iterations: an iteration over a dozen colours is not one over all
+constraints at once. Nor does one number tell: a sweep of Gauss-Seidel leaves the constraints of its last colours exact and
+pushes their stretch into the others (half of them twice as stretched: sqrt 2 times the root mean square), so that from a
+smooth state its residual first grows, then falls the faster. Those of one number of iterations are timed in turn, on the same
+steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.accuracy.methods import XPBD, changes
+from bench.experiments.findings import FindingsSummary, described
+from bench.experiments.findings_costs import Group, cost_sources, measure_groups
+from bench.experiments.sweep import backends_here
+from bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
+from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.reference.mass_spring import start
+from bench.store.database import Store
+from model.core.build import build
+from model.core.energy import spring_strain
+from model.core.simulation import State
+from model.scene.scene import Scene, load_scene
+from model.xpbd.plan import colour_order, xpbd_parts
+
+CONVERGENCE = "convergence"  # value of `finding`
+RESIDUAL, BEFORE = "convergence_residual", "convergence_residual_before"  # of the rest length; BEFORE: of the start
+SIZES = (64, 128, 256, 512)  # masses a side
+QUICK_MOST = 64
+ITERATIONS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
+STRETCH = 0.01  # of the height
+RIPPLE = 0.001  # m
+FRAME = 1 / 60  # s
+RIGID = ("structural", "shear")
+PRECISION = "float32"
+
+
+def sheet(n: int, name: str, iterations: int) -> Scene:
+    """The cloth of n x n masses under an ordering."""
+    solved = changes(name, iterations) | {
+        "method.dt": FRAME,
+        "gravity.enabled": False,
+        "perturbation.amplitude": RIPPLE,
+    }
+    rigid = {f"{kind}.compliance": 0.0 for kind in RIGID}
+    return load_scene("cloth-hanging").replace({"cloth.rows": n, "cloth.columns": n} | solved | rigid)
+
+
+def colours(n: int = SIZES[0]) -> int:
+    """How many colours an iteration of Gauss-Seidel has."""
+    return len(colour_order(xpbd_parts(sheet(n, XPBD[0], 1))))
+
+
+def drawn_out(scene: Scene) -> State:
+    """The start: its height, from the pinned row down, longer by STRETCH; at rest."""
+    position, _ = start(scene)
+    top = position[0, 1]
+    position[:, 1] = top + (1 + STRETCH) * (position[:, 1] - top)
+    return State(position, np.zeros_like(position), build(scene).inverse_mass, 0.0, 0)
+
+
+def residual(scene: Scene, position: np.ndarray) -> float:
+    """Root mean square over the constraints that do not give of their strain."""
+    strains = np.concatenate([spring_strain(scene, position, kind) for kind in RIGID])
+    return float(np.sqrt(np.mean(strains**2)))
+
+
+def run_convergence(
+    store: Store,
+    *,
+    quick: bool = False,
+    backends: Sequence[str] | None = None,
+    progress: bool = True,
+    command: str = "softlab accuracy",
+) -> FindingsSummary:
+    """Measure what the store lacks: sizes x iterations, the orderings of each in turn.
+
+    `quick`: the smallest size alone, fewer and shorter samples. `backends`: None: all that are here.
+    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
+    """
+    effort = QUICK if quick else FULL
+    most = QUICK_MOST if quick else None
+    everything = [group for backend in backends_here(backends) for group in groups(backend, effort, most)]
+    return measure_groups(store, CONVERGENCE, everything, progress, command)
+
+
+def groups(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
+    """What is timed in turn: the orderings at one size and number of iterations; Gauss-Seidel first."""
+    sources = cost_sources(backend, __file__)
+    found = []
+    for n in SIZES:
+        if most and n > most:
+            continue
+        for iterations in ITERATIONS:
+            scenes = tuple(sheet(n, name, iterations) for name in XPBD)
+            told = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)
+
+            def measure(record: Record, scenes: Any = scenes, told: Any = told) -> list[Measures]:
+                return _orderings(record, scenes, told, effort)
+
+            found.append(Group(f"{CONVERGENCE} {n} x {n} x {iterations} {backend}", told, sources, measure))
+    return found
+
+
+def _orderings(
+    record: Record, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort
+) -> list[Measures]:
+    with ExitStack() as stack:
+        subjects, left = [], []
+        for scene, description in zip(scenes, told, strict=True):
+            simulation = stack.enter_context(open_simulation(scene, description["backend"], precision=PRECISION))
+            begin = drawn_out(scene)
+            simulation.load(begin)
+            simulation.advance(1)
+            after = residual(scene, simulation.state().position)
+            before: Measures = {BEFORE: (residual(scene, begin.position), "", None), RESIDUAL: (after, "", "one step")}
+            left.append(before)
+            subject = Subject(simulation, description)
+            warm_up(subject)
+            choose_steps(subject, effort.seconds, effort.most)
+            subjects.append(subject)
+        timed = in_turn(record, subjects, effort.repeats)
+    return [before | numbers for before, numbers in zip(left, timed, strict=True)]

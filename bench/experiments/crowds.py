@@ -1,0 +1,207 @@
+"""How many particles of bodies a second: `softlab crowds`. Clusters alone, clusters of a grid, and heaps that collide.
+
+`bodies`: blobs of about 280 particles in space, fifty to ten thousand, soft (overlapping clusters) or rigid (one); `heap`:
+the same, falling onto each other and the ground, contacts on; `grid`: the lab's grid as jelly, `lattice`: a cube of it,
+both by the half-width of their clusters. One frame of a heap is a step of 1/60 s in two substeps, which is also what is
+timed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from bench.experiments.sweep import backends_here
+from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
+from bench.store.database import Store
+from bench.store.results import Measure, measures
+from model.core.errors import SceneError
+from model.scene.scene import Scene, load_scene
+from model.shape_matching.spare import counts
+
+STAGE = "crowds"  # of the samples in the store
+STEP = "crowd_step"  # s: the median of a step
+RATE = "crowd_particles_per_second"  # particles x substeps x iterations, 1/s
+KERNEL = "crowd_kernel"  # its name is the reason
+KIND = "crowd_kind"  # what it is, as the reason
+KINDS = ("soft", "rigid", "heap", "grid", "lattice")
+QUICK_KINDS = KINDS[:-1]  # a lattice in space costs most of all to compile
+BLOB = {"shape": {"name": "blob"}, "particle_spacing": 0.084}  # 281 particles
+BLOCKS = {50: (5, 2, 5), 1000: (10, 10, 10), 10000: (25, 16, 25)}  # bodies along x, y, z
+ON_CPU = (50, 1000)
+QUICK = (50,)
+GRIDS, QUICK_GRIDS, LARGE = (64, 256, 1024), (64,), (2048,)
+REGIONS = (1, 2, 4)
+CUBES, QUICK_CUBES, LARGE_CUBES = (16, 32), (16,), (64,)  # particles along each side
+FRAME = 1 / 60  # s
+MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing in a substep
+REPEATS, QUICK_REPEATS = 7, 3
+
+
+def bodies(count: int, rigid: bool) -> Scene:
+    """So many blobs in a block, that fall and meet nothing."""
+    nx, ny, nz = BLOCKS[count]
+    body = BLOB | {"kind": "rigid_body" if rigid else "soft_body", "copies": [nx, ny, nz], "apart": [1.0, 1.2, 1.1]}
+    return Scene({"blob": body, "gravity": {}, "method": {"solver": "shape-matching", "dt": 0.01}}, f"{count} bodies")
+
+
+def heap(count: int) -> Scene:
+    """So many soft blobs that fall into a heap, contacts on; close together, so that they meet at once."""
+    nx, ny, nz = BLOCKS[count]
+    body = BLOB | {
+        "kind": "soft_body", "copies": [nx, ny, nz], "apart": [0.55, 1.0, 0.8], "origin": [0.0, 0.6, 0.0],
+    }  # fmt: skip
+    plane = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction": 0.5, "dynamic_friction": 0.4}
+    method = {"solver": "shape-matching", "dt": FRAME, "substeps": 2}
+    return Scene(
+        {"blob": body, "gravity": {}, "plane": plane, "contact": MEET, "method": method}, f"{count} bodies in a heap"
+    )
+
+
+def jelly(size: int, region: int) -> Scene:
+    """`jelly-grid`, size x size masses, one substep, in windows of that half-width."""
+    return load_scene("jelly-grid").replace(
+        {"grid.rows": size, "grid.columns": size, "method.substeps": 1, "method.dt": 0.0025, "method.region": region}
+    )
+
+
+def cube(size: int, region: int) -> Scene:
+    """A cube of jelly of size^3 particles that falls and meets nothing, in windows of that half-width."""
+    box, spacing = {"name": "box", "resolution": 4}, 1 / size
+    body = {"kind": "soft_lattice", "shape": box, "particle_spacing": spacing, "region": region}
+    return Scene(
+        {"cube": body, "gravity": {}, "method": {"solver": "shape-matching", "dt": 0.0025}}, f"{size}^3 lattice"
+    )
+
+
+def kind_of(scene: Scene) -> str:
+    """One of KINDS."""
+    if not scene.bodies:
+        return "grid"
+    if "soft_lattice" in scene.kinds.values():
+        return "lattice"
+    if scene.contact:
+        return "heap"
+    return "rigid" if all(scene.kinds[name] == "rigid_body" for name in scene.bodies) else "soft"
+
+
+def groups(backends: Sequence[str], quick: bool, kinds: Iterable[str], precisions: Sequence[str]) -> list[list[Case]]:
+    """What is timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend."""
+    found, wanted = [], set(kinds)
+    for backend in backends:
+        for count in QUICK if quick else ON_CPU if backend == "cpu" else tuple(BLOCKS):
+            scenes = [bodies(count, kind == "rigid") for kind in ("soft", "rigid") if kind in wanted]
+            scenes += [heap(count)] if "heap" in wanted else []
+            found.append([make_case(s, backend, p, f"{count} bodies") for p in precisions for s in scenes])
+        sizes = QUICK_GRIDS if quick else (*GRIDS, *(LARGE if backend == "gpu" else ()))
+        for size in sizes if "grid" in wanted else ():
+            label = f"jelly {size} x {size}"
+            found.append([make_case(jelly(size, r), backend, p, label) for p in precisions for r in REGIONS])
+        sizes = QUICK_CUBES if quick else (*CUBES, *(LARGE_CUBES if backend == "gpu" else ()))
+        for size in sizes if "lattice" in wanted else ():
+            label, regions = f"lattice {size}^3", REGIONS[:-1] if size in LARGE_CUBES else REGIONS
+            found.append([make_case(cube(size, r), backend, p, label) for p in precisions for r in regions])
+    return [group for group in found if group]
+
+
+def measured(case: Case, step: float, kernel: str) -> Measured:
+    """What is told of a case whose step took so many seconds."""
+    method = case.scene.method
+    yield STEP, step, "s", "the median"
+    yield KERNEL, None, "", kernel
+    yield KIND, None, "", kind_of(case.scene)
+    yield RATE, counts(case.scene).particles * method.substeps * method.iterations / step, "1/s", None
+
+
+def run_crowds(
+    store: Store,
+    *,
+    quick: bool = False,
+    backends: Sequence[str] | None = None,
+    kinds: Sequence[str] | None = None,
+    precisions: Sequence[str] = ("float32",),
+    progress: bool = True,
+    command: str = "softlab crowds",
+) -> Summary:
+    """Time what the store lacks of the cases, and say what was done. Ctrl-C ends cleanly.
+
+    `kinds`: of KINDS; None: all, or QUICK_KINDS. `quick`: fifty bodies and the smallest grid. Raises SceneError (a kind or
+    precision that there is not), BackendUnavailable, InputError (the store).
+    """
+    kinds = kinds or (QUICK_KINDS if quick else KINDS)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise SceneError("--kind", kind, f"must be one of {', '.join(KINDS)}")
+    check_precisions(precisions)
+    timing = Timing(STAGE, QUICK_REPEATS if quick else REPEATS, measured, RATE)
+    cases = groups(backends_here(backends), quick, kinds, precisions)
+    return timing.run(store, cases, progress=progress, command=command)
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+def print_crowds(console: Console, store: Store, machine: str) -> None:
+    """A table of what was timed on a machine."""
+    table = Table("kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s", box=None)
+    for p in points(measures(store)):
+        if p.machine == machine:
+            axes = 3 if p.kind == "lattice" else 2
+            width = " x ".join([str(2 * p.region + 1)] * axes) if p.region else ""
+            table.add_row(
+                p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel, f"{1e6 * p.step:.1f}",
+                f"{p.rate / 1e6:.1f}",
+            )  # fmt: skip
+    console.print(table)
+    console.print("million / s: particles times substeps; softlab figures draws them")
+
+
+@dataclass(frozen=True)
+class CrowdPoint:
+    """One timed configuration: `step` [s], `rate` [1/s], particles, bodies (0: a grid) and the half-width of a
+    grid's or a lattice's clusters, else 0."""
+
+    machine: str
+    backend: str
+    precision: str
+    kernel: str
+    kind: str
+    particles: int
+    bodies: int
+    region: int
+    step: float
+    rate: float
+
+
+def region_of(scene: Scene) -> int:
+    """The half-width of the windows of a grid or a lattice, else 0."""
+    lattices = [getattr(body, "region", 0) for body in scene.bodies.values()]
+    return max(lattices) if scene.bodies else scene.method.region
+
+
+def points(held: Iterable[Measure]) -> list[CrowdPoint]:
+    """What the measures tell of the cases, smallest first."""
+    named: dict[tuple[str, str], dict[str, Measure]] = {}
+    for measure in held:
+        if measure.name in (STEP, RATE, KERNEL, KIND):
+            named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
+    found = []
+    for (owner, _), told in named.items():
+        if not {STEP, RATE, KIND} <= set(told):
+            continue
+        description: dict[str, Any] = told[RATE].description
+        scene, step, rate = Scene.stored(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0
+        method = scene.method
+        found.append(
+            CrowdPoint(
+                owner, description["backend"], description["precision"],
+                (told[KERNEL].reason if KERNEL in told else None) or "", told[KIND].reason or "",
+                round(rate * step / method.substeps / method.iterations), sum(b.count for b in scene.bodies.values()),
+                region_of(scene), step, rate,
+            )
+        )  # fmt: skip
+    return sorted(found, key=lambda p: (p.particles, p.backend, p.kind, p.region))

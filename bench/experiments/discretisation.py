@@ -1,0 +1,120 @@
+"""What the way of cutting a sheet into triangles does to it: one diagonal in every cell, or diagonals in turn.
+
+A square sheet that is held at its four corners and sags is its own mirror image. Cut along one diagonal it is not: edges
+along that one hold, across it only the cells' sides do. Two numbers, in the store as a finding: how far the sheet at rest
+is from its mirror image, and how much stiffer it is against a stretch along the diagonals than across them, of which the
+exact value follows from the edges alone (see `exact_ratio`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.findings import Experiment, Measures, described
+from bench.experiments.sweep import source_hash
+from model.core.build import rest_positions
+from model.core.simulation import State
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import mesh_energy
+
+FINDING = "discretisation"
+BIAS, RATIO, SAG = "finding_bias", "finding_ratio", "finding_sag"  # spacings; of no unit; m
+WAYS = ("one", "alternating")
+SIDE = 25  # masses: odd, so that alternating diagonals are their own mirror image
+STEPS, DT, SUBSTEPS = 240, 1 / 60, 20
+STRETCH = 1e-4
+
+
+def sheet(diagonals: str, side: int = SIDE) -> Scene:
+    """1 m^2 of cloth, held at its corners, lying flat at first; its damper brings it to rest within a second."""
+    last = side - 1
+    mass = 0.2 / side**2
+    return Scene(
+        {
+            "title": f"Sheet of {'one diagonal' if diagonals == 'one' else 'alternating diagonals'}",
+            "mesh": {
+                "shape": "sheet", "rows": side, "columns": side, "spacing": 1 / last, "diagonals": diagonals, "mass": mass,
+                "placement": "flat", "pinned": [[0, 0], [0, last], [last, 0], [last, last]], "origin": [-0.5, 0.0, -0.5],
+            },
+            "structural": {"stiffness": 50.0},
+            "bending": {"stiffness": 1e-5, "model": "isometric"},
+            "damping": {"coefficient": 4.0 * mass},
+            "gravity": {},
+            "method": {"solver": "xpbd", "dt": DT, "substeps": SUBSTEPS},
+        },
+        f"sheet-{diagonals}",
+    )  # fmt: skip
+
+
+def mirrored(position: np.ndarray, side: int = SIDE) -> np.ndarray:
+    """(particles, 3): the sheet's mirror image, left and right exchanged."""
+    p = position.reshape(side, side, 3)[:, ::-1] * [-1.0, 1.0, 1.0]
+    return p.reshape(-1, 3)
+
+
+def bias(position: np.ndarray, side: int = SIDE) -> float:
+    """The largest distance from a mass to its mirror image, in spacings."""
+    apart = np.linalg.norm(position - mirrored(position, side), axis=1)
+    return float(apart.max()) * (side - 1)
+
+
+def stretch_ratio(scene: Scene) -> float:
+    """The energy of the edges of a sheet stretched along the falling diagonals over that of one stretched along the
+    rising."""
+    rest = rest_positions(scene.grid)
+    energy = []
+    for across in (1.0, -1.0):  # rows go along +z
+        way = np.array([1.0, 0.0, across]) / np.sqrt(2)
+        energy.append(mesh_energy(scene, rest + STRETCH * np.outer(rest @ way, way), "structural"))
+    return energy[0] / energy[1]
+
+
+def exact_ratio(diagonals: str, side: int = SIDE) -> float:
+    """The same for small strains e: an edge of length L at the angle a to the stretch holds k/2 (L e cos^2 a)^2, which is
+    k/2 s^2 e^2 times 1/4 for a side, 2 for a diagonal along it and 0 for one across."""
+    cells, sides = (side - 1) ** 2, 2 * side * (side - 1) / 4
+    falling = cells if diagonals == "one" else (cells + cells % 2) // 2
+    return (sides + 2 * falling) / (sides + 2 * (cells - falling))
+
+
+def at_rest(diagonals: str, backend: str) -> State:
+    """The sheet after STEPS, in float64."""
+    with open_simulation(sheet(diagonals), backend, precision="float64") as simulation:
+        simulation.advance(STEPS)
+        return simulation.state()
+
+
+def experiments(backend: str) -> list[Experiment]:
+    """One for each way, on the backend."""
+    found = []
+    for diagonals in WAYS:
+        scene = sheet(diagonals)
+
+        def measure(diagonals: str = diagonals, scene: Scene = scene) -> Measures:
+            position = at_rest(diagonals, backend).position
+            return {
+                BIAS: (bias(position), "spacing", "largest distance of a mass from its mirror image"),
+                SAG: (float(-position[:, 1].min()), "m", None),
+                RATIO: (stretch_ratio(scene), "", f"exact for small strains: {exact_ratio(diagonals):g}"),
+            }
+
+        description = described(scene, backend, FINDING, precision="float64", diagonals=diagonals)
+        found.append(Experiment(BIAS, description, f"{source_hash(backend)}-discretisation-1", measure))
+    return found
+
+
+def pictures(folder: Path, backend: str = "cpu", tell: Callable[[str], None] = print) -> list[Path]:
+    """Both sheets at rest, as springs coloured by strain: sheet-one.png, sheet-alternating.png in `folder`."""
+    from app.output.offscreen import render_frame
+
+    written = []
+    for diagonals in WAYS:
+        state, scene = at_rest(diagonals, backend), sheet(diagonals)
+        path = render_frame(scene, state.position, folder / f"{scene.name}.png", lines=True)
+        tell(f"{scene.title}: {bias(state.position):.3g} spacings from its mirror image")
+        written.append(path)
+    return written

@@ -1,0 +1,320 @@
+"""Small experiments behind single sentences of the lab book: what damping costs velocity Verlet, where float32 stops, how
+much amplitude a step invents or loses by itself, what `exact` math costs. Seconds each, kept in the store, resumable.
+
+Each measure is of one configuration, described as everywhere plus the field `finding` (and what the experiment varies). The
+orders of the integrators and the equation that the hand-out's step solves come from
+bench/experiments/accuracy/experiment.py's runs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.accuracy.experiment import STEP_SIZES, references
+from bench.experiments.accuracy.judge import distance
+from bench.experiments.accuracy.points import END, SCENES
+from bench.experiments.sweep import backends_here, host_of, source_hash
+from bench.measure.findings_timing import StepTimes, time_steps
+from bench.measure.machine import enter_machine, source_revision
+from bench.measure.progress import progress_bar
+from bench.reference import cache
+from bench.reference import mass_spring as reference
+from bench.store.database import Store
+from bench.store.results import configuration
+from model.core.build import build
+from model.core.digest import source_digest
+from model.core.errors import Diverged
+from model.core.integrators import INTEGRATORS
+from model.core.simulation import PRECISIONS, State
+from model.scene.scene import Scene, load_scene
+
+VERSION = 1  # part of every resume key: raise it when an experiment changes
+DAMPING, FLOOR, AWAY, DISSIPATION, EXACT = "damping", "floor", "far away", "dissipation", "exact"  # values of `finding`
+ERROR = "finding_error"  # spacings; of DAMPING, FLOOR and AWAY
+RATE = "finding_rate"  # 1/s; of DISSIPATION
+DAMPERS = ("velocity-verlet", reference.EXPLICIT_DAMPING_VERLET)
+FLOOR_METHODS = ("velocity-verlet", "rk4")
+FLOOR_STEPS = tuple(0.02 / 2**k for k in range(8))  # s
+OFFSETS = (0.0, 1e3, 1e4, 1e5)  # m
+AWAY_METHODS = ("lab", "velocity-verlet")
+AWAY_STEPS, AWAY_DT = 100, 0.01  # s
+RATE_STEPS = tuple(0.02 / 2**k for k in range(5))  # s
+RATE_COUNT = 64  # steps that an amplitude is followed
+EXACT_SIZES = (32, 256, 1024)
+EXACT_METHOD = "velocity-verlet"
+
+Measures = dict[str, tuple[float, str, str | None]]  # name -> value, unit, reason
+
+
+@dataclass
+class FindingsSummary:
+    """What `run_findings`, or `run_costs`, did: measures made now, and found in the store; `seconds`; `interrupted` by
+    Ctrl-C; `what` they are called."""
+
+    machine: str
+    what: str = "findings"
+    run: str = ""
+    measured: int = 0
+    held: int = 0
+    seconds: float = 0.0
+    interrupted: bool = False
+
+    def __str__(self) -> str:
+        text = f"{self.what}: {self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
+        return text + ("; interrupted: the same command resumes" if self.interrupted else "")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
+
+    name: str
+    description: dict[str, Any]
+    sources: str
+    measure: Callable[[], Measures]
+
+    def __str__(self) -> str:
+        return str(self.description["finding"])
+
+    def run(self, store: Store, run: str) -> None:
+        """Measure it, and put its numbers into the store, all or none."""
+        numbers = self.measure()
+        with store.transaction():
+            for name, (value, unit, reason) in numbers.items():
+                store.add_measure(run, self.description, self.sources, name, value, unit, reason)
+
+
+def run_findings(
+    store: Store,
+    *,
+    quick: bool = False,
+    backends: Sequence[str] | None = None,
+    progress: bool = True,
+    command: str = "softlab accuracy",
+) -> FindingsSummary:
+    """Measure what the store lacks of the experiments.
+
+    `quick`: `exact` math is not timed at the largest size, with fewer repeats. `backends`: None: all that are here.
+    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
+    """
+    begin = time.perf_counter()
+    chosen = backends_here(backends)
+    summary = FindingsSummary(enter_machine(store))
+    timed = StepTimes(store, summary.machine, quick)
+    try:
+        everything = [*_damping(store), *(e for backend in chosen for e in _experiments(store, backend))]
+        pairs = [pair for backend in chosen for pair in exact_pairs(backend, quick)]
+        missing = [e for e in everything if not store.has_measure(e.description, summary.machine, e.sources, e.name)]
+        untimed = [pair for pair in pairs if not timed.holds(pair)]
+        summary.held = len(everything) - len(missing) + len(pairs) - len(untimed)
+        if missing or untimed:
+            summary.run = store.start_run(summary.machine, command, source_revision())
+            _measure(store, summary, missing, untimed, timed, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _measure(
+    store: Store,
+    summary: FindingsSummary,
+    missing: Sequence[Experiment],
+    untimed: Sequence[Sequence[Any]],
+    timed: StepTimes,
+    show: bool,
+) -> None:
+    with progress_bar(show) as bar:
+        task = bar.add_task("findings", total=len(missing) + 10 * len(untimed))
+        for experiment in missing:
+            bar.update(task, description=f"finding: {experiment}", advance=1)
+            experiment.run(store, summary.run)
+            summary.measured += 1
+        for pair in untimed:
+            bar.update(task, description=f"finding: {EXACT}", advance=10)
+            time_steps(timed, summary.run, pair)
+            summary.measured += 1
+
+
+def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
+    """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
+    known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
+    return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
+
+
+def _sources(backend: str | None) -> str:
+    judge = source_digest(Path(cache.__file__).parent)
+    return f"{judge if backend is None else f'{source_hash(backend)}-{judge}'}-f{VERSION}"
+
+
+def _experiments(store: Store, backend: str) -> list[Experiment]:
+    from bench.experiments.discretisation import experiments  # which is made of what is here
+
+    return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend), *experiments(backend)]
+
+
+# ---------------------------------------------------------------------- what an explicit damper costs
+
+
+def _damping(store: Store) -> list[Experiment]:
+    """S2 in NumPy: velocity Verlet with the damper implicit in the second half kick, and plain, with it explicit."""
+    base = load_scene(SCENES["S2"])
+    found = []
+    for method in DAMPERS:
+        for dt in STEP_SIZES:
+            scene = base.replace({"method.integrator": "velocity-verlet", "method.dt": dt})
+
+            def measure(scene: Scene = scene, method: str = method) -> Measures:
+                right = cache.kept(scene, END, references(store))
+                position, _ = reference.simulate(scene, round(END / scene.method.dt), integrator=method)
+                return {ERROR: (_error(scene, position, right.position), "spacing", "NumPy reference")}
+
+            description = described(scene, "reference", DAMPING, precision="float64", scheme=method)
+            found.append(Experiment(ERROR, description, _sources(None), measure))
+    return found
+
+
+def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
+    free = ~reference.pinned_mask(scene).reshape(-1)
+    return distance(position, right, free, scene.grid.spacing)[0]
+
+
+# ---------------------------------------------------------------------- where float32 stops
+
+
+def _floor(store: Store, backend: str) -> list[Experiment]:
+    """S1 at ever smaller steps, in both precisions."""
+    base = load_scene(SCENES["S1"])
+    found = []
+    for precision in PRECISIONS:
+        for method in FLOOR_METHODS:
+            for dt in FLOOR_STEPS:
+                scene = base.replace({"method.integrator": method, "method.dt": dt})
+
+                def measure(scene: Scene = scene, precision: str = precision) -> Measures:
+                    right = cache.kept(scene, END, references(store))
+                    steps = round(END / scene.method.dt)
+                    state = _end(scene, backend, steps, allow_unstable=True, precision=precision)
+                    error = np.inf if state is None else _error(scene, state.position, right.position)
+                    return {ERROR: (error, "spacing", None if state else "diverged")}
+
+                description = described(scene, backend, FLOOR, precision=precision)
+                found.append(Experiment(ERROR, description, _sources(backend), measure))
+    return found
+
+
+def _end(scene: Scene, backend: str, steps: int, **options: Any) -> State | None:
+    """The state after `steps`; None where it diverged."""
+    with open_simulation(scene, backend, **options) as simulation:
+        try:
+            simulation.advance(steps)
+            return simulation.state()
+        except Diverged:
+            return None
+
+
+def _far_away(backend: str) -> list[Experiment]:
+    """B14: a ten-link chain let go far from the origin, in float32, against itself at the origin in float64."""
+    found = []
+    for method in AWAY_METHODS:
+        scene = load_scene("lab-grid").replace(
+            {
+                "grid.rows": 11,
+                "grid.columns": 1,
+                "grid.pinned": "top",
+                "method.integrator": method,
+                "method.dt": AWAY_DT,
+            }
+        )
+        for offset in OFFSETS:
+
+            def measure(scene: Scene = scene, offset: float = offset) -> Measures:
+                begin = reference.rest(scene).astype(np.float64).reshape(-1, 2)
+                exact, _ = reference.simulate(scene, AWAY_STEPS, begin, np.zeros_like(begin))
+                shift = np.array([0.0, offset])
+                initial = State(begin + shift, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
+                state = _end(scene, backend, AWAY_STEPS, initial=initial, precision="float32")
+                assert state is not None
+                largest = float(np.abs(state.position.astype(np.float64) - shift - exact).max())
+                return {ERROR: (largest / scene.grid.spacing, "spacing", "largest over masses and axes")}
+
+            description = described(scene, backend, AWAY, offset=offset)
+            found.append(Experiment(ERROR, description, _sources(backend), measure))
+    return found
+
+
+# ---------------------------------------------------------------------- what a step damps by itself
+
+
+def oscillator(method: str, dt: float) -> Scene:
+    """A3: a mass on one undamped spring without rest length, so that it is exactly linear; w = sqrt(k/m)."""
+    return Scene(
+        {
+            "grid": {"rows": 2, "columns": 1, "pinned": "top"},
+            "springs": {"rest_length": 0.0},
+            "method": {"integrator": method, "dt": dt},
+        }
+    )
+
+
+def amplitude_rate(positions: np.ndarray, dt: float) -> float:
+    """The rate [1/s] at which the amplitude of x (samples,), one a step, falls (negative: grows).
+
+    A linear step obeys x'' = s x' - d x exactly, d the squared modulus of its eigenvalues (Prony 1795); s and d by least
+    squares over all steps, each weighed by its size.
+    """
+    now, last, following = positions[1:-1], positions[:-2], positions[2:]
+    weight = 1 / np.hypot(now, last)
+    matrix = np.stack([now, -last], axis=1) * weight[:, None]
+    (_, d), *_ = np.linalg.lstsq(matrix, following * weight, rcond=None)
+    return float(-np.log(d) / (2 * dt))
+
+
+def _dissipation(backend: str) -> list[Experiment]:
+    """One undamped oscillator under every integrator: what of its amplitude a second of each takes or adds."""
+    found = []
+    for method in INTEGRATORS:
+        for dt in RATE_STEPS:
+            scene = oscillator(method, dt)
+
+            def measure(scene: Scene = scene) -> Measures:
+                begin = np.array([[0.0, 0.0], [0.1, 0.0]])
+                initial = State(begin, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
+                options: Any = {"precision": "float64", "math": "exact", "kernel": "stages"}
+                positions = [0.1]
+                with open_simulation(scene, backend, initial=initial, allow_unstable=True, **options) as simulation:
+                    for _ in range(RATE_COUNT):
+                        simulation.advance(1)
+                        positions.append(float(simulation.read("position")[1, 0]))
+                return {RATE: (amplitude_rate(np.array(positions), scene.method.dt), "1/s", f"{RATE_COUNT} steps")}
+
+            description = described(scene, backend, DISSIPATION, precision="float64", math="exact", kernel="stages")
+            found.append(Experiment(RATE, description, _sources(backend), measure))
+    return found
+
+
+# ---------------------------------------------------------------------- what exact math costs
+
+
+def exact_pairs(backend: str, quick: bool) -> list[list[tuple[Scene, dict[str, Any], str]]]:
+    """S1 with EXACT_METHOD at several sizes: (scene, description, sources) in `fast` and in `exact` math, of both
+    precisions, to be timed side by side."""
+    pairs = []
+    base = load_scene(SCENES["S1"]).replace({"method.integrator": EXACT_METHOD})
+    for n in EXACT_SIZES[:-1] if quick else EXACT_SIZES:
+        scene = base.replace({"grid.rows": n, "grid.columns": n})
+        pairs.append(
+            [
+                (scene, described(scene, backend, EXACT, precision=precision, math=math), _sources(backend))
+                for precision in PRECISIONS
+                for math in ("fast", "exact")
+            ]
+        )
+    return pairs

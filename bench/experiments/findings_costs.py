@@ -1,0 +1,187 @@
+"""What the lab's own care costs: looking for a diverged state (here), and adding forces in a fixed order
+(bench/experiments/findings_determinism.py). Ratios of times sampled in turn in one process, kept in the store, resumable.
+
+A look costs little beside the steps between two looks, often less than the repeats scatter. So it is measured twice: as
+the ratio of the same steps with looks at their real interval and without any, and as the time of a look by itself over
+that of the steps between two, these at their quickest.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.findings import FindingsSummary, described
+from bench.experiments.sweep import backends_here, source_hash
+from bench.measure import costs_timing
+from bench.measure.costs_timing import FULL, QUICK, QUICKEST, RATIO, Effort, Measures, Record, in_turn
+from bench.measure.machine import enter_machine, source_revision
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.store.database import Store
+from model.core import simulation as contract
+from model.core.digest import source_digest
+from model.core.simulation import PRECISIONS, Simulation
+from model.scene.scene import load_scene
+
+VERSION = 1  # part of every resume key: raise it when an experiment changes
+LOOKS = "looks"  # value of `finding`
+SHARE = "cost_share"  # of LOOKS: time of a look over that of the steps between two
+INTERVAL = "cost_interval"  # steps between two looks
+LOOK_SCENE = "lab-grid"
+LOOK_SIZES = {"cpu": (8, 32, 128, 512, 1024), "gpu": (16, 32, 128, 512, 1024, 2048, 4096)}
+QUICK_MOST = 512  # masses a side of what `quick` measures
+LOOK_REPEATS = 15  # of a look by itself, of which the median counts
+NEVER = 2**62  # steps
+
+
+@dataclass(frozen=True)
+class Group:
+    """What is sampled in turn. `descriptions`: of each way; the last one's RATIO, stored last, tells that all is done.
+    `measure`: samples into a record, the measures of each way out."""
+
+    name: str
+    descriptions: tuple[dict[str, Any], ...]
+    sources: str
+    measure: Callable[[Record], list[Measures]]
+
+
+def cost_sources(backend: str, *files: str) -> str:
+    """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
+    paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
+    return f"{source_hash(backend)}-{source_digest(*paths)}-c{VERSION}"
+
+
+def run_costs(
+    store: Store,
+    *,
+    quick: bool = False,
+    backends: Sequence[str] | None = None,
+    progress: bool = True,
+    command: str = "softlab accuracy",
+) -> FindingsSummary:
+    """Measure what the store lacks of the costs.
+
+    `quick`: no grid wider than QUICK_MOST, fewer and shorter samples. `backends`: None: all that are here.
+    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
+    """
+    from bench.experiments.findings_determinism import determinism
+    from bench.measure.vertex_timing import vertex_groups  # draws: not loaded before it is used
+
+    chosen = backends_here(backends)
+    effort = QUICK if quick else FULL
+    most = QUICK_MOST if quick else None
+    everything = [g for backend in chosen for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
+    if "gpu" in chosen:
+        everything += vertex_groups(effort, most)
+    return measure_groups(store, "costs", everything, progress, command)
+
+
+def measure_groups(store: Store, what: str, everything: Sequence[Group], show: bool, command: str) -> FindingsSummary:
+    """Measure what the store lacks of the groups, one after another, and say what was done. `what` they are called;
+    `show`: a progress bar. Ctrl-C ends cleanly."""
+    begin = time.perf_counter()
+    summary = FindingsSummary(enter_machine(store), what)
+    try:
+        missing = [
+            g for g in everything if not store.has_measure(g.descriptions[-1], summary.machine, g.sources, RATIO)
+        ]
+        summary.held = len(everything) - len(missing)
+        if missing:
+            summary.run = store.start_run(summary.machine, command, source_revision())
+            _measure(store, summary, missing, show)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Group], show: bool) -> None:
+    with progress_bar(show) as bar:
+        task = bar.add_task(summary.what, total=len(missing))
+        for group in missing:
+            bar.update(task, description=f"{summary.what}: {group.name}")
+            found = group.measure(Record(store, summary.run, group.sources))
+            with store.transaction():
+                for description, numbers in zip(group.descriptions, found, strict=True):
+                    for name, (value, unit, reason) in numbers.items():
+                        store.add_measure(summary.run, description, group.sources, name, value, unit, reason)
+            summary.measured += 1
+            bar.advance(task)
+
+
+# ---------------------------------------------------------------------- what looking for a diverged state costs
+
+
+class _Looking(Subject):
+    """Stepping with looks every so many steps."""
+
+    interval: int = NEVER
+
+    def run(self, steps: int) -> float:
+        self.simulation.check_interval = self.interval
+        return super().run(steps)
+
+
+def looks(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
+    """The lab's grid at several sizes, both precisions, the backend's own kernel: (without looks, with looks)."""
+    sources = cost_sources(backend, str(contract.__file__))
+    found = []
+    for n in LOOK_SIZES[backend]:
+        if most and n > most:
+            continue
+        scene = load_scene(LOOK_SCENE).replace({"grid.rows": n, "grid.columns": n})
+        for precision in PRECISIONS:
+            ways = tuple(
+                described(scene, backend, LOOKS, precision=precision, looks=looking) for looking in (False, True)
+            )
+
+            def measure(
+                record: Record, scene: Any = scene, precision: str = precision, ways: Any = ways
+            ) -> list[Measures]:
+                with open_simulation(scene, backend, precision=precision) as simulation:
+                    return _look_costs(record, simulation, ways, effort)
+
+            found.append(Group(f"{LOOKS} {n} x {n} {precision} {backend}", ways, sources, measure))
+    return found
+
+
+def _look_costs(
+    record: Record, simulation: Simulation, ways: Sequence[dict[str, Any]], effort: Effort
+) -> list[Measures]:
+    """Of the same steps without and with looks. A sample is whole intervals, so that each has its look."""
+    interval = simulation.check_interval
+    without, looking = (_Looking(simulation, way) for way in ways)
+    looking.interval = interval
+    warm_up(without)
+    choose_steps(without, effort.seconds, effort.most)
+    for subject in (without, looking):
+        subject.steps = max(1, -(-without.steps // interval)) * interval
+        subject.wanted_seconds = without.wanted_seconds
+    plain, looked = in_turn(record, (without, looking), effort.repeats)
+    look = _one_look(simulation)
+    step, _, reason = plain[QUICKEST]  # not the median: neighbours that slow the steps down would make looks seem cheap
+    assert step is not None
+    share = look / (interval * step)
+    told = f"a look of {look * 1e6:.3g} us every {interval} steps; {reason}"
+    looked = {INTERVAL: (interval, "", None), SHARE: (share, "", told)} | looked
+    return [plain, looked]
+
+
+def _one_look(simulation: Simulation) -> float:
+    """Seconds of a look by itself, its putting the state aside included: the median."""
+    simulation.check_interval = NEVER
+    taken = []
+    for _ in range(LOOK_REPEATS):
+        simulation.advance(2)
+        simulation.synchronize()
+        begin = time.perf_counter()
+        simulation.check()
+        simulation.synchronize()
+        taken.append(time.perf_counter() - begin)
+    return statistics.median(taken)

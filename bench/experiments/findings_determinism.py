@@ -1,0 +1,137 @@
+"""What determinism costs: the same step with each mass gathering its pulls in a fixed order, and with springs scattering
+them.
+
+All kernels of the lab gather. That repeats bit for bit, whatever the number of threads and however they are scheduled,
+and a mass is written by one thread alone; but a spring's pull is wanted at both of its ends. What it is held against:
+
+- on the GPU a scatter with atomic additions, which evaluates each spring once and does not repeat, and the same with
+  springs in four colours, which does (bench/experiments/scatter_gpu.py). The gather is the lab's `graph`, a launch a step
+  as theirs.
+- on the CPU a scatter in four colours (bench/experiments/scatter_cpu.py), and a gather that evaluates each spring twice
+  (bench/experiments/gather_cpu.py). The lab's `fused` carries a pull to the other end, so that it does so once.
+
+First each is held against the lab's CPU in float64 `exact` math; a wrong answer gets no ratio. How often `RUNS` runs from
+one start ended in other bits than the first is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments import checks, gather_cpu, scatter_cpu
+from bench.experiments.checks import compare, displaced
+from bench.experiments.findings import described
+from bench.experiments.findings_costs import Group, cost_sources
+from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
+from bench.measure.timing import Subject, choose_steps, warm_up
+from model.core.simulation import PRECISIONS, Simulation, State
+from model.scene.scene import Scene, load_scene
+
+DETERMINISM = "determinism"  # value of `finding`
+DIFFERENT = "cost_different"  # runs that ended in other bits than the first
+DISTANCE = "cost_distance"  # spacings, root mean square, from the lab's CPU in float64 `exact` math
+GATHER = "gather"  # the lab's own, of the field `sums`; the others are the kernels' names
+SCENE = "lab-grid"
+SIZES = {"cpu": (32, 256, 1024), "gpu": (32, 256, 1024, 4096)}
+OTHERS = {"cpu": (scatter_cpu.COLOURS, gather_cpu.TWICE), "gpu": ("atomics", "colours")}
+RUNS, RUN_STEPS = 10, 100
+FEW_STEPS = 10  # of the check of grids over MANY_STEPS_UP_TO, which the CPU has to follow
+MANY_STEPS_UP_TO = 512 * 512  # masses
+
+
+def determinism(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
+    """The lab's grid at several sizes, both precisions: (gather, the others), all in `fast` math."""
+    files = [checks.__file__, scatter_cpu.__file__, gather_cpu.__file__]
+    if backend == "gpu":
+        from bench.experiments import scatter_gpu
+
+        files = [checks.__file__, scatter_gpu.__file__]
+    sources = cost_sources(backend, *map(str, files), __file__)
+    found = []
+    for n in SIZES[backend]:
+        if most and n > most:
+            continue
+        scene = load_scene(SCENE).replace({"grid.rows": n, "grid.columns": n})
+        for precision in PRECISIONS:
+            ways = tuple(
+                described(scene, backend, DETERMINISM, precision=precision, sums=how)
+                for how in (GATHER, *OTHERS[backend])
+            )
+
+            def measure(record: Record, scene: Scene = scene, ways: Any = ways) -> list[Measures]:
+                return _costs(record, scene, ways, effort)
+
+            found.append(Group(f"{DETERMINISM} {n} x {n} {precision} {backend}", ways, sources, measure))
+    return found
+
+
+def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation:
+    """The scene, opened to be summed in the way `how`: GATHER, or of OTHERS."""
+    if how == GATHER:
+        return open_simulation(scene, backend, precision=precision, kernel=_own_kernel(backend))
+    if backend == "gpu":
+        from bench.experiments.scatter_gpu import ScatterGrid
+
+        return ScatterGrid(scene, precision, how)
+    make: Callable[..., Simulation] = scatter_cpu.ColouredGrid if how == scatter_cpu.COLOURS else gather_cpu.GatherGrid
+    return make(scene, precision)
+
+
+def _own_kernel(backend: str) -> str:
+    """The lab's kernel of one pass a step."""
+    if backend == "cpu":
+        return "fused"
+    from gpu_backend.core.launch import can_capture
+
+    return "graph" if can_capture() else "launch"
+
+
+def _costs(record: Record, scene: Scene, ways: tuple[dict[str, Any], ...], effort: Effort) -> list[Measures]:
+    many = scene.grid.rows * scene.grid.columns <= MANY_STEPS_UP_TO
+    steps = RUN_STEPS if many else FEW_STEPS
+    start, expected = _expected(scene, steps)
+    with ExitStack() as stack:
+        subjects, checked, good = [], [], []
+        for way in ways:
+            simulation = stack.enter_context(open_way(scene, way["backend"], way["precision"], way["sums"]))
+            simulation.load(start)
+            simulation.advance(steps)
+            check = compare(simulation, expected, f"{steps} steps, against the lab's CPU in float64, exact")
+            different = different_runs(simulation, start, RUNS, steps)
+            checked.append(
+                {
+                    DISTANCE: (check.error, "spacing", check.note),
+                    DIFFERENT: (different, "", f"of {RUNS - 1} runs after the first, {steps} steps"),
+                }
+            )
+            good.append(check.good)
+            subject = Subject(simulation, way)
+            warm_up(subject)
+            choose_steps(subject, effort.seconds, effort.most)
+            subjects.append(subject)
+        timed = in_turn(record, subjects, effort.repeats)
+    wrong: Measures = {RATIO: (None, "", "wrong answer")}
+    return [before | (numbers if fine else wrong) for before, numbers, fine in zip(checked, timed, good, strict=True)]
+
+
+def _expected(scene: Scene, steps: int) -> tuple[State, Any]:
+    """(a displaced start, the positions after `steps` steps) of the lab's CPU in float64 `exact` math."""
+    with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
+        start = displaced(judge)
+        judge.load(start)
+        judge.advance(steps)
+        return start, judge.state().position
+
+
+def different_runs(simulation: Simulation, start: State, runs: int, steps: int) -> int:
+    """How many of `runs` runs of `steps` steps from `start` end in other bits than the first."""
+    ends = []
+    for _ in range(runs):
+        simulation.load(start)
+        simulation.advance(steps)
+        state = simulation.state()
+        ends.append((state.position.tobytes(), state.velocity.tobytes()))
+    return sum(end != ends[0] for end in ends[1:])

@@ -1,0 +1,124 @@
+"""The lab's step as a plain gather, on CPU threads: for bench/experiments/findings_determinism.py, not for users.
+
+Each mass sums the pulls of its own four springs, so that each spring is evaluated twice, once for either mass, and nothing
+is shared. The lab's kernel `fused` gathers, too, but carries a pull from mass to mass and from row to row.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import PLANES, row_at
+from cpu_backend.mass_spring.grid.rows import variant_name
+from cpu_backend.mass_spring.grid.solver import MassSpring
+from model.core.parameters import K_DAMPING, K_DT, K_GRAVITY, K_HALF_DT_SQUARED, K_STIFFNESS, K_STIFFNESS_REST
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.formulas import integrators, springs
+from model.scene.scene import Scene
+
+TWICE = "twice"  # the kernel's name
+
+
+class GatherGrid(MassSpring):
+    """See model/core/simulation.py. Scenes of the lab's grid alone (bench/peers/base.py: grid_refusal)."""
+
+    def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
+        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows that are not padded
+
+    def _make_executor(self) -> Executor:
+        self.kernel = TWICE
+        self._kernel = make_gather(self.real, self.options.math, self.plan.parts)
+        return Executor(self.plan, {}, self._advance_gather)
+
+    def _advance_gather(self, step: int, steps: int) -> None:
+        body = self.body
+        self._kernel(
+            steps, self._states, self._current, body.rows, body.columns, self.record, self._pin_start, self._pin_column
+        )
+        self._current = (self._current + steps) % 2
+
+
+def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """The step of `count` masses of a row. Neighbours are arrays of their own, so that the loop is whole vectors."""
+    spring_pull_2d, damped = springs.make(real, compiler.compiled)
+    lab = integrators.make(real, compiler.compiled).lab
+    has_gravity, has_damping = "gravity" in parts, "damping" in parts
+
+    @compiler.row
+    def gather_row(
+        count, x, y, vx, vy, x_left, y_left, x_right, y_right, x_above, y_above, x_below, y_below, record, new_x, new_y,
+        new_vx, new_vy,
+    ):  # fmt: skip
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
+        for j in range(count):
+            right_x, right_y = spring_pull_2d(x_right[j] - x[j], y_right[j] - y[j], stiffness, rest)
+            left_x, left_y = spring_pull_2d(x_left[j] - x[j], y_left[j] - y[j], stiffness, rest)
+            below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
+            above_x, above_y = spring_pull_2d(x_above[j] - x[j], y_above[j] - y[j], stiffness, rest)
+            ax, ay = (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
+            if has_gravity:
+                ay = ay + record[K_GRAVITY]
+            if has_damping:
+                ax, ay = damped(ax, vx[j], record[K_DAMPING]), damped(ay, vy[j], record[K_DAMPING])
+            new_x[j], new_vx[j] = lab(x[j], vx[j], ax, dt, half_dt_squared)
+            new_y[j], new_vy[j] = lab(y[j], vy[j], ay, dt, half_dt_squared)
+
+    return gather_row
+
+
+@cache
+def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(steps, states, current, rows, columns, record, pin_start, pin_column): `steps` steps, ping-pong between the
+    two states (4 planes of rows x columns each) that the flat array `states` holds."""
+    compiler = Compiler(variant_name(TWICE, real, math, "lab", parts), math)
+    gather_row = _make_row(compiler, real, parts)
+    zero = real(0)
+
+    @compiler.compiled
+    def part_of_row(count, here, left, right, above, below, plane, source, target, record):
+        """`count` masses from `here` on; at the grid's edges a mass stands in for the neighbour it lacks, since coincident
+        masses do not pull."""
+        gather_row(
+            count, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
+            row_at(source, here + 3 * plane), row_at(source, left), row_at(source, left + plane),
+            row_at(source, right), row_at(source, right + plane), row_at(source, above), row_at(source, above + plane),
+            row_at(source, below), row_at(source, below + plane), record, row_at(target, here),
+            row_at(target, here + plane), row_at(target, here + 2 * plane), row_at(target, here + 3 * plane),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def step_row(i, rows, columns, plane, source, target, record, pin_start, pin_column):
+        here, last = i * columns, columns - 1
+        up, down = -columns if i > 0 else 0, columns if i < rows - 1 else 0
+        first_right, last_here = here + min(1, last), here + last
+        part_of_row(1, here, here, first_right, here + up, here + down, plane, source, target, record)
+        if columns > 2:
+            k = here + 1
+            part_of_row(columns - 2, k, here, k + 1, k + up, k + down, plane, source, target, record)
+        if last > 0:
+            part_of_row(
+                1, last_here, last_here - 1, last_here, last_here + up, last_here + down, plane, source, target, record
+            )  # fmt: skip
+        for k in range(pin_start[i], pin_start[i + 1]):
+            j = here + pin_column[k]
+            target[j] = source[j]
+            target[j + plane] = source[j + plane]
+            target[j + 2 * plane] = zero
+            target[j + 3 * plane] = zero
+
+    def advance(steps, states, current, rows, columns, record, pin_start, pin_column):
+        plane = rows * columns
+        for k in range(steps):
+            here = (current + k) % 2
+            source, target = row_at(states, here * PLANES * plane), row_at(states, (1 - here) * PLANES * plane)
+            for i in prange(rows):
+                step_row(np.int64(i), rows, columns, plane, source, target, record, pin_start, pin_column)
+
+    return compiler.kernel(advance)

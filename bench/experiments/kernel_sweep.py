@@ -1,0 +1,146 @@
+"""Every kernel of each backend, forced, at every size: which rung of the ladder is the fastest where, and by how much.
+
+`softlab sweep --kernels`. Timed like the ordinary sweep (bench/experiments/sweep.py): checked, interleaved per size,
+resumable. A kernel that cannot run at a size, or breaks there in whatever way, is skipped with the reason, and the others
+go on. What a configuration is called holds its kernel's name; ordinary timings, whose kernel the backend chose, are `auto`.
+Which one it would choose is stored beside each (`default`: 1 or 0).
+
+Beside the times, in the first precision asked for: joules, where the machine counts them (bench/measure/energy.py).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from importlib import import_module
+
+from bench.experiments.sweep import Shape, Sweep, Work, backends_here, choose_effort, host_of, shapes, source_hash
+from bench.measure.cases import Case, SweepSummary
+from bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
+from bench.measure.kernel_runner import NO_JOULES, KernelRunner
+from bench.measure.limits import enter_limits
+from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.starts import measure_starts
+from bench.store.database import Store
+from bench.store.results import configuration
+from model.core.errors import SceneError
+from model.scene.scene import Scene, load_scene
+
+SQUARES = tuple(16 << k for k in range(10))  # 16 ... 8192
+QUICK_SQUARES = (32, 64, 128, 256)
+SLOW = ("launch", "stages")  # which three samples are enough for
+SLOW_REPEATS = 3
+MOST_CROWDED = 128 * 128  # masses up to which more threads than cores are timed, too: there they matter
+PLAIN = ("fused", "launch", "graph", "stages")  # the kernel that the others of a size are held against: the first here
+
+
+def kernels_of(backend: str) -> tuple[str, ...]:
+    """The names of a backend's kernels, which stand where it chooses among them."""
+    for module in ("choice", "mass_spring"):
+        names = getattr(import_module(f"{backend}_backend.{module}"), "KERNELS", None)
+        if names:
+            return tuple(names)
+    raise LookupError(f"the {backend} backend names no kernels")
+
+
+def kernel_cases(
+    scene: Scene, backends: Sequence[str], precisions: Sequence[str], energy: bool, kernels: Sequence[str] | None = None
+) -> list[Case]:
+    """The configurations of one grid, plainest kernel first. `kernels`: only these of them."""
+    cases = []
+    for precision in precisions:
+        for backend in backends:
+            crowded = precision == precisions[0] and scene.grid.particle_count <= MOST_CROWDED
+            here = kernels_of(backend)
+            names = [name for name in kernels if name.partition(":")[0] in here] if kernels else here
+            for kernel in sorted(names, key=lambda name: PLAIN.index(name) if name in PLAIN else len(PLAIN)):
+                words = (
+                    (None,) if backend == "gpu" else ("1x", "2x", "4x") if crowded and kernel not in SLOW else ("1x",)
+                )
+                for word in words:
+                    host = host_of(backend, word or "1x")
+                    description = configuration(scene, backend=backend, kernel=kernel, precision=precision, **host)
+                    cases.append(
+                        Case(
+                            scene, backend, word, host.get("threads"), precision, False, description,
+                            source_hash(backend), kernel, SLOW_REPEATS if kernel in SLOW else None,
+                            energy and precision == precisions[0] and word in (None, "1x"),
+                        )
+                    )  # fmt: skip
+    return cases
+
+
+def run_kernel_sweep(
+    store: Store,
+    *,
+    quick: bool = False,
+    scene: Scene | str = "lab-grid",
+    backends: Sequence[str] | None = None,
+    sizes: Iterable[int | Shape] | None = None,
+    precisions: Sequence[str] = ("float32", "float64"),
+    kernels: Sequence[str] | None = None,
+    max_seconds: float | None = None,
+    total_seconds: float | None = None,
+    repeats: int | None = None,
+    min_seconds: float | None = None,
+    energy: bool = True,
+    starts: bool = True,
+    progress: bool = True,
+    command: str = "softlab sweep --kernels",
+) -> SweepSummary:
+    """Measure what the store lacks of the kernels, and say what was done; arguments as of bench/experiments/sweep.py's
+    run_sweep.
+
+    `kernels`: only these. `energy`: also joules, half a second a configuration, where the machine counts them. `starts`:
+    also how long `softlab run` takes to its first step, cold and warm. The machine's limits (bench/measure/limits.py) are
+    measured where its record lacks them. Ctrl-C ends cleanly.
+
+    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
+    """
+    begin = time.perf_counter()
+    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
+    base = scene if isinstance(scene, Scene) else load_scene(scene)
+    chosen = backends_here(backends)
+    known = [name for backend in chosen for name in kernels_of(backend)]
+    for name in kernels or ():
+        if name.partition(":")[0] not in known:  # `resident:64x8x8h4` names a tile, too
+            raise SceneError("--kernel", name, f"must be one of {', '.join(dict.fromkeys(known))}")
+    planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
+    revision = source_revision()
+    summary = SweepSummary(enter_machine(store), "")
+    counters = {name: energy_counter(name) for name in chosen if energy and not (name == "gpu" and gpu_simulated())}
+    if any(counters.values()):
+        effort = replace(effort, energy_seconds=LOOP_SECONDS)
+    sweep = _KernelSweep(store, effort, summary, begin, chosen)
+    work: Work = []
+    for rows, columns in planned:
+        sized = base.replace({"grid.rows": rows, "grid.columns": columns})
+        cases = [
+            c for name in chosen for c in kernel_cases(sized, [name], precisions, bool(counters.get(name)), kernels)
+        ]
+        work.append((sized, cases))
+    try:
+        enter_limits(store, summary.machine)
+        if pending := sweep.pending(work):
+            summary.run = store.start_run(summary.machine, command, revision)
+            if starts and not gpu_simulated() and not isinstance(scene, Scene):
+                for name in chosen:
+                    measure_starts(store, summary.run, summary.machine, base, name, source_hash(name))
+            sweep.run(pending, progress, KernelRunner)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+class _KernelSweep(Sweep):
+    """A sweep in which a configuration without its joules is not complete either."""
+
+    def _missing(self, case: Case) -> int:
+        missing = super()._missing(case)
+        key = case.description, self.summary.machine, case.sources
+        lacks_energy = case.energy and not (
+            self.store.sample_count(*key, STAGE) or self.store.has_measure(*key, NO_JOULES)
+        )
+        return max(missing, 1) if lacks_energy else missing

@@ -1,0 +1,193 @@
+"""How many constraints a second the position-based solvers project: `softlab projections`.
+
+A projection is one constraint in one iteration: constraints x iterations x substeps over the time of a step, all of it
+(prediction, projections, velocities). The sheet is that of `cloth-xpbd` in other sizes, hung by two corners, with the
+springs of 4, 8 or 12 neighbours, 10 substeps of 10 or of 1 iteration, by coloured Gauss-Seidel and by Jacobi. Beside it the
+scenes of bench/store/published.py, whose published times are of a step.
+
+Timed as bench/measure/case_timing.py says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bench.experiments.sweep import backends_here
+from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
+from bench.store.database import Store, canonical
+from bench.store.published import NEWTON_ITERATION, PUBLISHED
+from bench.store.results import Measure
+from model.core.errors import SceneError
+from model.scene.scene import Scene, load_scene
+from model.xpbd.plan import constraint_count
+
+STAGE = "projections"  # of the samples in the store
+STEP = "projection_step"  # s: the median of a step
+RATE = "projections_per_second"  # 1/s
+KERNEL = "projection_kernel"  # its name is the reason
+SIZES = (32, 64, 128, 256, 512)  # rows and columns
+QUICK_SIZES = (32, 128)
+LARGE = (1024,)  # more of them on a GPU
+QUICK_NEIGHBOURS = (4, 12)
+NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural", "shear", "bending")}
+ORDERINGS = ("gauss-seidel", "jacobi")
+BUDGETS = ((10, 10), (10, 1))  # substeps, iterations
+QUICK_BUDGETS = BUDGETS[:1]  # a single iteration is machine code of its own
+REPEATS, QUICK_REPEATS = 7, 3
+
+
+def projections_of(scene: Scene) -> int:
+    """Of a step."""
+    return constraint_count(scene) * scene.method.substeps * scene.method.iterations
+
+
+def label_of(scene: Scene) -> str:
+    """`64 x 64, jacobi, 10 x 1`."""
+    grid, method = scene.grid, scene.method
+    return f"{grid.rows} x {grid.columns}, {method.ordering}, {method.substeps} x {method.iterations}"
+
+
+def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: int) -> Scene:
+    """The sheet of a case: `cloth-xpbd`, size x size masses, as large as it, with the springs of so many neighbours."""
+    base = load_scene("cloth-xpbd")
+    tables = base.as_dict()
+    for kind in set(NEIGHBOURS[12]) - set(NEIGHBOURS[neighbours]):
+        del tables[kind]
+    scale, damping = base.grid.rows / size, base.damping
+    assert damping is not None
+    return Scene(tables, base.name).replace(
+        {
+            "cloth.rows": size, "cloth.columns": size, "cloth.spacing": base.grid.spacing * scale,
+            "cloth.mass": base.grid.mass * scale**2, "damping.coefficient": damping.coefficient * scale**2,
+            "method.ordering": ordering, "method.substeps": substeps, "method.iterations": iterations,
+        }
+    )  # fmt: skip
+
+
+def case_of(scene: Scene, backend: str, precision: str) -> Case:
+    """One configuration, with its label."""
+    return make_case(scene, backend, precision, label_of(scene))
+
+
+def groups(
+    backends: Sequence[str], quick: bool, sizes: Iterable[int] | None, precisions: Sequence[str]
+) -> list[list[Case]]:
+    """What is timed in turn: all cases of a size and backend; then the published scenes."""
+    found = []
+    for backend in backends:
+        usual = QUICK_SIZES if quick else (*SIZES, *(LARGE if backend == "gpu" else ()))
+        for size in tuple(sizes) if sizes is not None else usual:
+            found.append(
+                [
+                    case_of(sheet(size, neighbours, ordering, *budget), backend, precision)
+                    for precision in precisions
+                    for neighbours in (QUICK_NEIGHBOURS if quick else NEIGHBOURS)
+                    for budget in (QUICK_BUDGETS if quick else BUDGETS)
+                    for ordering in ORDERINGS
+                ]
+            )
+        if sizes is None and not quick:
+            found += [[case_of(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
+    return found
+
+
+def measured(case: Case, step: float, kernel: str) -> Measured:
+    """What is told of a case whose step took so many seconds."""
+    yield STEP, step, "s", "the median"
+    yield KERNEL, None, "", kernel
+    yield RATE, projections_of(case.scene) / step, "1/s", None
+
+
+def run_projections(
+    store: Store,
+    *,
+    quick: bool = False,
+    backends: Sequence[str] | None = None,
+    sizes: Iterable[int] | None = None,
+    precisions: Sequence[str] = ("float32",),
+    progress: bool = True,
+    command: str = "softlab projections",
+) -> Summary:
+    """Time what the store lacks of the cases, and say what was done. Ctrl-C ends cleanly.
+
+    `quick`: two sizes, 4 and 12 neighbours, ten iterations, nothing published. Raises SceneError (a size or precision that
+    cannot be), BackendUnavailable, InputError (the store).
+    """
+    here = backends_here(backends)
+    for size in sizes or ():
+        if size < 2:
+            raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
+    check_precisions(precisions)
+    timing = Timing(STAGE, QUICK_REPEATS if quick else REPEATS, measured, RATE)
+    return timing.run(store, groups(here, quick, sizes, precisions), progress=progress, command=command)
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+@dataclass(frozen=True)
+class ProjectionPoint:
+    """One timed configuration: `step` [s], `rate` [1/s], and what tells it apart. `neighbours` 4, 8 or 12."""
+
+    machine: str
+    backend: str
+    precision: str
+    kernel: str
+    rows: int
+    columns: int
+    neighbours: int
+    ordering: str
+    substeps: int
+    iterations: int
+    scene: str  # canonical text
+    step: float
+    rate: float
+
+    @property
+    def iteration(self) -> float:
+        """Seconds of an iteration, with its share of everything else in the step."""
+        return self.step / self.substeps / self.iterations
+
+
+def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
+    """What the measures tell of the cases, smallest sheets first."""
+    named: dict[tuple[str, str], dict[str, Measure]] = {}
+    for measure in held:
+        if measure.name in (STEP, RATE, KERNEL):
+            named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
+    found = []
+    for (owner, _), told in named.items():
+        if not {STEP, RATE} <= set(told):
+            continue
+        description = told[RATE].description
+        scene = Scene.stored(description["scene"])
+        kinds, method = scene.cloth_springs, scene.method
+        kernel = told[KERNEL].reason if KERNEL in told else None
+        found.append(
+            ProjectionPoint(
+                owner, description["backend"], description["precision"], kernel or "", scene.grid.rows,
+                scene.grid.columns, 4 * len(kinds), method.ordering, method.substeps, method.iterations,
+                canonical(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0,
+            )
+        )  # fmt: skip
+    return sorted(found, key=lambda p: (p.rows * p.columns, p.backend, p.neighbours, p.ordering, -p.iterations))
+
+
+def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, ProjectionPoint]]:
+    """(published, ours of one backend and machine) for every published scene that was timed here."""
+    pairs = []
+    for entry in PUBLISHED:
+        pairs += [(entry, point) for point in found if point.scene == entry.text]
+    return pairs
+
+
+def newton_ratios(found: Sequence[ProjectionPoint]) -> list[tuple[int, float]]:
+    """(size, Newton's seconds of an iteration over ours) of twelve neighbours by Gauss-Seidel, 10 x 10, on a GPU."""
+    return [
+        (point.rows, NEWTON_ITERATION[point.rows] / point.iteration)
+        for point in found
+        if point.backend == "gpu" and point.rows == point.columns and point.rows in NEWTON_ITERATION
+        and (point.neighbours, point.ordering, point.substeps, point.iterations) == (12, "gauss-seidel", 10, 10)
+    ]  # fmt: skip

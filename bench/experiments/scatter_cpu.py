@@ -1,0 +1,155 @@
+"""The lab's step as a scatter over springs, on CPU threads: for bench/experiments/findings_determinism.py, not for users.
+
+Each spring is evaluated once and added to both of its masses. Two threads must not add to one mass at a time, so the
+springs are taken in four colours, no two of which meet in a mass: along a row the even ones, then the odd ones (a row
+belongs to one thread, so that both are one parallel region); down the columns those below even rows, then those below odd
+ones. The order in which a mass's pulls are added is fixed, so that any number of threads gives the same bits. The price
+is memory: sums that every colour reads and writes, and a region for each.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import PLANES, row_at
+from cpu_backend.mass_spring.grid.rows import variant_name
+from cpu_backend.mass_spring.grid.solver import MassSpring
+from model.core.parameters import K_DAMPING, K_DT, K_GRAVITY, K_HALF_DT_SQUARED, K_STIFFNESS, K_STIFFNESS_REST
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.formulas import integrators, springs
+from model.scene.scene import Scene
+
+COLOURS = "colours"  # the kernel's name
+
+
+class ColouredGrid(MassSpring):
+    """See model/core/simulation.py. Scenes of the lab's grid alone (bench/peers/base.py: grid_refusal)."""
+
+    def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
+        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows that are not padded
+
+    def _make_executor(self) -> Executor:
+        self.kernel = COLOURS
+        self._kernel = make_coloured(self.real, self.options.math, self.plan.parts)
+        self._sums = np.zeros(2 * self.body.rows * self.body.columns, self.real)
+        return Executor(self.plan, {}, self._advance_coloured)
+
+    def _advance_coloured(self, step: int, steps: int) -> None:
+        body = self.body
+        self._kernel(
+            steps, self._states, self._current, body.rows, body.columns, self.record, self._pin_start, self._pin_column,
+            self._sums,
+        )  # fmt: skip
+        self._current = (self._current + steps) % 2
+
+
+def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, Any, Any]:
+    """(along, down, finish): the springs of a row of one parity, those between two rows, and the step of a row."""
+    spring_pull_2d, damped = springs.make(real, compiler.compiled)
+    lab = integrators.make(real, compiler.compiled).lab
+    has_gravity, has_damping = "gravity" in parts, "damping" in parts
+    zero = real(0)
+
+    @compiler.row
+    def along(count, x, y, record, sum_x, sum_y):
+        """Every other spring of a part of a row of `count` springs."""
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        for j in range(0, count, 2):
+            pull_x, pull_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, rest)
+            sum_x[j] += pull_x
+            sum_y[j] += pull_y
+            sum_x[j + 1] -= pull_x
+            sum_y[j + 1] -= pull_y
+
+    @compiler.row
+    def down(columns, x, y, x_below, y_below, record, sum_x, sum_y, sum_x_below, sum_y_below):
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        for j in range(columns):
+            pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
+            sum_x[j] += pull_x
+            sum_y[j] += pull_y
+            sum_x_below[j] -= pull_x
+            sum_y_below[j] -= pull_y
+
+    @compiler.row
+    def finish(columns, x, y, vx, vy, record, sum_x, sum_y, new_x, new_y, new_vx, new_vy):
+        """The step of a row; its sums are left at 0."""
+        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
+        for j in range(columns):
+            ax, ay = sum_x[j], sum_y[j]
+            if has_gravity:
+                ay = ay + record[K_GRAVITY]
+            if has_damping:
+                ax, ay = damped(ax, vx[j], record[K_DAMPING]), damped(ay, vy[j], record[K_DAMPING])
+            new_x[j], new_vx[j] = lab(x[j], vx[j], ax, dt, half_dt_squared)
+            new_y[j], new_vy[j] = lab(y[j], vy[j], ay, dt, half_dt_squared)
+            sum_x[j] = zero
+            sum_y[j] = zero
+
+    return along, down, finish
+
+
+@cache
+def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(steps, states, current, rows, columns, record, pin_start, pin_column, sums): `steps` steps, ping-pong
+    between the two states (4 planes of rows x columns each) that the flat array `states` holds. `sums`: 2 planes of 0."""
+    compiler = Compiler(variant_name(COLOURS, real, math, "lab", parts), math)
+    along, down, finish = _make_rows(compiler, real, parts)
+    zero = real(0)
+
+    @compiler.compiled
+    def along_row(i, columns, plane, source, record, sums):
+        for odd in range(2):
+            here = i * columns + odd
+            along(
+                columns - 1 - odd, row_at(source, here), row_at(source, here + plane), record, row_at(sums, here),
+                row_at(sums, here + plane),
+            )  # fmt: skip
+
+    @compiler.compiled
+    def down_row(i, columns, plane, source, record, sums):
+        here, below = i * columns, (i + 1) * columns
+        down(
+            columns, row_at(source, here), row_at(source, here + plane), row_at(source, below),
+            row_at(source, below + plane), record, row_at(sums, here), row_at(sums, here + plane), row_at(sums, below),
+            row_at(sums, below + plane),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def finish_row(i, columns, plane, source, target, record, sums, pin_start, pin_column):
+        here = i * columns
+        x, y = row_at(source, here), row_at(source, here + plane)
+        new_x, new_y = row_at(target, here), row_at(target, here + plane)
+        new_vx, new_vy = row_at(target, here + 2 * plane), row_at(target, here + 3 * plane)
+        finish(
+            columns, x, y, row_at(source, here + 2 * plane), row_at(source, here + 3 * plane), record,
+            row_at(sums, here), row_at(sums, here + plane), new_x, new_y, new_vx, new_vy,
+        )  # fmt: skip
+        for k in range(pin_start[i], pin_start[i + 1]):
+            j = pin_column[k]
+            new_x[j] = x[j]
+            new_y[j] = y[j]
+            new_vx[j] = zero
+            new_vy[j] = zero
+
+    def advance(steps, states, current, rows, columns, record, pin_start, pin_column, sums):
+        plane = rows * columns
+        for k in range(steps):
+            here = (current + k) % 2
+            source, target = row_at(states, here * PLANES * plane), row_at(states, (1 - here) * PLANES * plane)
+            for i in prange(rows):
+                along_row(np.int64(i), columns, plane, source, record, sums)
+            for pair in prange(rows // 2):
+                down_row(np.int64(2 * pair), columns, plane, source, record, sums)
+            for pair in prange((rows - 1) // 2):
+                down_row(np.int64(2 * pair + 1), columns, plane, source, record, sums)
+            for i in prange(rows):
+                finish_row(np.int64(i), columns, plane, source, target, record, sums, pin_start, pin_column)
+
+    return compiler.kernel(advance)

@@ -1,0 +1,177 @@
+"""The lab's step as a scatter over springs, on CUDA: for bench/experiments/findings_determinism.py, not for users.
+
+One thread a spring evaluates it once and adds the pull to both of its masses; a second kernel, one thread a mass, does the
+step and clears the sums. Two ways to keep two threads from adding to one mass at a time:
+
+- `atomics`: one launch for all springs, floating-point atomic additions. In which order a mass's pulls arrive is up to the
+  scheduler, and rounding depends on it: a run need not repeat.
+- `colours`: four launches (even and odd springs along rows, then down columns), no two springs of one meeting in a mass.
+  Plain additions in a fixed order: a run repeats bit for bit.
+
+Formulas, storage and the replayed CUDA graph are those of the lab's kernel `graph`, which gathers.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda as numba_cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.launch import Graphs, can_capture
+from gpu_backend.core.pairs import load_pair, store_pair
+from gpu_backend.mass_spring.grid.kernels import make_tools
+from gpu_backend.mass_spring.grid.point import kernel_options, make_moves
+from gpu_backend.mass_spring.grid.solver import MassSpring
+from model.core.parameters import K_STIFFNESS, K_STIFFNESS_REST
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.formulas import springs
+from model.scene.scene import Scene
+
+cuda: Any = numba_cuda  # kernels are typed by numba when they are compiled
+ATOMICS, COLOURS = "atomics", "colours"  # the kernels' names
+
+
+class ScatterGrid(MassSpring):
+    """See model/core/simulation.py. `how`: ATOMICS or COLOURS. Scenes of the lab's grid alone (bench/peers/base.py:
+    grid_refusal). The state stays in one buffer: springs are done before a mass moves."""
+
+    def __init__(self, scene: Scene, precision: str, how: str, math: str = "fast"):
+        self._how = how
+        super().__init__(scene, Options(precision, math))
+
+    def _choose_kernel(self) -> None:
+        self.kernel, self.tile = self._how, None
+
+    def _build(self) -> None:
+        self._tools = make_tools(self.real)
+        self._graphs, self._tiles = None, None
+        self._scatter = make_scatter(self.real, self.options.math, self.plan.parts)
+        self._sums = cuda.to_device(np.zeros(2 * self.particle_count, self.real), stream=self.stream)
+        self._launch = self._launch_scatter
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if can_capture():
+            self._advance_steps(0, 1)  # nothing may be loaded while a graph is captured
+            cuda.synchronize()
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _launch_scatter(self, parity: int, count: int) -> None:
+        (across, down), block, stream = self._grid
+        position, velocity = self.position[0], self.velocity[0]
+        for number in range(count):
+            if self._how == ATOMICS:
+                both = (across, down, 2), (*block, 1), stream
+                self._scatter.atomics[both](position, self._sums, self.record, *self._shape)
+            else:
+                for colour, kernel in enumerate(self._scatter.colours):
+                    half = (-(-across // 2), down) if colour < 2 else (across, -(-down // 2))
+                    kernel[half, block, stream](position, self._sums, self.record, *self._shape)
+            self._scatter.move[self._grid](
+                position, velocity, self._sums, self.record, self.integers, self._counter, np.int64(number),
+                self._pinned_row, self.pinned, *self._shape,
+            )  # fmt: skip
+        self._current = 0
+
+
+@cache
+def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The kernels `atomics`, `colours` (four of them) and `move`. `position`, `velocity`: complex (particles,); `sums`
+    (2 particles,): the pulls over mass along x, then those along y, all 0 between steps."""
+
+    def kernel(function: Any, *words: str) -> Any:
+        return make_kernel(function, variant_name(real, math, parts, *words), **kernel_options(math))
+
+    colours = [
+        kernel(_colour_kernel(real, math, down, odd), "down" if down else "along", "odd" if odd else "even")
+        for down in (False, True)
+        for odd in (0, 1)
+    ]
+    return SimpleNamespace(
+        atomics=kernel(_atomics_kernel(real, math)), colours=colours, move=kernel(_move_kernel(real, math, parts))
+    )
+
+
+def _atomics_kernel(real: Any, math: str) -> Any:
+    spring_pull_2d, _ = device_formulas(springs.make, real, math)
+
+    def scatter_atomics(position, sums, record, rows, columns):
+        j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+        i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+        rows, columns = np.int32(rows), np.int32(columns)
+        k, count = np.int32(i * columns + j), np.int32(rows * columns)
+        other, inside = k + np.int32(1), i < rows and j < columns - 1
+        if cuda.blockIdx.z == 1:
+            other, inside = k + columns, i < rows - 1 and j < columns
+        if inside:
+            here, there = load_pair(position, k), load_pair(position, other)
+            x, y = spring_pull_2d(
+                there.real - here.real, there.imag - here.imag, record[K_STIFFNESS], record[K_STIFFNESS_REST]
+            )
+            cuda.atomic.add(sums, k, x)
+            cuda.atomic.add(sums, count + k, y)
+            cuda.atomic.add(sums, other, -x)
+            cuda.atomic.add(sums, count + other, -y)
+
+    return scatter_atomics
+
+
+def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
+    spring_pull_2d, _ = device_formulas(springs.make, real, math)
+    first = np.int32(odd)
+
+    def scatter_colour(position, sums, record, rows, columns):
+        j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+        i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+        rows, columns = np.int32(rows), np.int32(columns)
+        if down:
+            i = np.int32(i + i + first)
+            inside = i < rows - 1 and j < columns
+        else:
+            j = np.int32(j + j + first)
+            inside = i < rows and j < columns - 1
+        if inside:
+            k, count = np.int32(i * columns + j), np.int32(rows * columns)
+            other = np.int32(k + columns) if down else np.int32(k + 1)
+            here, there = load_pair(position, k), load_pair(position, other)
+            x, y = spring_pull_2d(
+                there.real - here.real, there.imag - here.imag, record[K_STIFFNESS], record[K_STIFFNESS_REST]
+            )
+            sums[k] += x
+            sums[count + k] += y
+            sums[other] -= x
+            sums[count + other] -= y
+
+    return scatter_colour
+
+
+def _move_kernel(real: Any, math: str, parts: frozenset[str]) -> Any:
+    move = make_moves(real, math, "lab", parts)["step"]
+    has_pins = "pins" in parts
+    zero = real(0)
+
+    def move_summed(
+        position, velocity, sums, record, integers, counter, pass_number, pinned_row, pinned, rows, columns
+    ):  # fmt: skip
+        j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+        i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+        rows, columns = np.int32(rows), np.int32(columns)
+        if i < rows and j < columns:
+            k, count = np.int32(i * columns + j), np.int32(rows * columns)
+            p, v = load_pair(position, k), load_pair(velocity, k)
+            ax, ay = sums[k], sums[count + k]
+            px, py, vx, vy = move(k, i, j, ax, ay, p, v, record, integers, np.int64(0), rows, columns)
+            if has_pins:
+                if pinned_row[i] != 0:
+                    if pinned[k] != 0:
+                        px, py, vx, vy = p.real, p.imag, zero, zero
+            store_pair(position, k, px, py)
+            store_pair(velocity, k, vx, vy)
+            sums[k] = zero
+            sums[count + k] = zero
+
+    return move_summed

@@ -1,0 +1,257 @@
+"""Where each integrator breaks: outcomes over step size, stiffness and damping, and the edge found by bisection.
+
+The map: an 8 x 8 curtain (hung by its top row, gravity, a small perturbation) is run at every step size and stiffness, and
+at every step size and damping, to one of three outcomes (bench/experiments/stability/runs.py). Beside it stands the
+analytic limit, which holds for any state of the grid; springs near their rest length leave it some room.
+
+The edges: of the same grid without rest lengths, where the equation is linear and the limit is sharp, and of a chain of
+ten links, whose largest frequency is 2 sqrt(k/m) sin((2n-1) pi / (2 (2n+1))).
+
+One opened simulation does all points of an integrator, backend and precision: what changes is live.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.accuracy.methods import QUICK_FLOAT32
+from bench.experiments.advise.choice import chosen
+from bench.experiments.stability.points import (
+    DAMPING,
+    EDGE,
+    LIMIT,
+    OUTCOME,
+    STEP,
+    STIFFNESS,
+    Edge,
+    MapPoint,
+    StabilitySummary,
+    stability_of,
+)
+from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
+from bench.experiments.sweep import backends_here, source_hash
+from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.progress import progress_bar
+from bench.store.database import Store, configuration_hash
+from bench.store.results import configuration, measures
+from model.core.integrators import INTEGRATORS, damping_rate
+from model.core.simulation import PRECISIONS, Simulation
+from model.core.stability_limit import scene_frequency
+from model.scene.scene import Scene, load_scene
+
+__all__ = ["Edge", "MapPoint", "StabilitySummary", "run_stability"]
+
+MEANING = 1  # of what is stored; changed when an outcome or an edge comes to mean something else
+ROWS = COLUMNS = 8
+LINKS = 10
+EDGE_WORTH = 20  # of the progress bar: an edge takes as long as so many points
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What is run: `steps` [s], `stiffnesses` [N/m], `dampings` [N s/m] of the map, those of the grid's edges, and the
+    dampings of the chain's."""
+
+    steps: tuple[float, ...]
+    stiffnesses: tuple[float, ...]
+    dampings: tuple[float, ...]
+    edge_stiffnesses: tuple[float, ...]
+    edge_dampings: tuple[float, ...]
+    chain_dampings: tuple[float, ...] = (0.0, DAMPING)
+
+
+def _decades(first: int, last: int, parts: int) -> tuple[float, ...]:
+    """10^first to 10^last, `parts` values a decade, to three digits (equal numbers in every extent)."""
+    return tuple(float(f"{10 ** (k / parts):.3g}") for k in range(first * parts, last * parts + 1))
+
+
+QUICK = Extent(_decades(-3, -1, 2), (1.0, 10.0, 100.0, 1000.0), (0.0, 0.03, 0.3), (10.0, 1000.0), (0.3,))
+FULL = Extent(
+    _decades(-4, -1, 4), _decades(0, 3, 2), (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), _decades(0, 3, 1),
+    (0.0, 0.003, 0.1, 0.3, 1.0),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """One point of the map, or (`edge`) one edge to find, and how the store knows it."""
+
+    scene: Scene
+    backend: str
+    precision: str
+    edge: bool
+    description: dict[str, Any]
+    sources: str
+
+    @property
+    def done(self) -> str:
+        """The measure that a finished case has."""
+        return EDGE if self.edge else OUTCOME
+
+    @property
+    def worth(self) -> int:
+        return EDGE_WORTH if self.edge else 1
+
+    @property
+    def simulation_kind(self) -> tuple[Any, ...]:
+        """What the cases have in common that share an opened simulation."""
+        grid = self.scene.grid
+        return self.backend, self.precision, self.scene.method.integrator, self.edge, grid.rows, grid.columns
+
+    def __str__(self) -> str:
+        return f"{self.scene.method.integrator} {self.precision} {self.backend}{' edge' if self.edge else ''}"
+
+    def open(self) -> Simulation:
+        """One thread: the grid is tiny, and nothing is timed."""
+        return open_simulation(
+            self.scene, self.backend, threads=1, precision=self.precision, live=LIVE, allow_unstable=True
+        )
+
+
+def chain(damping: float) -> Scene:
+    """Ten links of no rest length, hung at the top, free below: exactly linear."""
+    return linear(
+        Scene(
+            {
+                "grid": {"rows": LINKS + 1, "columns": 1, "pinned": "top"},
+                "springs": {"stiffness": STIFFNESS, "rest_length": 0.0},
+                "damping": {"coefficient": damping},
+            },
+            "chain",
+        )
+    )
+
+
+def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | None = None) -> list[Case]:
+    """Each backend x precision x integrator (None: all): the map's points, then the edges, in the order they are run."""
+    curtain = load_scene("lab-curtain").replace({"grid.rows": ROWS, "grid.columns": COLUMNS})
+    rows = [(k, DAMPING) for k in extent.stiffnesses] + [(STIFFNESS, c) for c in extent.dampings if c != DAMPING]
+    edges = [(k, DAMPING) for k in extent.edge_stiffnesses] + [(STIFFNESS, c) for c in extent.edge_dampings]
+    found = []
+    for backend in backends:
+        sources = f"{source_hash(backend)}-stability{MEANING}"
+        for precision in PRECISIONS:
+            for name in integrators or INTEGRATORS:
+                if extent is QUICK and precision == "float32" and name not in QUICK_FLOAT32:
+                    continue
+                scenes = []
+                for stiffness, damping in rows:
+                    at = {"springs.stiffness": stiffness, "damping.coefficient": damping, "method.integrator": name}
+                    scenes += [(curtain.replace(at | {"method.dt": dt}), False) for dt in extent.steps]
+                nets = [linear(curtain.replace({"springs.stiffness": k, "damping.coefficient": c})) for k, c in edges]
+                nets += [chain(c) for c in extent.chain_dampings]
+                for net in nets:
+                    scene = net.replace({"method.integrator": name})
+                    if analytic(scene) > 0:  # else it grows at every step size, and there is no edge
+                        scenes.append((scene, True))
+                for scene, edge in scenes:
+                    threads = 1 if backend == "cpu" else None
+                    description = configuration(scene, backend=backend, threads=threads, precision=precision)
+                    found.append(Case(scene, backend, precision, edge, description, sources))
+    return found
+
+
+def analytic(scene: Scene) -> float:
+    """The limit [s] of a linear net at its own largest frequency."""
+    return INTEGRATORS[scene.method.integrator].limit(scene_frequency(scene).estimate, damping_rate(scene))
+
+
+def run_stability(
+    store: Store,
+    *,
+    quick: bool = False,
+    integrators: Sequence[str] | None = None,
+    backends: Sequence[str] | None = None,
+    progress: bool = True,
+    command: str = "softlab stability",
+) -> StabilitySummary:
+    """Run what the store lacks of the map and the edges, and return all of them; `print(summary)` is a table.
+
+    `quick`: a coarser map, fewer edges, few integrators in float32, all of which the whole one has, too. `integrators`:
+    None: all; parts that are run apart meet in the store. `backends`: cpu, gpu (None: all that are here). Every number is
+    on disk when it is had, so that the same command resumes; Ctrl-C ends cleanly.
+
+    Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
+    """
+    begin = time.perf_counter()
+    names = chosen(integrators, list(INTEGRATORS), "--integrator")
+    here, revision = backends_here(backends), source_revision()
+    summary = StabilitySummary(enter_machine(store))
+    everything = cases(QUICK if quick else FULL, here, names)
+    missing = [c for c in everything if not store.has_measure(c.description, summary.machine, c.sources, c.done)]
+    summary.held = len(everything) - len(missing)
+    try:
+        if missing:
+            summary.run = store.start_run(summary.machine, command, revision)
+            _run_all(store, summary, missing, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    keys = {configuration_hash(case.description) for case in everything}
+    mine = [m for m in measures(store, machine=summary.machine) if m.configuration in keys]
+    summary.points, summary.edges = stability_of(mine)
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _run_all(store: Store, summary: StabilitySummary, missing: list[Case], show: bool) -> None:
+    with progress_bar(show) as bar:
+        task = bar.add_task("stability", total=sum(case.worth for case in missing))
+
+        def tell(text: str, advance: int) -> None:
+            bar.update(task, description=text, advance=advance)
+
+        groups: dict[tuple[Any, ...], list[Case]] = {}
+        for case in missing:
+            groups.setdefault(case.simulation_kind, []).append(case)
+        for group in groups.values():
+            _run_group(store, summary, group, tell)
+
+
+def _run_group(
+    store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Callable[[str, int], None]
+) -> None:
+    """The cases of one opened simulation, each stored when it is done."""
+    with ExitStack() as stack:
+        tell(f"{group[0]}: opening", 0)
+        simulation = stack.enter_context(group[0].open())
+        for case in group:
+            tell(str(case), 0)
+            numbers = _edge_numbers(simulation, case) if case.edge else _map_numbers(simulation, case)
+            with store.transaction():
+                for name, (value, unit, reason) in numbers.items():
+                    store.add_measure(summary.run, case.description, case.sources, name, value, unit, reason)
+            summary.measured += 1
+            tell(str(case), case.worth)
+
+
+Numbers = dict[str, tuple[float, str, str | None]]
+
+
+def _map_numbers(simulation: Simulation, case: Case) -> Numbers:
+    springs, damping = case.scene.springs, case.scene.damping
+    assert springs is not None and damping is not None
+    found = outcome(simulation, case.scene.method.dt, springs.stiffness, damping.coefficient)
+    numbers: Numbers = {}
+    if found.code == DIVERGED and found.step is not None:
+        numbers[STEP] = (found.step, "", None)
+    numbers[OUTCOME] = (found.code, "", _marked(case, found.note))  # last, so that a case with an outcome is complete
+    return numbers
+
+
+def _edge_numbers(simulation: Simulation, case: Case) -> Numbers:
+    simulation.reset()
+    for path in ("springs.stiffness", "damping.coefficient"):
+        part, _, field = path.partition(".")
+        simulation.set(path, getattr(case.scene.parts[part], field))
+    limit = analytic(case.scene)
+    edge = measured_edge(simulation)
+    return {LIMIT: (limit, "s", "at the net's largest frequency"), EDGE: (edge, "s", _marked(case, "by bisection"))}
+
+
+def _marked(case: Case, note: str) -> str:
+    return f"{note}; CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else note

@@ -1,0 +1,315 @@
+"""The timing sweep: sizes x backends x threads x precisions x {without graphics, with}, into the store.
+
+Small and cheap first, so that an interrupted sweep is useful. What the store holds already of this machine and these
+sources is not measured again; every sample is on disk as soon as it is finished.
+
+`quick`: squares from 16 to 512 masses a side at 3 samples of 20 ms (drawn up to 256; float64 on 1x threads alone), a 1:4,
+a 4:1 and a size that no block divides, in a quarter of a minute. Otherwise: squares from 16 on, 1:4 and 4:1 at the mass
+counts of four of them, five odd sizes, 5 samples of 100 ms, as far as memory and `max_seconds` allow.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
+from bench.measure.group import GroupRunner
+from bench.measure.machine import enter_machine, gpu_or_reason, gpu_simulated, source_revision
+from bench.measure.progress import progress_bar
+from bench.measure.timing import MEASUREMENT
+from bench.store.database import Store, configuration_hash
+from bench.store.results import configuration, timings
+from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
+from model.core.digest import backend_sources, source_digest
+from model.core.errors import BackendUnavailable, SceneError
+from model.core.memory import available_bytes, readable
+from model.scene.scene import Scene, load_scene
+
+Shape = tuple[int, int]  # rows, columns, in masses
+Work = list[tuple[Scene, list[Case]]]  # the grids, with the configurations of each
+
+SQUARES = tuple(16 << k for k in range(11))  # 16 ... 16384
+QUICK_SQUARES = (16, 32, 64, 128, 256, 512)
+QUICK_OTHERS: tuple[Shape, ...] = ((32, 128), (128, 32), (100, 100))
+QUICK_DRAWN = tuple((n, n) for n in QUICK_SQUARES[:-1])  # the others without graphics
+ODD: tuple[Shape, ...] = ((100, 100), (1000, 37), (37, 1000), (1023, 1025), (3001, 2999))
+STRETCHED = (64, 256, 1024, 4096)  # squares that are also measured at 4:1 and 1:4
+
+
+QUICK = Effort(3, 0.02, 3.0, 75.0)
+FULL = Effort(5, 0.1, 30.0, None)
+
+
+def source_hash(backend: str) -> str:
+    """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
+    return source_digest(*backend_sources(backend)) + f"-{MEASUREMENT}"
+
+
+def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
+    """What the description of a configuration tells of the host that ran it: `threads` as asked for; of a GPU nothing."""
+    if backend != "cpu":
+        return {}
+    return {"threads": thread_count(threads), "layer": threading_layer(), "wait_policy": wait_policy()}
+
+
+def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shape]:
+    """The grids of a sweep, smallest first. `sizes`: these instead, as N (a square) or (rows, columns)."""
+    if sizes is not None:
+        chosen = [(size, size) if isinstance(size, int) else (int(size[0]), int(size[1])) for size in sizes]
+        for shape in chosen:
+            if min(shape) < 1:
+                raise SceneError("--size", shape, "a grid has at least 1 x 1 masses")
+    elif quick:
+        chosen = [*((n, n) for n in QUICK_SQUARES), *QUICK_OTHERS]
+    else:
+        stretched = [shape for n in STRETCHED for shape in ((n // 2, 2 * n), (2 * n, n // 2))]
+        chosen = [*((n, n) for n in SQUARES), *stretched, *ODD]
+    return sorted(set(chosen), key=lambda shape: (shape[0] * shape[1], abs(shape[0] - shape[1]), shape))
+
+
+def backends_here(wanted: Sequence[str] | None) -> list[str]:
+    """The backends to measure: those asked for, else all that this machine has (a simulated GPU only when asked for).
+
+    Raises SceneError for an unknown one, BackendUnavailable for one that was asked for and is not here.
+    """
+    available, text = gpu_or_reason()
+    if wanted is None:
+        return ["cpu", "gpu"] if available and not gpu_simulated() else ["cpu"]
+    for name in wanted:
+        if name not in ("cpu", "gpu"):
+            raise SceneError("--backend", name, "must be one of cpu, gpu")
+        if name == "gpu" and not available:
+            missing, _, remedy = text.partition("; ")
+            raise BackendUnavailable(missing, remedy or "run without --backend gpu")
+    return list(dict.fromkeys(wanted))
+
+
+def cases_of(
+    scene: Scene,
+    backends: Sequence[str],
+    threads: Sequence[str | int],
+    precisions: Sequence[str],
+    graphics: Sequence[bool],
+) -> list[Case]:
+    """The configurations of one grid, without duplicates. Raises SceneError for a thread word that cannot be had."""
+    cases: dict[str, Case] = {}
+    for precision in precisions:
+        for backend in backends:
+            for word in threads if backend == "cpu" else [None]:
+                for drawn in graphics:
+                    count = None if word is None else thread_count(word)
+                    description = configuration(
+                        scene,
+                        backend=backend,
+                        threads=count,
+                        layer=threading_layer() if backend == "cpu" else None,
+                        wait_policy=wait_policy() if backend == "cpu" else None,
+                        precision=precision,
+                        graphics=drawn,
+                    )
+                    text = None if word is None else str(word)
+                    case = Case(scene, backend, text, count, precision, drawn, description, source_hash(backend))
+                    cases.setdefault(configuration_hash(description), case)
+    return list(cases.values())
+
+
+def _quick_cases(
+    scene: Scene, backends: Sequence[str], threads: Sequence[str | int], precisions: Sequence[str], graphics: bool
+) -> list[Case]:
+    """What of a grid a quick sweep times: the first precision on all threads, drawn where it is in QUICK_DRAWN; the others,
+    of squares, on the first number of threads."""
+    shape = scene.grid.rows, scene.grid.columns
+    drawn = (False, True) if graphics and shape in QUICK_DRAWN else (False,)
+    found = cases_of(scene, backends, threads, precisions[:1], drawn)
+    return found + (cases_of(scene, backends, threads[:1], precisions[1:], (False,)) if shape[0] == shape[1] else [])
+
+
+def choose_effort(
+    quick: bool,
+    max_seconds: float | None = None,
+    total_seconds: float | None = None,
+    repeats: int | None = None,
+    min_seconds: float | None = None,
+) -> Effort:
+    """The preset, with what was asked for instead. Raises SceneError for what is no positive number."""
+    for name, value in (
+        ("--max-seconds", max_seconds), ("--total-seconds", total_seconds), ("--repeats", repeats),
+        ("--min-ms", min_seconds),
+    ):  # fmt: skip
+        if value is not None and not 0 < value < float("inf"):
+            raise SceneError(name, value, "must be greater than 0 and finite")
+    preset = QUICK if quick else FULL
+    return Effort(
+        repeats or preset.repeats,
+        min_seconds or preset.min_seconds,
+        max_seconds or preset.max_seconds,
+        total_seconds or preset.total_seconds,
+    )
+
+
+def run_sweep(
+    store: Store,
+    *,
+    quick: bool = False,
+    scene: Scene | str = "lab-grid",
+    backends: Sequence[str] | None = None,
+    sizes: Iterable[int | Shape] | None = None,
+    threads: Sequence[str | int] = ("1x", "2x", "4x"),
+    precisions: Sequence[str] = ("float32", "float64"),
+    graphics: bool = True,
+    max_seconds: float | None = None,
+    total_seconds: float | None = None,
+    repeats: int | None = None,
+    min_seconds: float | None = None,
+    progress: bool = True,
+    command: str = "softlab sweep",
+) -> SweepSummary:
+    """Measure what the store lacks of the sweep, and say what was done.
+
+    `scene` gives everything but the grid's size. `max_seconds` [s]: the most that one configuration may take; one that
+    is estimated to take longer is not started. `total_seconds` [s]: after it nothing new is started (None: no end;
+    quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. Ctrl-C ends cleanly (`interrupted`).
+
+    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
+    """
+    begin = time.perf_counter()
+    base = scene if isinstance(scene, Scene) else load_scene(scene)
+    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
+    chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
+    for word in threads:
+        thread_count(word)  # refuse an impossible word before anything is measured
+    revision = source_revision()  # before any thread runs
+    summary = SweepSummary(enter_machine(store), "")
+    sweep = Sweep(store, effort, summary, begin, chosen_backends)
+    work: Work = []
+    for rows, columns in chosen_shapes:
+        sized = base.replace({"grid.rows": rows, "grid.columns": columns})
+        if quick and sizes is None:
+            work.append((sized, _quick_cases(sized, chosen_backends, threads, precisions, graphics)))
+        else:
+            drawn = (False, True) if graphics else (False,)
+            work.append((sized, cases_of(sized, chosen_backends, threads, precisions, drawn)))
+    try:
+        if pending := sweep.pending(work):
+            summary.run = store.start_run(summary.machine, command, revision)
+            sweep.run(pending, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+class Sweep:
+    """One sweep under way: what is known of costs, what is left of the time."""
+
+    def __init__(self, store: Store, effort: Effort, summary: SweepSummary, begin: float, backends: Sequence[str]):
+        self.store, self.effort, self.summary, self.begin = store, effort, summary, begin
+        self.backends = backends
+        self.no_graphics: str | None = None
+        self.costs: Costs = {}
+        for timing in timings(store, summary.machine):
+            if timing.peer is not None:
+                continue
+            asked = None if timing.chosen else timing.kernel
+            kind = (timing.backend, timing.threads, timing.precision, asked, timing.graphics)
+            self.costs[kind] = (timing.particles, timing.median, 0.0)
+
+    def pending(self, work: Work) -> Work:
+        """What of the work the store lacks."""
+        pending: Work = []
+        for scene, cases in work:
+            missing = [case for case in cases if self._missing(case) > 0]
+            self.summary.held += len(cases) - len(missing)
+            if missing:
+                pending.append((scene, missing))
+        return pending
+
+    def run(self, pending: Work, show: bool, runner_class: type[GroupRunner] = GroupRunner) -> None:
+        """Measure the grids one after another, each with a runner of the class."""
+        if any(case.graphics for _, cases in pending for case in cases):
+            self._look_for_opengl()
+        with progress_bar(show) as bar:
+            weights = {id(case): self._weight(case) for _, cases in pending for case in cases}
+            task = bar.add_task("sweep", total=sum(weights.values()) or 1)
+            runner = runner_class(
+                self.store,
+                self.effort,
+                self.summary,
+                self.backends,
+                self.costs,
+                lambda text: bar.update(task, description=text),
+            )
+            for scene, cases in pending:
+                bar.update(task, description=f"{scene.grid.rows} x {scene.grid.columns} masses")
+                for group in self._groups(self._affordable(cases)):
+                    runner.measure(group)
+                bar.advance(task, sum(weights[id(case)] for case in cases))
+
+    def _missing(self, case: Case) -> int:
+        held = self.store.sample_count(case.description, self.summary.machine, case.sources)
+        return self.effort.repeats_of(case) - held
+
+    def _skip(self, case: Case, reason: str) -> None:
+        record_skip(self.store, self.summary, case, reason)
+
+    def _look_for_opengl(self) -> None:
+        try:
+            from app.output.offscreen import opengl_available
+        except ImportError as error:
+            self.no_graphics = f"off-screen drawing cannot be loaded ({error})"
+            return
+        works, text = opengl_available(text=False)  # frames are timed without a legend
+        self.no_graphics = None if works else text
+
+    def _weight(self, case: Case) -> float:
+        """Seconds that a case may take, roughly: for the bar's time left."""
+        each = max(self.effort.min_seconds, case.particles * case.least_steps * (2e-7 if case.graphics else 2e-9))
+        return min(self.effort.max_seconds, (self.effort.repeats_of(case) + 2) * each) + case.particles * 1e-7
+
+    def estimate(self, case: Case) -> float | None:
+        """Seconds that all repeats of a case take, from the same kind at the last size, scaled; None: not known."""
+        known = self.costs.get(case.kind)
+        if known is None:
+            return None
+        particles, seconds, restore = known
+        ratio = max(1.0, case.particles / particles)
+        sample = max(self.effort.min_seconds, case.least_steps * seconds * ratio)
+        return (self._missing(case) + 2) * (sample + restore * ratio)
+
+    def _affordable(self, cases: list[Case]) -> list[Case]:
+        """The cases that may be started; the others are recorded as skipped."""
+        kept = []
+        effort = self.effort
+        left = effort.total_seconds - (time.perf_counter() - self.begin) if effort.total_seconds else float("inf")
+        for case in cases:
+            needed = self.estimate(case)
+            if case.graphics and self.no_graphics:
+                self._skip(case, f"no off-screen drawing: {self.no_graphics}")
+            elif needed is not None and needed > effort.max_seconds:
+                self._skip(case, f"estimated to take {needed:.0f} s, over --max-seconds {effort.max_seconds:g}")
+            elif (needed or 0.0) > left or left <= 0:
+                self._skip(case, f"the sweep's {effort.total_seconds:g} s are used up")
+            else:
+                left -= needed or 0.0
+                kept.append(case)
+        return kept
+
+    def _groups(self, cases: list[Case]) -> list[list[Case]]:
+        """Cases that are interleaved: all, as far as their simulations fit into half of the free memory together."""
+        free = available_bytes()
+        groups: list[list[Case]] = []
+        used, opened = 0, set[tuple[Any, ...]]()
+        for case in cases:
+            needed = 0 if case.simulation_kind in opened else case.host_bytes
+            if free is not None and case.host_bytes > 0.8 * free:
+                self._skip(case, f"needs {readable(case.host_bytes)} of main memory, {readable(free)} is free")
+                continue
+            if not groups or (free is not None and used + needed > free / 2):
+                groups.append([])
+                used, opened, needed = 0, set(), case.host_bytes
+            groups[-1].append(case)
+            opened.add(case.simulation_kind)
+            used += needed
+        return groups

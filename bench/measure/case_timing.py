@@ -1,0 +1,143 @@
+"""Timing cases, a scene on a backend each, into the store: checked states, groups in turn, resumable; see
+bench/measure/timing.py."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.sweep import host_of, source_hash
+from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.store.database import Store
+from bench.store.results import configuration
+from model.core.errors import Diverged, SceneError
+from model.core.simulation import PRECISIONS
+from model.scene.scene import Scene
+
+SAMPLE_SECONDS, MOST_SAMPLE = 0.05, 3.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One configuration, and the description and source hash by which the store knows it. `label`: what a user reads."""
+
+    scene: Scene
+    backend: str
+    description: dict[str, Any]
+    sources: str
+    label: str
+
+    def __str__(self) -> str:
+        return f"{self.label}, {self.backend}"
+
+
+def make_case(scene: Scene, backend: str, precision: str, label: str) -> Case:
+    """One configuration, described as the store holds it."""
+    description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
+    return Case(scene, backend, description, source_hash(backend), label)
+
+
+@dataclass
+class Summary:
+    """What was done: configurations timed now, and found in the store; those that could not run."""
+
+    name: str
+    machine: str
+    run: str = ""
+    measured: int = 0
+    held: int = 0
+    seconds: float = 0.0
+    skipped: list[str] = field(default_factory=list)
+    interrupted: bool = False
+
+    def __str__(self) -> str:
+        text = f"{self.name}: {self.measured} timed, {self.held} held in the store, {self.seconds:.0f} s"
+        for reason in self.skipped:
+            text += f"\n  left out: {reason}"
+        return text + ("\n  interrupted: the same command resumes" if self.interrupted else "")
+
+
+Measured = Iterable[tuple[str, float | None, str, str | None]]  # name, value, unit, reason
+
+
+@dataclass(frozen=True)
+class Timing:
+    """A kind of timing: its `name`, also that of its samples' stage in the store; how often a case is timed; what is told of
+    a case, whose step took so many seconds by a kernel (`measured`), and the one of those measures that every case has
+    (`told`)."""
+
+    name: str
+    repeats: int
+    measured: Callable[[Case, float, str], Measured]
+    told: str
+
+    def run(self, store: Store, groups: Sequence[Sequence[Case]], *, progress: bool, command: str) -> Summary:
+        """Time what the store lacks of the cases, those of a group in turn. Ctrl-C ends cleanly. Raises BackendUnavailable,
+        InputError (the store)."""
+        begin, summary = time.perf_counter(), Summary(self.name, enter_machine(store))
+        missing = [[case for case in group if not self._held(store, case, summary.machine)] for group in groups]
+        missing = [group for group in missing if group]
+        summary.held = sum(map(len, groups)) - sum(map(len, missing))
+        try:
+            if missing:
+                summary.run = store.start_run(summary.machine, command, source_revision())
+                with progress_bar(progress) as bar:
+                    task = bar.add_task(self.name, total=sum(map(len, missing)))
+                    for group in missing:
+                        bar.update(task, description=str(group[0]))
+                        self._time(store, summary, group)
+                        bar.advance(task, len(group))
+        except KeyboardInterrupt:
+            summary.interrupted = True
+        summary.seconds = time.perf_counter() - begin
+        return summary
+
+    def _held(self, store: Store, case: Case, machine: str) -> bool:
+        key = case.description, machine, case.sources
+        return store.has_measure(*key, self.told) and store.sample_count(*key, self.name) >= self.repeats
+
+    def _time(self, store: Store, summary: Summary, group: Sequence[Case]) -> None:
+        """Time one group in turn, and store its samples and measures."""
+        with ExitStack() as stack:
+            subjects = []
+            for case in group:
+                precision = case.description["precision"]
+                simulation = stack.enter_context(open_simulation(case.scene, case.backend, precision=precision))
+                subject = Subject(simulation, case)
+                try:
+                    warm_up(subject)
+                    choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
+                except Diverged as error:
+                    summary.skipped.append(f"{case}: {error}")
+                    continue
+                subjects.append(subject)
+            taken: dict[int, list[float]] = {}
+            for subject, sample in interleaved(subjects, [self.repeats] * len(subjects), Neighbours()):
+                case = subject.name
+                marks = [
+                    sample.suspect,
+                    "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None,
+                ]
+                key, suspect = (summary.run, case.description, case.sources), "; ".join(filter(None, marks)) or None
+                store.add_sample(*key, sample.seconds, sample.steps, stage=self.name, suspect=suspect)
+                times = taken.setdefault(id(subject), [])
+                times.append(sample.seconds / sample.steps)
+                if len(times) == self.repeats:
+                    found = self.measured(case, statistics.median(times), subject.simulation.kernel)
+                    for name, value, unit, reason in found:
+                        store.add_measure(*key, name, value, unit, reason)
+                    summary.measured += 1
+
+
+def check_precisions(precisions: Iterable[str]) -> None:
+    """Raise SceneError for one that there is not."""
+    for precision in precisions:
+        if precision not in PRECISIONS:
+            raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")

@@ -1,0 +1,116 @@
+"""What a sweep measures and what it tells: one configuration (`Case`), the effort it is worth, and the summary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from app.driver import open_simulation
+from bench.measure.timing import DRAW_EVERY
+from bench.store.database import Store
+from bench.store.results import ITEM_BYTES
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+LADDER = ("stages", "launch", "graph", "one-block", "resident", "tiles", "fused", "tiled", "team")  # plainest first
+
+Costs = dict[tuple[Any, ...], tuple[int, float, float]]  # kind of case -> (particles, seconds a step, to restore)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """`repeats` samples of `min_seconds` [s] each; `max_seconds`: the most for one configuration; `total_seconds`:
+    of the sweep; `energy_seconds`: of stepping beside an energy counter, 0 for none."""
+
+    repeats: int
+    min_seconds: float
+    max_seconds: float
+    total_seconds: float | None
+    energy_seconds: float = 0.0
+
+    def repeats_of(self, case: Case) -> int:
+        """The samples that a case is worth."""
+        return min(self.repeats, case.most_repeats or self.repeats)
+
+
+@dataclass
+class SweepSummary:
+    """What a sweep did. `machine`, `run`: their keys in the store. `measured`, `held`: configurations timed now, and
+    found complete in the store; `samples` new ones, `suspect` of them; `skipped`: (configuration in words, reason);
+    `wrong`: (configuration, failed check); `seconds` of wall time, `compile_seconds` of them to compile or load
+    kernels; `interrupted`: by Ctrl-C. `run` is empty where there was nothing to measure."""
+
+    machine: str
+    run: str
+    measured: int = 0
+    held: int = 0
+    samples: int = 0
+    suspect: int = 0
+    skipped: list[tuple[str, str]] = field(default_factory=list)
+    wrong: list[tuple[str, str]] = field(default_factory=list)
+    seconds: float = 0.0
+    compile_seconds: float = 0.0
+    interrupted: bool = False
+
+
+@dataclass(frozen=True)
+class Case:
+    """One configuration to time. `word`, `threads`: 1x and what it means here, None on the GPU; `sources`: the hash of
+    what is measured; `description`: the configuration as the store names it; `kernel`: a forced one, None for the
+    backend's choice; `most_repeats`: fewer samples than the sweep's, of slow kernels; `energy`: joules are asked for, too."""
+
+    scene: Scene
+    backend: str
+    word: str | None
+    threads: int | None
+    precision: str
+    graphics: bool
+    description: dict[str, Any]
+    sources: str
+    kernel: str | None = None
+    most_repeats: int | None = None
+    energy: bool = False
+
+    def __str__(self) -> str:
+        grid = self.scene.grid
+        words = [f"{grid.rows} x {grid.columns}", self.backend, self.kernel, self.word, self.precision]
+        return " ".join(filter(None, words)) + (" with graphics" if self.graphics else "")
+
+    @property
+    def particles(self) -> int:
+        return self.scene.grid.particle_count
+
+    @property
+    def least_steps(self) -> int:
+        return DRAW_EVERY if self.graphics else 1
+
+    @property
+    def simulation_kind(self) -> tuple[Any, ...]:
+        """What the cases that can share one opened simulation have in common."""
+        return (self.backend, self.threads, self.precision, self.kernel)
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What the cases have in common whose costs tell of each other: backend, threads, precision, kernel, graphics."""
+        return (*self.simulation_kind, self.graphics)
+
+    @property
+    def host_bytes(self) -> int:
+        """Main memory that its simulation takes, roughly: the body and what loading a state copies, and the state.
+
+        Forced kernels are opened many at a time and share one body: of them, what each keeps for itself.
+        """
+        if self.kernel is not None:
+            return self.particles * (8 + (16 * ITEM_BYTES[self.precision] if self.backend == "cpu" else 0))
+        return self.particles * (72 + (20 if self.backend == "cpu" else 16) * ITEM_BYTES[self.precision])
+
+    def open(self) -> Simulation:
+        return open_simulation(
+            self.scene, self.backend, threads=self.word or "1x", precision=self.precision, kernel=self.kernel
+        )
+
+
+def record_skip(store: Store, summary: SweepSummary, case: Case, reason: str) -> None:
+    """Put the reason why a case was not measured into the store and the summary."""
+    summary.skipped.append((str(case), reason))
+    store.add_measure(summary.run, case.description, case.sources, "skipped", None, "", reason)

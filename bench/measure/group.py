@@ -1,0 +1,239 @@
+"""Measuring one group of a sweep: the configurations of one grid that are interleaved.
+
+Each simulation is opened once, checked (bench/experiments/checks.py), warmed up, and then sampled in turn with the others;
+every number is in the store before the next one is had.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
+from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
+from bench.measure.machine import gpu_or_reason, gpu_simulated
+from bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
+from bench.store.database import Store
+from cpu_backend.core.threads import thread_count
+from model.core.errors import Diverged, SoftlabError
+from model.core.simulation import Simulation
+
+PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no text
+
+
+class GroupRunner:
+    """Measures groups of cases into the store, one group at a time. `tell(text)` hears what is being done.
+
+    `costs` gains what each kind of case took. `backends`: those that may be opened for a comparison.
+    """
+
+    refusals: tuple[type[Exception], ...] = (SoftlabError, MemoryError)  # what ends a case, not the sweep
+
+    def __init__(
+        self,
+        store: Store,
+        effort: Effort,
+        summary: SweepSummary,
+        backends: Sequence[str],
+        costs: Costs,
+        tell: Callable[[str], None],
+    ):
+        self.store, self.effort, self.summary = store, effort, summary
+        self.backends, self.costs, self.tell = backends, costs, tell
+        self._neighbours = Neighbours()
+        self._compiled: set[tuple[Any, ...]] = set()
+
+    def measure(self, group: Sequence[Case]) -> None:
+        """Check and time the cases of one group, all of one grid."""
+        with ExitStack() as stack:
+            simulations: dict[tuple[Any, ...], Simulation] = {}
+            refused: dict[tuple[Any, ...], str] = {}
+            for case in group:
+                kind = case.simulation_kind
+                if kind not in simulations and kind not in refused:
+                    try:
+                        simulations[kind] = self._open(case, stack)
+                    except self.refusals as error:
+                        refused[kind] = str(error) or type(error).__name__
+                        self._diverged(case, error)
+                if kind in refused:
+                    record_skip(self.store, self.summary, case, refused[kind])
+            opened = [case for case in group if case.simulation_kind in simulations]
+            warnings = self._check(opened, simulations)
+            subjects = self._subjects(opened, simulations, stack)
+            self._sample(subjects, warnings)
+
+    # ------------------------------------------------------------------ opening
+
+    def _open(self, case: Case, stack: ExitStack) -> Simulation:
+        """The simulation, its kernels compiled; the first of its variant in this process is timed at that."""
+        self.tell(f"{case}: opening")
+        begin = time.perf_counter()
+        simulation = self._enter(case, stack)
+        first = time.perf_counter() - begin + self._first_steps(simulation)
+        variant = (case.backend, case.precision, simulation.kernel)
+        if variant not in self._compiled:
+            self._compiled.add(variant)
+            begin = time.perf_counter()
+            simulation.rewind()
+            again = time.perf_counter() - begin + self._first_steps(simulation)
+            seconds = max(0.0, first - again)
+            self.summary.compile_seconds += seconds
+            if not self.store.sample_count(case.description, self.summary.machine, case.sources, "compile"):
+                self.store.add_sample(self.summary.run, case.description, case.sources, seconds, 0, stage="compile")
+        simulation.rewind()  # to the start, which opening put aside
+        return simulation
+
+    def _enter(self, case: Case, stack: ExitStack) -> Simulation:
+        """The simulation of a case, closed with the stack."""
+        return stack.enter_context(case.open())
+
+    @staticmethod
+    def _first_steps(simulation: Simulation) -> float:
+        begin = time.perf_counter()
+        simulation.advance(1)
+        simulation.check(keep=False)
+        simulation.synchronize()
+        return time.perf_counter() - begin
+
+    def _diverged(self, case: Case, error: BaseException) -> None:
+        """A configuration that breaks has an error, too: an infinite one."""
+        if isinstance(error, Diverged):
+            self.store.add_measure(
+                self.summary.run, case.description, case.sources, "error", math.inf, "spacing", str(error)
+            )
+
+    # ------------------------------------------------------------------ checking
+
+    def _check(
+        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation]
+    ) -> dict[tuple[Any, ...], str]:
+        """Store the errors of every case; what its samples must be marked with, by kind of simulation."""
+        machine = self.summary.machine
+        warnings: dict[tuple[Any, ...], str] = {}
+        for kind, simulation in simulations.items():
+            mine = [case for case in cases if case.simulation_kind == kind]
+            held = all(self.store.has_measure(c.description, machine, c.sources, "difference") for c in mine)
+            self.tell(f"{mine[0]}: checking")
+            reference = against_reference(simulation)  # in milliseconds, so that every process asks anew
+            other: Check | str | None = None if held else self._other_check(mine[0], simulation, simulations)
+            simulation.reset()
+            for case in mine:
+                self._store_checks(case, simulation.kernel, reference, other)
+            for check in (reference, other):
+                if isinstance(check, Check) and not check.good:
+                    warnings[kind] = f"wrong answer: {check.error:.2g} spacings off ({check.note})"
+                    self.summary.wrong.append((str(mine[0]), warnings[kind]))
+        return warnings
+
+    def _other_check(
+        self, case: Case, simulation: Simulation, simulations: dict[tuple[Any, ...], Simulation]
+    ) -> Check | str:
+        """The check against the other backend at the same size, or why there is none."""
+        name = "gpu" if case.backend == "cpu" else "cpu"
+        if name not in self.backends:
+            available, text = gpu_or_reason()
+            missing = name == "gpu" and (not available or gpu_simulated())
+            return f"no other backend to compare with: {text if missing else f'{name} was not asked for'}"
+        for kind, other in simulations.items():
+            if kind[0] == name and kind[2] == case.precision:
+                return against_other(simulation, other)
+        threads = thread_count("1x") if name == "cpu" else None
+        particles, seconds, _ = self.costs.get((name, threads, case.precision, None, False), (case.particles, 0.0, 0.0))
+        needed = seconds * case.particles / particles * OWN_SIZE_STEPS
+        if needed > self.effort.max_seconds:
+            return f"the {name} would take about {needed:.0f} s for {OWN_SIZE_STEPS} steps of this size"
+        try:
+            with open_simulation(case.scene, name, precision=case.precision) as witness:
+                return against_other(simulation, witness)
+        except (SoftlabError, MemoryError) as error:
+            return f"the {name} cannot run this size: {error}"
+
+    def _store_checks(self, case: Case, kernel: str, reference: Check, other: Check | str | None) -> None:
+        run, store = self.summary.run, self.store
+        with store.transaction():
+            store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
+            for name, check in (("error", reference), ("difference", other)):
+                if isinstance(check, Check):
+                    values = ((name, check.error), (f"{name}_largest", check.largest))
+                    for label, value in values:
+                        store.add_measure(run, case.description, case.sources, label, value, "spacing", check.note)
+                elif check is not None:
+                    store.add_measure(run, case.description, case.sources, name, None, "spacing", check)
+
+    # ------------------------------------------------------------------ timing
+
+    def _subjects(
+        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation], stack: ExitStack
+    ) -> list[Subject]:
+        """What can be timed, warmed up, with the steps of a sample chosen."""
+        renderer: Renderer | str | None = None
+        subjects = []
+        for case in cases:
+            if case.graphics and renderer is None:
+                renderer = self._renderer(case, stack)
+            if case.graphics and isinstance(renderer, str):
+                record_skip(self.store, self.summary, case, renderer)
+                continue
+            self.tell(f"{case}: warming up")
+            drawn = renderer if case.graphics and not isinstance(renderer, str) else None
+            subject = Subject(simulations[case.simulation_kind], case, drawn)
+            try:
+                warm_up(subject)
+                least = subject.restore_seconds + subject.seconds_per_step * case.least_steps
+                needed = (self.effort.repeats_of(case) + 1) * least
+                self.costs[case.kind] = (case.particles, subject.seconds_per_step, subject.restore_seconds)
+                if needed > self.effort.max_seconds:
+                    reason = f"would take {needed:.0f} s, over --max-seconds {self.effort.max_seconds:g}"
+                    record_skip(self.store, self.summary, case, reason)
+                    continue
+                most = self.effort.max_seconds / (self.effort.repeats_of(case) + 2) - subject.restore_seconds
+                choose_steps(subject, self.effort.min_seconds, most)
+            except self.refusals as error:
+                self._diverged(case, error)
+                record_skip(self.store, self.summary, case, str(error) or type(error).__name__)
+                continue
+            subjects.append(subject)
+        return subjects
+
+    def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
+        """One renderer for the group (two off-screen contexts do not live together), or why there is none."""
+        try:
+            from app.output.offscreen import OffscreenRenderer
+
+            return stack.enter_context(OffscreenRenderer(case.scene, *PICTURE, legend=False))
+        except (SoftlabError, ImportError, MemoryError) as error:
+            return f"no off-screen drawing: {error}"
+
+    def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
+        return interleaved(subjects, wanted, self._neighbours)
+
+    def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
+        """Sample the subjects in turn; each sample is on disk before the next one starts."""
+        summary, store = self.summary, self.store
+        wanted = [
+            self.effort.repeats_of(s.name) - store.sample_count(s.name.description, summary.machine, s.name.sources)
+            for s in subjects
+        ]
+        taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
+        for subject, sample in self._interleaved(subjects, wanted):
+            case = subject.name
+            marks = [sample.suspect, warnings.get(case.simulation_kind)]
+            if case.backend == "gpu" and gpu_simulated():
+                marks.append("CUDA simulator, no GPU")
+            suspect = "; ".join(filter(None, marks)) or None
+            store.add_sample(summary.run, case.description, case.sources, sample.seconds, sample.steps, suspect=suspect)
+            taken[id(subject)].append(sample.seconds / sample.steps)
+            summary.samples += 1
+            summary.suspect += suspect is not None
+            self.tell(f"{case}: {statistics.median(taken[id(subject)]) * 1e6:.3g} us a step")
+        for subject in subjects:
+            if taken[id(subject)]:
+                summary.measured += 1
+                case = subject.name
+                self.costs[case.kind] = (case.particles, statistics.median(taken[id(subject)]), subject.restore_seconds)

@@ -1,0 +1,124 @@
+"""How much a small disturbance has grown by the time a run is judged: the guard against chaos.
+
+The distance to a reference says something about a method only while the motion does not blow every rounding error up to
+the size of the scene. So the reference is run a second time from a start disturbed by 1e-9 spacings (a twin): by how
+much the two have parted at the end, over how much they were apart at the start, is the growth factor. Damped lab grids
+contract (a factor under 1); beyond MOST_GROWTH the error of a trajectory is refused, and only statistics are compared.
+
+A twin in float32 would be lost in rounding, and the growth belongs to the motion, not to a method: it is measured in
+NumPy float64 with RK4 (bench/reference/), once a scene and time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from bench.reference import cache
+from bench.reference.mass_spring import pinned_mask, simulate, start
+from model.core.disk_cache import read_arrays, write_arrays
+from model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
+from model.scene.scene import Scene
+
+DISTURBANCE = 1e-9  # spacings
+MOST_GROWTH = 1e3  # a larger factor makes a trajectory's error meaningless
+LOOKS = 24  # times at which the twins are compared
+STEPS_PER_RADIAN = 4  # h w = 1/4, far more than a growth factor needs
+LEAST_STEPS = 96
+
+
+@dataclass(frozen=True)
+class Growth:
+    """`times` (looks,) [s] and the `factors` (looks,) by which a disturbance had grown then; 1 where nothing is free."""
+
+    times: np.ndarray
+    factors: np.ndarray
+
+    @property
+    def factor(self) -> float:
+        """The growth factor at the end."""
+        return float(self.factors[-1])
+
+    @property
+    def chaotic(self) -> bool:
+        """Whether the error of a trajectory is to be refused at the end (also where the twins left the finite world)."""
+        return not self.factor <= MOST_GROWTH
+
+    def safe_time(self, most: float = MOST_GROWTH) -> float | None:
+        """The last time [s] looked at before the factor first passes `most`; None where it does from the first on."""
+        over = np.flatnonzero(~(self.factors <= most))
+        last = (over[0] if len(over) else len(self.times)) - 1
+        return float(self.times[last]) if last >= 0 else None
+
+
+def disturbance(scene: Scene) -> np.ndarray:
+    """(particles, dimensions) [m]: DISTURBANCE spacings times a fixed pattern that no symmetry of a sheet shares; 0 at
+    pins."""
+    i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
+    waves = [np.sin(1.7 * i + 0.9 * j + 1), np.cos(0.6 * i - 1.3 * j + 1), np.sin(0.8 * i - 0.7 * j + 1)]
+    pattern = np.stack(waves[: scene.dimensions], axis=-1)
+    pattern[pinned_mask(scene)] = 0
+    return DISTURBANCE * scene.grid.spacing * pattern.reshape(-1, scene.dimensions)
+
+
+def twin_steps(scene: Scene, time: float, per_radian: float = STEPS_PER_RADIAN) -> int:
+    """Steps of the twins up to `time` [s]: whole ones between two looks. `per_radian`: of the fastest vibration."""
+    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    wanted = time * (frequency_bound(scene) + fastest_damping(scene) + along) * per_radian
+    return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
+
+
+def growth_along(
+    scene: Scene, time: float, path: Callable[[np.ndarray, int], list[np.ndarray]], per_radian: float = STEPS_PER_RADIAN
+) -> Growth:
+    """The growth factors up to `time` [s]. `path(position, steps)`: the positions (particles, dimensions) at the
+    LOOKS times, from such a start at the scene's velocities, in so many steps."""
+    times = time * np.arange(1, LOOKS + 1) / LOOKS
+    offset = disturbance(scene)
+    before = float(np.linalg.norm(offset))
+    if before == 0:
+        return Growth(times, np.ones(LOOKS))
+    count = twin_steps(scene, time, per_radian)
+    position, _ = start(scene)
+    one, other = path(position, count), path(position + offset, count)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return Growth(times, np.array([float(np.linalg.norm(b - a)) / before for a, b in zip(one, other, strict=True)]))
+
+
+def measure_growth(scene: Scene, time: float, integrator: str = "rk4", per_radian: float = STEPS_PER_RADIAN) -> Growth:
+    """The growth factors of a scene's motion up to `time` [s]. The scene's own method plays no part in it.
+
+    `integrator`, `per_radian` (see `twin_steps`): of the twins. Implicit Euler takes what no explicit step can follow.
+    """
+
+    def path(position: np.ndarray, count: int) -> list[np.ndarray]:
+        stepped = scene.replace({"method.dt": time / count})
+        state = position, start(scene)[1]
+        each = count // LOOKS
+        passed = []
+        for look in range(LOOKS):
+            state = simulate(stepped, each, *state, look * each, integrator=integrator)
+            passed.append(state[0])
+        return passed
+
+    return growth_along(scene, time, path, per_radian)
+
+
+def kept_growth(
+    scene: Scene, time: float, folder: Path | None, integrator: str = "rk4", per_radian: float = STEPS_PER_RADIAN
+) -> Growth:
+    """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
+    file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
+    held = read_arrays(file) if file else None
+    if held and held.keys() >= {"times", "factors"}:
+        found = Growth(held["times"], held["factors"])
+        if found.times.shape == found.factors.shape == (LOOKS,):
+            return found
+    made = measure_growth(scene, time, integrator, per_radian)
+    if file:
+        write_arrays(file, times=made.times, factors=made.factors)
+    return made

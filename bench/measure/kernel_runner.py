@@ -1,0 +1,186 @@
+"""Measuring the kernels of one grid: opened, checked, timed in turn, and held against an energy counter.
+
+What bench/measure/group.py does, for forced kernels: whatever one of them raises is stored as the reason why it was
+skipped, and the others go on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
+from bench.measure.cases import Case, record_skip
+from bench.measure.energy import STAGE, Counter, energy_counter, measure_energy
+from bench.measure.group import GroupRunner
+from bench.measure.timing import Sample, Subject
+from model.core.simulation import Simulation, State
+
+MOST_CHECKED = 4096 * 4096  # masses up to which float64, too, is checked at its own size
+NO_JOULES = "energy_skipped"  # the measure that says why there are none
+
+
+class KernelRunner(GroupRunner):
+    """Measures groups of kernels: whatever one of them raises is its own affair."""
+
+    refusals = (Exception,)
+
+    def __init__(self, *arguments: Any):
+        super().__init__(*arguments)
+        self._references: dict[tuple[Any, ...], Check] = {}  # one check at the small size serves every size
+        self._defaults: dict[tuple[Any, ...], str | None] = {}
+        self._opened: dict[tuple[Any, ...], Simulation] = {}  # as the backend likes, until its kernel's turn comes
+        self._counters: dict[str, Counter | None] = {}
+
+    def measure(self, group: Sequence[Case]) -> None:
+        """Check and time the cases of one group, all of one grid."""
+        try:
+            super().measure(group)
+        finally:
+            self._opened.clear()  # they are closed
+
+    # ------------------------------------------------------------------ opening
+
+    def _open(self, case: Case, stack: ExitStack) -> Simulation:
+        """The simulation, its kernels compiled."""
+        self.tell(f"{case}: opening")
+        begin = time.perf_counter()
+        simulation = self._enter(case, stack)
+        self._first_steps(simulation)
+        variant = (case.backend, case.precision, case.kernel)
+        if variant not in self._compiled:
+            self._compiled.add(variant)
+            self.summary.compile_seconds += time.perf_counter() - begin
+        simulation.rewind()
+        return simulation
+
+    def _enter(self, case: Case, stack: ExitStack) -> Simulation:
+        """As asked for; the first of a size is opened as the backend likes, to learn what it would choose."""
+        variant = (case.scene.canonical(), case.backend, case.threads, case.precision)
+        if variant not in self._defaults:
+            self._defaults[variant] = None  # until it is known: a choice that breaks must not break every kernel
+            options: dict[str, Any] = {"threads": case.word or "1x", "precision": case.precision}
+            try:
+                first = open_simulation(case.scene, case.backend, **options)
+            except Exception as error:
+                self.tell(f"{case}: the backend's own choice fails: {error}")
+            else:
+                self._defaults[variant] = first.kernel
+                self._opened[variant, first.kernel] = self._closed_with(stack, first)
+        held = self._opened.pop((variant, case.kernel), None)
+        return held or self._closed_with(stack, case.open())
+
+    @staticmethod
+    def _closed_with(stack: ExitStack, simulation: Simulation) -> Simulation:
+        def close() -> None:
+            with suppress(Exception):  # a device that broke while stepping breaks here again; the reason is stored
+                simulation.close()
+
+        stack.callback(close)
+        return simulation
+
+    # ------------------------------------------------------------------ checking
+
+    def _check(
+        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation]
+    ) -> dict[tuple[Any, ...], str]:
+        """Each kernel against NumPy at the small size, and against the plainest one at its own."""
+        warnings: dict[tuple[Any, ...], str] = {}
+        witnesses: dict[str, tuple[str, State, Any]] = {}
+        for case in cases:
+            kind = case.simulation_kind
+            simulation = simulations[kind]
+            self.tell(f"{case}: checking")
+            try:
+                reference = self._references.get(kind) or against_reference(simulation)
+                self._references[kind] = reference
+                difference = self._own_size(case, simulation, witnesses)
+            except Exception as error:
+                self._fail(case, error)
+                del simulations[kind]
+                continue
+            self._store_checks(case, simulation.kernel, reference, difference)
+            self._store_default(case)
+            for check in (reference, difference):
+                if isinstance(check, Check) and not check.good:
+                    warnings[kind] = f"wrong answer: {check.error:.2g} spacings off ({check.note})"
+                    self.summary.wrong.append((str(case), warnings[kind]))
+        return warnings
+
+    @staticmethod
+    def _own_size(case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]) -> Check | str:
+        """A few steps from a displaced state, held against the first kernel of this size and precision."""
+        if case.particles > MOST_CHECKED and case.precision != "float32":
+            return "at this size only float32 is held against another kernel: a state takes seconds to load and compare"
+        held = witnesses.get(case.precision)
+        state = held[1] if held else displaced(simulation)
+        simulation.load(state)
+        simulation.advance(OWN_SIZE_STEPS)
+        simulation.check()
+        if held is None:
+            name = f"{simulation.backend} {simulation.kernel}"
+            witnesses[case.precision] = (name, state, simulation.read("position"))
+            return "the other kernels of this size are held against this one"
+        note = f"own size, {OWN_SIZE_STEPS} steps, against {held[0]}, {case.precision}"
+        return compare(simulation, held[2], note)
+
+    def _store_default(self, case: Case) -> None:
+        name = self._defaults.get((case.scene.canonical(), case.backend, case.threads, case.precision))
+        if name is not None:
+            chosen = float(name == case.kernel)
+            self.store.add_measure(
+                self.summary.run, case.description, case.sources, "default", chosen, "", f"the backend's choice: {name}"
+            )
+
+    def _fail(self, case: Case, error: Exception) -> None:
+        self._diverged(case, error)
+        record_skip(self.store, self.summary, case, f"{type(error).__name__}: {error}")
+
+    # ------------------------------------------------------------------ timing
+
+    def _subjects(self, cases: Sequence[Case], simulations: Any, stack: ExitStack) -> list[Subject]:
+        return super()._subjects([case for case in cases if case.simulation_kind in simulations], simulations, stack)
+
+    def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
+        broken: set[int] = set()
+        for turn in range(max(wanted, default=0)):
+            for k, subject in enumerate(subjects):
+                if turn >= wanted[k] or k in broken:
+                    continue
+                try:
+                    sample = subject.sample(self._neighbours)
+                except Exception as error:
+                    broken.add(k)
+                    self._fail(subject.name, error)
+                else:
+                    yield subject, sample
+
+    def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
+        super()._sample(subjects, warnings)
+        for subject in subjects:
+            if self.effort.energy_seconds and subject.name.energy:
+                self._measure_energy(subject)
+
+    def _measure_energy(self, subject: Subject) -> None:
+        """One sample of its own stage, with joules; none where the counter moved too rarely or stepping broke."""
+        case: Case = subject.name
+        if case.backend not in self._counters:
+            self._counters[case.backend] = energy_counter(case.backend)
+        counter = self._counters[case.backend]
+        if counter is None or self.store.sample_count(case.description, self.summary.machine, case.sources, STAGE):
+            return
+        self.tell(f"{case}: joules")
+        run, reason = self.summary.run, "the counter moved too rarely, or a step takes too long, for half a second"
+        found = None
+        try:
+            found = measure_energy(subject, counter, self.effort.energy_seconds)
+        except Exception as error:  # the times, which stand, have marks of their own
+            reason = f"{type(error).__name__}: {error}"
+        if found is None:
+            self.store.add_measure(run, case.description, case.sources, NO_JOULES, None, "J", reason)
+            return
+        seconds, steps = found.seconds, found.steps
+        self.store.add_sample(run, case.description, case.sources, seconds, steps, stage=STAGE, joules=found.joules)

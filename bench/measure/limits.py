@@ -1,0 +1,74 @@
+"""Two more limits of a machine, for the roofline and for what threads cost: measured once, kept in its record.
+
+`arithmetic`, `gpu_arithmetic`: operations a second by precision. `region_policies`: what an empty parallel region costs
+when idle threads spin (`active`) and when they sleep (`passive`), by threads. The policy is read when a process starts,
+so each is measured in a process of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from typing import Any
+
+from bench.measure.machine import gpu_or_reason, gpu_simulated, machine_label, machine_record
+from bench.store.database import Store
+from cpu_backend.core.threads import core_count
+from model.core.digest import ROOT
+from model.core.simulation import PRECISIONS
+
+POLICIES = ("active", "passive")
+REGIONS = "import json; from bench.measure.machine import region_costs; print(json.dumps(region_costs()))"
+PATIENCE = 60.0  # s: for a process that measures regions
+
+
+def enter_limits(store: Store, machine: str) -> None:
+    """Measure what the machine's record lacks of these limits, and enter it: a few seconds, once a machine."""
+    (text,) = store.query("SELECT record FROM machine WHERE key = ?", (machine,))[0]
+    held: dict[str, Any] = json.loads(text)
+    found: dict[str, Any] = {}
+    if held.get("arithmetic") is None:
+        found["arithmetic"] = cpu_arithmetic()
+    if held.get("gpu") and held.get("gpu_arithmetic") is None:
+        found["gpu_arithmetic"] = gpu_arithmetic()
+    if held.get("region_policies") is None:
+        found["region_policies"] = region_policies()
+    if found:
+        store.add_machine(machine, machine_label(machine_record()), found)
+
+
+def cpu_arithmetic() -> dict[str, float]:
+    """{precision: operations a second} on all cores."""
+    from cpu_backend.core.arithmetic import arithmetic_rate
+
+    return {precision: arithmetic_rate(precision, core_count()) for precision in PRECISIONS}
+
+
+def gpu_arithmetic() -> dict[str, float] | None:
+    """{precision: operations a second} of the GPU; None where there is none, or it fails at this."""
+    if not gpu_or_reason()[0] or gpu_simulated():
+        return None
+    from gpu_backend.core.arithmetic import arithmetic_rate
+
+    with suppress(Exception):  # a roof is no reason to lose the measurements under it
+        return {precision: arithmetic_rate(precision) for precision in PRECISIONS}
+    return None
+
+
+def region_policies() -> dict[str, dict[str, float]] | None:
+    """{policy: {threads: seconds of an empty region}}; None where a process of its own could not be had."""
+    found = {}
+    for policy in POLICIES:
+        environment = os.environ | {"OMP_WAIT_POLICY": policy}
+        try:
+            done = subprocess.run(
+                [sys.executable, "-c", REGIONS], capture_output=True, text=True, timeout=PATIENCE, env=environment,
+                cwd=ROOT,
+            )  # fmt: skip
+            found[policy] = json.loads(done.stdout)
+        except (OSError, subprocess.SubprocessError, ValueError):
+            return None
+    return found

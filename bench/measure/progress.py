@@ -1,0 +1,124 @@
+"""The bar that every command shows which takes longer than a second; and over a command of several parts, how far the whole
+of it is, by what each part took last time on this machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from model.core.disk_cache import user_cache
+from model.core.kernel_cache import watched
+
+SECONDS = "seconds.json"  # of the parts of each command, the last time
+
+
+class Whole:
+    """The parts of a command under way. `expected`: seconds of each, in order; bars that are shown within `part` show the
+    whole, too."""
+
+    current: Whole | None = None
+
+    def __init__(self, name: str, expected: Mapping[str, float]):
+        self.name, self.expected = name, dict(expected)
+        self.begin = time.monotonic()
+        self.seconds: dict[str, float] = {}  # of the parts that are done
+        self.at = ""
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        begin = time.monotonic()
+        self.at, Whole.current = name, self
+        try:
+            yield
+        finally:
+            Whole.current = None
+        self.seconds[name] = time.monotonic() - begin
+
+    def done(self, share: float) -> float:
+        """Seconds of the expected ones that are behind, with `share` (0 to 1) of the part under way done."""
+        return sum(self.expected[name] for name in self.seconds) + share * self.expected[self.at]
+
+    def __str__(self) -> str:
+        return f"{self.name}, {list(self.expected).index(self.at) + 1} of {len(self.expected)}: {self.at}"
+
+
+class Bars(Progress):
+    """A rich.progress.Progress that also shows the whole which it is a part of, and what is compiled meanwhile."""
+
+    def __init__(self, show: bool):
+        self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once
+        columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
+        super().__init__(*columns, console=Console(stderr=True), disable=not show, transient=True)
+        self.watching = ExitStack()
+        if self.whole:
+            self.whole_task = super().add_task(str(self.whole), total=sum(self.whole.expected.values()) or 1)
+            self.tasks[0].start_time = self.whole.begin
+
+    def __enter__(self) -> Bars:
+        self.watching.enter_context(watched(self.compiling))
+        super().__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        super().__exit__(*error)
+        self.watching.close()
+
+    @property
+    def inner(self) -> list[Any]:
+        """The part's own tasks."""
+        return [task for task in self.tasks if task.id != self.whole_task]
+
+    def compiling(self, label: str, seconds: float | None) -> None:
+        """A kernel begins to compile: until what is done is told anew, that is what is done."""
+        last = "" if seconds is None else f", {seconds:.0f} s last time"
+        for task in self.inner[-1:]:
+            self.update(task.id, description=f"compiling {label}{last}")
+
+    def get_renderables(self) -> Iterable[Any]:
+        if self.whole and self.whole_task is not None:
+            share = self.inner[-1].percentage / 100 if self.inner else 0.0
+            self.tasks[0].completed = self.whole.done(min(share, 1.0))
+        return super().get_renderables()
+
+
+def progress_bar(show: bool) -> Bars:
+    """A context manager on standard error; it vanishes when done, and shows nothing unless `show`."""
+    return Bars(show)
+
+
+# ---------------------------------------------------------------------- how long it took last time
+
+
+def last_seconds(command: str) -> dict[str, float]:
+    """Seconds of the command's parts when it last ran to its end here; nothing where that is not known."""
+    folder = user_cache("times")
+    with suppress(OSError, ValueError, AttributeError, TypeError):
+        held = json.loads((folder / SECONDS).read_text(encoding="utf-8")) if folder else {}
+        return {str(part): float(seconds) for part, seconds in held.get(command, {}).items()}
+    return {}
+
+
+def keep_seconds(command: str, seconds: Mapping[str, float]) -> None:
+    """For the next time; in silence where nothing can be kept."""
+    folder = user_cache("times")
+    if folder is None:
+        return
+    held: dict[str, Any] = {}
+    with suppress(OSError, ValueError):
+        held = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
+    held = held if isinstance(held, dict) else {}
+    held[command] = {part: round(taken, 1) for part, taken in seconds.items()}
+    with suppress(OSError):
+        handle, name = tempfile.mkstemp(dir=folder, suffix=".tmp")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump(held, file)
+        os.replace(name, folder / SECONDS)

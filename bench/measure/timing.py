@@ -1,0 +1,278 @@
+"""How one configuration is timed, so that two of them may be compared.
+
+- Compiling and warming up come first and are reported apart.
+- Every repeat starts from the same state, loaded outside the timed region; the device is waited for inside it.
+- What is compared is interleaved (A B A B ...), so that a slow minute of the machine hits all alike.
+- A sample is as many steps as fill a given time; raw repeats are kept, never only their mean.
+- What looks wrong is marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
+  state that is not finite. (A spread over 10 % is seen when the repeats are summed up, in bench/store/results.py.)
+
+With graphics, every DRAW_EVERY steps are followed by one off-screen picture, inside the timed region; what drawing
+costs is the difference to the same configuration without.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from cpu_backend.core.threads import core_count
+from cpu_backend.mass_spring.grid.choice import LEVELS
+from model.core.errors import Diverged
+from model.core.simulation import Simulation, State
+
+PASSES = 4  # of a kernel that does several steps in a pass, in a sample at least
+MEASUREMENT = 1  # part of every resume key: raise it when what a sample means changes
+DRAW_EVERY = 10  # steps, as the hand-out suggests
+SHORTEST_SAMPLE = 1e-3  # s
+MOST_RETAKES = 2
+BUSY_NEIGHBOUR = 0.25  # cores that others may use before a sample is suspect
+LOOK_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
+
+
+class Renderer(Protocol):
+    """What draws: app/output/offscreen.py's OffscreenRenderer."""
+
+    def draw(self, position: np.ndarray) -> Any:
+        """Draw (particles, 2) positions; return when the picture is done."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """`steps` steps took `seconds` [s]; `suspect`: why that may be wrong, or None."""
+
+    seconds: float
+    steps: int
+    suspect: str | None
+
+
+class Neighbours:
+    """What other programs take of the cores that this one may use, where the system tells (Linux), else their load."""
+
+    def __init__(self) -> None:
+        self._seen = self._now()
+        self._busy = 0.0
+
+    @staticmethod
+    def _now() -> tuple[float, float, float]:
+        """(clock, core seconds that all programs used, those of this one)."""
+        used = math.nan
+        try:
+            mine = {f"cpu{core}" for core in os.sched_getaffinity(0)}
+            tick = os.sysconf("SC_CLK_TCK")
+            used = 0.0
+            with open("/proc/stat", encoding="ascii") as file:
+                for line in file:
+                    name, *counts = line.split()
+                    if name in mine:  # user, nice, system, idle, iowait, irq, softirq, steal
+                        used += sum(int(counts[k]) for k in (0, 1, 2, 5, 6, 7)) / tick
+        except (AttributeError, OSError, ValueError, IndexError):
+            pass
+        return time.perf_counter(), used, time.process_time()
+
+    def cores(self, threads: int) -> float:
+        """Cores that others used of late; where only a load average is had, what of it `threads` do not explain."""
+        clock, used, own = self._now()
+        if math.isnan(used):
+            try:
+                return max(0.0, os.getloadavg()[0] - max(threads, core_count()))
+            except (AttributeError, OSError):
+                return 0.0
+        passed = clock - self._seen[0]
+        if passed >= LOOK_SECONDS:
+            self._busy = max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed
+            self._seen = clock, used, own
+        return self._busy
+
+    def suspicion(self, threads: int) -> str | None:
+        """The reason to mark a sample that ran on `threads` threads, or None."""
+        cores = core_count()
+        busy = self.cores(threads)
+        spare = cores - min(threads, cores)
+        if busy > spare + BUSY_NEIGHBOUR:
+            return "load: other programs ran on the cores in use"
+        return None
+
+
+@dataclass
+class Subject:
+    """One opened simulation that is timed, with or without drawing. `name` is the caller's.
+
+    `steps` a sample and the `wanted_seconds` of one are set by `choose_steps`.
+    `host_threads`: threads of this process that stepping keeps busy.
+    """
+
+    simulation: Simulation
+    name: Any = None
+    renderer: Renderer | None = None
+    steps: int = 0
+    wanted_seconds: float = 0.0
+    seconds_per_step: float = math.nan
+    restore_seconds: float = 0.0
+    start: State | None = None
+    _kept: int = field(default=-1, repr=False)
+    _picture: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def host_threads(self) -> int:
+        return self.simulation.threads if self.simulation.backend == "cpu" else 1
+
+    @property
+    def least_steps(self) -> int:
+        return DRAW_EVERY if self.renderer else 1
+
+    def restore(self) -> None:
+        """Back to the state that every repeat starts from: by a copy on the device while that is put aside there."""
+        simulation = self.simulation
+        if simulation.kept == self._kept:
+            simulation.rewind()
+        elif self.start is None:
+            simulation.reset()
+        else:
+            simulation.load(self.start)
+        self._kept = simulation.kept
+        simulation.synchronize()
+
+    def run(self, steps: int) -> float:
+        """Seconds that `steps` steps (and their pictures) take from the current state. Raises Diverged."""
+        simulation = self.simulation
+        if self.renderer is None:
+            begin = time.perf_counter()
+            simulation.advance(steps)
+            simulation.synchronize()
+            return time.perf_counter() - begin
+        if self._picture is None:
+            self._picture = np.empty((len(simulation.body.position), 2), simulation.real)
+        begin = time.perf_counter()
+        for done in range(0, steps, DRAW_EVERY):
+            simulation.advance(min(DRAW_EVERY, steps - done))
+            self.renderer.draw(simulation.read("position", self._picture))
+        simulation.synchronize()
+        return time.perf_counter() - begin
+
+    def _timed(self) -> tuple[float, str | None]:
+        """(seconds of `steps` steps from the start, what is wrong with the state they led to)."""
+        self.restore()
+        begin = time.perf_counter()
+        try:
+            seconds = self.run(self.steps)
+            self.simulation.check(keep=False)
+        except Diverged as error:
+            return time.perf_counter() - begin, f"state not finite: {error}"
+        return seconds, None
+
+    def sample(self, neighbours: Neighbours) -> Sample:
+        """One repeat from the start, with its marks.
+
+        One that turns out far too short (the steps were chosen while a neighbour held the cores) is taken again longer.
+        """
+        for retakes_left in range(MOST_RETAKES, -1, -1):
+            seconds, broken = self._timed()
+            if broken or seconds >= self.wanted_seconds / 4 or not retakes_left:
+                break
+            self.steps *= min(64, math.ceil(self.wanted_seconds / max(seconds, 1e-6)))
+        reasons = [broken] if broken else []
+        if seconds < SHORTEST_SAMPLE:
+            reasons.append("sample under 1 ms")
+        load = neighbours.suspicion(self.host_threads)
+        if load:
+            reasons.append(load)
+        return Sample(seconds, self.steps, "; ".join(reasons) or None)
+
+
+def warm_up(subject: Subject) -> tuple[float, float]:
+    """(first, second): seconds of the least run, the first of which holds what is left to compile or to load.
+
+    Raises Diverged, and whatever the backend raises where it cannot run.
+    """
+    subject.restore()
+    first = subject.run(subject.least_steps)
+    begin = time.perf_counter()
+    subject.restore()
+    subject.restore_seconds = time.perf_counter() - begin
+    second = subject.run(subject.least_steps)
+    subject.seconds_per_step = second / subject.least_steps
+    return first, second
+
+
+def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
+    """Set and return the steps of a sample, so that one takes about `seconds`, and never (knowingly) `most_seconds`.
+
+    Rounded to two digits, whole pictures; at least one, and at least PASSES passes of a kernel that does several steps
+    in one (as far as `most_seconds` allows): fewer would time it at what it is not made for. Needs `warm_up`.
+    """
+    steps, least = subject.least_steps, subject.least_steps
+    taken = subject.seconds_per_step * steps
+    while taken < seconds / 4 and 8 * taken < most_seconds:
+        steps *= min(8, max(2, math.ceil(seconds / 3 / max(taken, 1e-9))))
+        for _ in range(2):  # the quicker of two: one that a neighbour held up would make every sample too short
+            subject.restore()
+            taken = subject.run(steps)
+            subject.seconds_per_step = min(subject.seconds_per_step, taken / steps)
+        taken = subject.seconds_per_step * steps
+    subject.wanted_seconds = min(1.1 * seconds, max(most_seconds, 0))
+    wanted = subject.wanted_seconds / max(subject.seconds_per_step, 1e-12)
+    subject.steps = max(least, _two_digits(wanted) // least * least)
+    together = steps_together(subject.simulation)
+    if subject.steps < PASSES * together:
+        affordable = int(most_seconds / max(subject.seconds_per_step, 1e-12)) // together * together
+        subject.steps = max(subject.steps, min(PASSES * together, affordable))
+    return subject.steps
+
+
+def steps_together(simulation: Any) -> int:
+    """Steps that a kernel does in one pass over memory: the CPU's `tiled` several; a peer says it itself."""
+    if getattr(simulation, "kernel", None) == "tiled":
+        return LEVELS
+    return int(getattr(simulation, "steps_together", 1))
+
+
+def _two_digits(number: float) -> int:
+    """Rounded up to two significant digits, so that repeats on other days have the same steps more often."""
+    if number <= 10:
+        return math.ceil(number)
+    unit = 10 ** (math.floor(math.log10(number)) - 1)
+    return math.ceil(number / unit) * unit
+
+
+def interleaved(
+    subjects: Sequence[Subject], repeats: Sequence[int], neighbours: Neighbours | None = None
+) -> Iterator[tuple[Subject, Sample]]:
+    """Samples in the order A B A B ...: `repeats[k]` of subject k. Each is handed out as soon as it is finished."""
+    watch = neighbours or Neighbours()
+    for turn in range(max(repeats, default=0)):
+        for subject, wanted in zip(subjects, repeats, strict=True):
+            if turn < wanted:
+                yield subject, subject.sample(watch)
+
+
+def time_simulations(
+    simulations: Sequence[Simulation],
+    repeats: int = 5,
+    min_seconds: float = 0.1,
+    *,
+    max_seconds: float = 30.0,
+    renderer: Renderer | None = None,
+    on_sample: Callable[[int, Sample], None] | None = None,
+) -> list[list[Sample]]:
+    """Time opened simulations side by side, from the state each holds now: a list of samples for each.
+
+    `min_seconds`, `max_seconds` [s]: the least of a sample, the most of one simulation's repeats together. `renderer`:
+    draw every DRAW_EVERY steps. `on_sample(index, sample)` is called for every finished sample. Raises Diverged.
+    """
+    subjects = [Subject(s, index, renderer, start=s.state()) for index, s in enumerate(simulations)]
+    for subject in subjects:
+        warm_up(subject)
+        choose_steps(subject, min_seconds, max_seconds / max(repeats, 1))
+    samples: list[list[Sample]] = [[] for _ in subjects]
+    for subject, sample in interleaved(subjects, [repeats] * len(subjects)):
+        samples[subject.name].append(sample)
+        if on_sample:
+            on_sample(subject.name, sample)
+    return samples

@@ -1,0 +1,91 @@
+"""How long a measuring command took last time on this machine with these options: said before it starts, kept in its store.
+
+A table of its own beside those of bench/store/database.py: it is about this machine alone, so it is neither exported nor
+merged.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from typer import Exit
+from typer.core import TyperCommand
+
+from app.command.command_line import errors
+from bench.store.database import Store, canonical
+from model.core.errors import SoftlabError
+
+TABLE = """CREATE TABLE IF NOT EXISTS took (
+    machine TEXT NOT NULL, command TEXT NOT NULL, seconds REAL NOT NULL, configurations INTEGER NOT NULL,
+    PRIMARY KEY (machine, command))"""
+INTERRUPTED = 130  # exit status
+FIRST = "first time here with these options"
+
+
+class Timed(TyperCommand):
+    """A command with an option `store` that says first how long it took last time. What was stopped, or found everything
+    measured, is not kept."""
+
+    def invoke(self, ctx: Any) -> Any:
+        usual = {parameter.name: parameter.default for parameter in self.params}
+        options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}
+        path, command = Path(ctx.params["store"]), canonical(options | {"command": self.name})
+        told, before = look(path, command)
+        errors.print(f"{self.name}: {told}", markup=False)
+        begin = time.perf_counter()
+        try:
+            result = super().invoke(ctx)
+        except Exit as stop:
+            if stop.exit_code != INTERRUPTED:
+                keep_time(path, command, time.perf_counter() - begin, before)
+            raise
+        keep_time(path, command, time.perf_counter() - begin, before)
+        return result
+
+
+def look(path: Path, command: str) -> tuple[str, int]:
+    """What is told of a command before it starts, and the number of the last run in its store. What is wrong with the store
+    the command itself will say."""
+    with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
+        if path.is_file():
+            with Store(path, readonly=True) as store:
+                last = int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
+                if store.query("SELECT 1 FROM sqlite_master WHERE name = 'took'"):
+                    found = store.query(
+                        "SELECT seconds, configurations FROM took WHERE machine = ? AND command = ?",
+                        (_machine(), command),
+                    )
+                    for seconds, configurations in found:
+                        return (
+                            f"took {seconds:.0f} s last time here, for {configurations} configurations measured",
+                            last,
+                        )
+                return FIRST, last
+    return FIRST, 0
+
+
+def keep_time(path: Path, command: str, seconds: float, before: int) -> None:
+    """Keep how long a command took that measured something: in runs after number `before` of the store."""
+    with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
+        if not path.is_file():
+            return
+        with Store(path) as store, store.transaction() as connection:
+            ((configurations,),) = connection.execute(
+                "SELECT count(*) FROM (SELECT configuration FROM sample JOIN run ON key = run WHERE run.rowid > :before "
+                "UNION SELECT configuration FROM measure JOIN run ON key = run WHERE run.rowid > :before)",
+                {"before": before},
+            )
+            if configurations:
+                connection.execute(TABLE)
+                connection.execute(
+                    "INSERT OR REPLACE INTO took VALUES (?, ?, ?, ?)", (_machine(), command, seconds, configurations)
+                )
+
+
+def _machine() -> str:
+    from bench.measure.machine import machine_key, machine_record
+
+    return machine_key(machine_record())

@@ -1,0 +1,130 @@
+"""What a frame of a cloth on the GPU costs by the way that its state takes to the drawing: straight into OpenGL's buffers,
+or through the host's memory.
+
+Both ways send the same state of the same simulation into the same buffers, sampled in turn: once only sent (until
+OpenGL has it where it draws from), once also drawn, as in a frame. Times in the store are of one frame.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.driver import open_simulation
+from app.output.offscreen import OffscreenRenderer, opengl_available
+from app.render import cuda_vertices, vertices, view3d
+from app.render.view3d import View3D
+from bench.experiments.findings import described
+from bench.experiments.findings_costs import Group, cost_sources
+from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
+from bench.measure.machine import gpu_simulated
+from bench.measure.timing import Subject, choose_steps, warm_up
+from model.core.simulation import PRECISIONS
+from model.scene.scene import load_scene
+
+VERTICES = "vertices"  # value of `finding`
+HOST, STRAIGHT = "host", "straight"  # values of `way`
+SCENE = "cloth-hanging"
+SIZES = (128, 512, 1024)  # masses a side
+WIDTH, HEIGHT = 640, 480  # pixels
+STRAIN_RANGE = 0.5  # at both ends of the colours, which a surface does not have
+MOVED = 200  # steps from the start to the state that is sent: a cloth that hangs at rest looks all the same
+
+
+def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
+    """The cloth at several sizes and both precisions, only sent and also drawn: (through the host, straight). None where
+    nothing can be drawn off-screen, or no GPU is behind the GPU backend. `most`: no cloth has more masses a side."""
+    if gpu_simulated() or not opengl_available(text=False)[0]:
+        return []
+    files = [str(module.__file__) for module in (cuda_vertices, vertices, view3d)]
+    sources = cost_sources("gpu", *files, str(Path(__file__)))
+    found = []
+    for n in SIZES:
+        if most and n > most:
+            continue
+        for precision in PRECISIONS:
+            for drawn in (False, True):
+                found.append(_group(n, precision, drawn, sources, effort))
+    return found
+
+
+def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) -> Group:
+    scene = load_scene(SCENE).replace({"cloth.rows": n, "cloth.columns": n})
+    ways = tuple(
+        described(scene, "gpu", VERTICES, precision=precision, way=way, drawn=drawn) for way in (HOST, STRAIGHT)
+    )
+
+    def measure(record: Record) -> list[Measures]:
+        with (
+            open_simulation(scene, "gpu", precision=precision) as simulation,
+            OffscreenRenderer(scene, WIDTH, HEIGHT, legend=False) as renderer,
+        ):
+            simulation.advance(MOVED)
+            renderer.fit(simulation.read("position"))
+            view = View3D(scene)
+            try:
+                return _frame_costs(
+                    record, [Frames(simulation, way, view=view, camera=renderer.camera) for way in ways], effort
+                )
+            finally:
+                view.delete()
+
+    return Group(f"{VERTICES} {n} x {n} {precision}{' drawn' if drawn else ''}", ways, sources, measure)
+
+
+@dataclass
+class Frames(Subject):
+    """Frames of one state; a step here is a frame. `name`: its description."""
+
+    view: Any = None
+    camera: Any = None
+
+    def restore(self) -> None:
+        """Let CUDA hold the buffers, or OpenGL alone, as this way needs them; nothing else changes."""
+        self.view.vertices.shared = self.name["way"] == STRAIGHT
+        self.run(1)
+
+    def run(self, steps: int) -> float:
+        """Seconds that `steps` frames take, each until it is finished."""
+        from pyglet import gl
+
+        view, drawn = self.view, self.name["drawn"]
+        self.simulation.synchronize()
+        begin = time.perf_counter()
+        for _ in range(steps):
+            view.upload_from(self.simulation)
+            if drawn:
+                view.draw(self.camera, STRAIN_RANGE)
+            else:
+                touch(view.vertices.position_buffer, view.vertices.normal_buffer)
+            gl.glFinish()
+        return time.perf_counter() - begin
+
+
+def touch(*buffers: int) -> None:
+    """Make the graphics card read from the buffers: a driver may leave what was sent on the host until then."""
+    from pyglet import gl
+
+    target = gl.GLuint()
+    gl.glGenBuffers(1, target)
+    gl.glBindBuffer(gl.GL_COPY_WRITE_BUFFER, target)
+    gl.glBufferData(gl.GL_COPY_WRITE_BUFFER, 12 * len(buffers), None, gl.GL_STREAM_COPY)
+    for number, buffer in enumerate(buffers):
+        gl.glBindBuffer(gl.GL_COPY_READ_BUFFER, buffer)
+        gl.glCopyBufferSubData(gl.GL_COPY_READ_BUFFER, gl.GL_COPY_WRITE_BUFFER, 0, 12 * number, 12)
+    gl.glDeleteBuffers(1, target)
+
+
+def _frame_costs(record: Record, subjects: list[Frames], effort: Effort) -> list[Measures]:
+    """Of both ways; of the host's alone, with the reason, where the other cannot be had."""
+    host, straight = subjects
+    straight.restore()
+    shown = straight.view.vertices.way
+    ways = subjects if shown == cuda_vertices.STRAIGHT else [host]
+    for subject in ways:
+        warm_up(subject)
+        choose_steps(subject, effort.seconds, effort.most)
+    found = in_turn(record, ways, effort.repeats)
+    return found if straight in ways else [*found, {RATIO: (None, "", shown)}]

@@ -1,0 +1,106 @@
+"""What is compared with what: the configurations of the lab and its peers at one size, and a peer as timing wants it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bench.peers
+from bench.experiments.sweep import source_hash
+from bench.measure.cases import Case
+from bench.peers.base import Opened, Peer
+from bench.peers.registry import OURS
+from bench.store.results import configuration
+from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
+from model.core.build import Body
+from model.core.errors import Diverged
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class PeerCase(Case):
+    """One configuration of a peer, or (`peer` None) of the lab beside peers."""
+
+    peer: Peer | None = None
+
+    def __str__(self) -> str:
+        grid = self.scene.grid
+        name = self.peer.name if self.peer else OURS
+        return f"{grid.rows} x {grid.columns} {self.backend} {name} {self.precision}"
+
+    @property
+    def simulation_kind(self) -> tuple[Any, ...]:
+        return (self.backend, self.threads, self.precision, self.peer.name if self.peer else OURS)
+
+
+class Beside:
+    """A peer's simulation as bench/measure/timing.py wants one: it starts from `start` [(position, velocity)] again and
+    again."""
+
+    kept = 0  # the start is always put aside
+
+    def __init__(self, peer: Peer, opened: Opened, body: Body):
+        self.backend, self.opened = peer.backend, opened
+        self.threads = opened.threads or 1
+        self.kernel, self.steps_together = opened.kernel, opened.steps_together
+        self._body = body
+
+    def advance(self, steps: int) -> None:
+        self.opened.advance(steps)
+
+    def synchronize(self) -> None:
+        self.opened.synchronize()
+
+    def reset(self) -> None:
+        self.opened.load(self._body.position, self._body.velocity)
+
+    rewind = reset
+
+    def load(self, state: State) -> None:
+        self.opened.load(state.position, state.velocity)
+
+    def read(self, name: str) -> np.ndarray:
+        return self.opened.read()[("position", "velocity").index(name)]
+
+    def check(self, keep: bool = True) -> None:
+        """Raise Diverged where the state is not finite."""
+        for array in self.opened.read():
+            if not np.isfinite(array).all():
+                raise Diverged(0, int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0]), math.nan, math.nan)
+
+
+def peer_sources(backend: str) -> str:
+    """The hash of what a comparison depends on: the backend's sources and those of the peers."""
+    digest = hashlib.sha256(source_hash(backend).encode())
+    for file in sorted(Path(bench.peers.__file__).parent.iterdir()):
+        if file.suffix in (".py", ".cpp", ".cu"):
+            digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def group_of(scene: Scene, backend: str, precision: str, peers: Sequence[Peer]) -> list[PeerCase]:
+    """The lab first, then the peers of one backend, in one precision."""
+    threads = thread_count("1x") if backend == "cpu" else None
+    cases = []
+    sources = peer_sources(backend)
+    for peer in (None, *(p for p in peers if p.backend == backend and precision in p.precisions)):
+        count = peer.threads(threads or 1) if peer else threads
+        description = configuration(
+            scene,
+            backend=backend,
+            threads=count,
+            layer=threading_layer() if backend == "cpu" and peer is None else None,
+            wait_policy=wait_policy() if backend == "cpu" else None,
+            precision=precision,
+            peer=peer.name if peer else OURS,
+        )
+        word = "1x" if backend == "cpu" else None
+        cases.append(PeerCase(scene, backend, word, count, precision, False, description, sources, peer=peer))
+    return cases

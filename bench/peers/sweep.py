@@ -1,0 +1,313 @@
+"""`softlab sweep --peers`: the lab and what a user could pick instead, side by side.
+
+At every size, each backend and precision is a group: the lab (its own choice of kernel, as many threads as cores) and
+every peer that can run the scene here, in one process, sampled in turn (A B C A B C ...). Before a time counts, each
+state is held against the lab's CPU in float64 `exact` math, at that very size. In the store all of them, the lab too, are
+configurations with a `peer`, so that no ordinary figure or table takes them for its own. Resumable, safe under Ctrl-C; a
+peer that is not here is skipped with its reason.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.checks import CHECK_ROWS, CHECK_STEPS, LIMITS, OWN_SIZE_STEPS, displaced
+from bench.experiments.sweep import backends_here, choose_effort, shapes
+from bench.measure.cases import Effort, SweepSummary, record_skip
+from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.peers.base import Opened, Peer
+from bench.peers.cases import Beside, PeerCase, group_of
+from bench.peers.registry import OURS, PEERS
+from bench.peers.results import DIFFERENCE
+from bench.store.database import Store
+from model.core.build import Body, build
+from model.core.memory import available_bytes, readable
+from model.core.simulation import Simulation, State
+from model.scene.scene import Scene, load_scene
+
+SQUARES = tuple(32 << k for k in range(9))  # 32 ... 8192
+QUICK_SQUARES = (32, 128, 512)
+MANY_STEPS_UP_TO = 512 * 512  # masses: beyond it the same answer is asked for after fewer steps
+
+
+def run_peers(
+    store: Store,
+    *,
+    quick: bool = False,
+    scene: Scene | str = "lab-grid",
+    backends: Sequence[str] | None = None,
+    sizes: Iterable[int] | None = None,
+    precisions: Sequence[str] = ("float32", "float64"),
+    max_seconds: float | None = None,
+    total_seconds: float | None = None,
+    repeats: int | None = None,
+    min_seconds: float | None = None,
+    peers: Sequence[Peer] = PEERS,
+    progress: bool = True,
+    command: str = "softlab sweep --peers",
+) -> SweepSummary:
+    """Measure what the store lacks of the comparison, and say what was done; arguments as of bench/experiments/sweep.py's
+    run_sweep.
+
+    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
+    """
+    begin = time.perf_counter()
+    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
+    base = scene if isinstance(scene, Scene) else load_scene(scene)
+    chosen = backends_here(backends)
+    planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
+    revision = source_revision()
+    summary = SweepSummary(enter_machine(store), "")
+    comparison = _Comparison(store, effort, summary, begin, peers)
+    wanted = list(backends or ("cpu", "gpu"))  # peers of a backend that is not here are skipped with their reason
+    groups = []
+    for rows, columns in planned:
+        sized = base.replace({"grid.rows": rows, "grid.columns": columns})
+        groups += [group_of(sized, name, precision, peers) for name in wanted for precision in precisions]
+    try:
+        comparison.run(groups, chosen, command, revision, progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+class _Comparison:
+    """One comparison under way."""
+
+    def __init__(self, store: Store, effort: Effort, summary: SweepSummary, begin: float, peers: Sequence[Peer]):
+        self.store, self.effort, self.summary, self.begin = store, effort, summary, begin
+        self._here = {peer.name: peer.available() for peer in peers}
+        self._costs: dict[tuple[Any, ...], tuple[int, float]] = {}  # kind -> (particles, seconds a step)
+        self._compiled: set[tuple[Any, ...]] = set()
+        self._expected: tuple[str, State, np.ndarray] | None = None  # scene, start, positions of the last size
+        self._neighbours = Neighbours()
+
+    def run(
+        self,
+        groups: Sequence[Sequence[PeerCase]],
+        backends: Sequence[str],
+        command: str,
+        revision: str | None,
+        show: bool,
+    ) -> None:
+        able: list[list[PeerCase]] = []
+        refused: list[tuple[PeerCase, str]] = []
+        for group in groups:
+            reasons = [self._refusal(case, backends) for case in group]
+            refused += [(case, reason) for case, reason in zip(group, reasons, strict=True) if case.peer and reason]
+            kept = [case for case, reason in zip(group, reasons, strict=True) if not reason]
+            if not any(self._missing(case) for case in kept):
+                self.summary.held += len(kept)
+            elif len(kept) > 1:  # the lab alone is no comparison
+                able.append(kept)
+        if not able:
+            self.summary.skipped += [(str(case), reason) for case, reason in refused]
+            return
+        self.summary.run = self.store.start_run(self.summary.machine, command, revision)
+        for case, reason in refused:
+            record_skip(self.store, self.summary, case, reason)
+        with progress_bar(show) as bar:
+            task = bar.add_task("peers", total=sum(map(len, able)))
+            for group in able:
+                self.measure(group, lambda text: bar.update(task, description=text))
+                bar.advance(task, len(group))
+
+    def _refusal(self, case: PeerCase, backends: Sequence[str]) -> str | None:
+        if case.peer is None:
+            return None if case.backend in backends else f"no {case.backend} here"
+        available, text = self._here[case.peer.name]
+        if not available:
+            return f"{case.peer.label}: {text}"
+        if case.backend not in backends or (case.backend == "gpu" and gpu_simulated()):
+            return f"{case.peer.label}: the lab has no {case.backend} here to be held beside"
+        reason = case.peer.refusal(case.scene)
+        return f"{case.peer.label}: {reason}" if reason else None
+
+    def _missing(self, case: PeerCase) -> int:
+        held = self.store.sample_count(case.description, self.summary.machine, case.sources)
+        return max(0, self.effort.repeats - held)
+
+    def _skip(self, case: PeerCase, reason: str) -> None:
+        record_skip(self.store, self.summary, case, reason)
+
+    # ------------------------------------------------------------------ one group
+
+    def measure(self, group: Sequence[PeerCase], tell: Callable[[str], None]) -> None:
+        """Open, check and time the cases of one group; the lab is measured again beside a peer that is missing."""
+        lacking = [case for case in group[1:] if self._missing(case)] or list(group[1:])
+        affordable = self._affordable([group[0], *lacking])
+        if len(affordable) < 2 or affordable[0].peer is not None:
+            return
+        body = build(group[0].scene)
+        with ExitStack() as stack:
+            subjects: list[Subject] = []
+            warnings: list[str | None] = []  # of each subject
+            for case in affordable:
+                try:
+                    tell(f"{case}: opening")
+                    simulation = self._open(case, body, stack)
+                    tell(f"{case}: checking")
+                    warning = self._check(case, simulation, body)
+                    tell(f"{case}: warming up")
+                    subject = self._warmed(case, simulation)
+                except Exception as error:  # a peer may break in any way; the others go on
+                    self._skip(case, f"{case.peer.label if case.peer else OURS}: {error or type(error).__name__}")
+                    continue
+                if isinstance(subject, str):
+                    self._skip(case, subject)
+                    continue
+                subjects.append(subject)
+                warnings.append(warning)
+            if len(subjects) < 2 or subjects[0].name.peer is not None:
+                return
+            try:
+                self._sample(subjects, warnings, tell)
+            except Exception as error:
+                for subject in subjects:
+                    self._skip(subject.name, f"stopped while this size was sampled: {error or type(error).__name__}")
+
+    def _affordable(self, cases: list[PeerCase]) -> list[PeerCase]:
+        kept: list[PeerCase] = []
+        free, used = available_bytes(), 0
+        for case in cases:
+            left = math.inf
+            if self.effort.total_seconds:
+                left = self.effort.total_seconds - (time.perf_counter() - self.begin)
+            needed = self._estimate(case)
+            if left <= 0 or needed > left:
+                self._skip(case, f"the sweep's {self.effort.total_seconds:g} s are used up")
+            elif needed > self.effort.max_seconds:
+                self._skip(case, f"estimated to take {needed:.0f} s, over --max-seconds {self.effort.max_seconds:g}")
+            elif free is not None and used + case.host_bytes > 0.8 * free:
+                left_bytes = readable(max(0, int(0.8 * free) - used))
+                self._skip(case, f"needs {readable(case.host_bytes)} of main memory, of which {left_bytes} may be used")
+            else:
+                used += case.host_bytes
+                kept.append(case)
+        return kept
+
+    def _estimate(self, case: PeerCase) -> float:
+        """Seconds that all repeats take, from the last size; 0 where nothing is known."""
+        particles, seconds = self._costs.get(case.kind, (case.particles, 0.0))
+        one = seconds * max(1.0, case.particles / particles)
+        return (self.effort.repeats + 2) * max(one, self.effort.min_seconds if seconds else 0.0)
+
+    def _open(self, case: PeerCase, body: Body, stack: ExitStack) -> Simulation | Beside:
+        """Opened and compiled; the first of its kind in this process is timed at that."""
+        begin = time.perf_counter()
+        simulation: Simulation | Beside
+        if case.peer is None:
+            simulation = stack.enter_context(case.open())
+        else:
+            opened = case.peer.open(case.scene, case.precision, case.threads or 1)
+            stack.callback(_close_quietly, opened)
+            simulation = Beside(case.peer, opened, body)
+        first = time.perf_counter() - begin + self._one_step(simulation)
+        if case.kind not in self._compiled:
+            self._compiled.add(case.kind)
+            simulation.reset()
+            seconds = max(0.0, first - self._one_step(simulation))
+            self.summary.compile_seconds += seconds
+            if not self.store.sample_count(case.description, self.summary.machine, case.sources, "compile"):
+                self.store.add_sample(self.summary.run, case.description, case.sources, seconds, 0, stage="compile")
+        self.store.add_measure(self.summary.run, case.description, case.sources, "kernel", None, "", simulation.kernel)
+        return simulation
+
+    @staticmethod
+    def _one_step(simulation: Simulation | Beside) -> float:
+        begin = time.perf_counter()
+        simulation.advance(1)
+        simulation.synchronize()
+        return time.perf_counter() - begin
+
+    def _check(self, case: PeerCase, simulation: Simulation | Beside, body: Body) -> str | None:
+        """Store how far the state is from the expected one; what the samples must be marked with, or None."""
+        steps = CHECK_STEPS if case.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
+        start, expected = self._expect(case.scene, steps)
+        simulation.load(start)
+        simulation.advance(steps)
+        simulation.synchronize()
+        error, largest = _distances(simulation.read("position"), expected, body, case.scene.grid.spacing)
+        # the same bound as for the lab's own kernels: rounding, in coordinates as large as the grid is wide
+        limit = LIMITS[case.precision] * max(1.0, max(body.rows, body.columns) / CHECK_ROWS)
+        note = f"own size, {steps} steps, against the lab's CPU in float64, exact; bound {limit:.2g}"
+        run = self.summary.run
+        with self.store.transaction():
+            for name, value in ((DIFFERENCE, error), (f"{DIFFERENCE}_largest", largest)):
+                self.store.add_measure(run, case.description, case.sources, name, value, "spacing", note)
+        simulation.reset()
+        if error <= limit:
+            return None
+        warning = f"wrong answer: {error:.2g} spacings off ({note})".replace("; ", ", ")
+        self.summary.wrong.append((str(case), warning))
+        return warning
+
+    def _expect(self, scene: Scene, steps: int) -> tuple[State, np.ndarray]:
+        """(a displaced start, the positions after `steps` steps), of the lab's CPU; once for each size."""
+        key = scene.canonical()
+        if self._expected is None or self._expected[0] != key:
+            with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
+                start = displaced(judge)
+                judge.load(start)
+                judge.advance(steps)
+                self._expected = (key, start, judge.state().position)
+        return self._expected[1:]
+
+    def _warmed(self, case: PeerCase, simulation: Simulation | Beside) -> Subject | str:
+        """What can be timed, with the steps of a sample chosen; or why it takes too long."""
+        subject = Subject(simulation, case)  # type: ignore[arg-type]  # a peer has all that timing needs
+        warm_up(subject)
+        needed = (self.effort.repeats + 1) * (subject.seconds_per_step + subject.restore_seconds)
+        self._costs[case.kind] = (case.particles, subject.seconds_per_step)
+        if needed > self.effort.max_seconds:
+            return f"would take {needed:.0f} s, over --max-seconds {self.effort.max_seconds:g}"
+        most = self.effort.max_seconds / (self.effort.repeats + 2) - subject.restore_seconds
+        choose_steps(subject, self.effort.min_seconds, most)
+        return subject
+
+    def _sample(self, subjects: Sequence[Subject], warnings: Sequence[str | None], tell: Callable[[str], None]) -> None:
+        """Sample in turn; each sample is on disk before the next one starts."""
+        wanted = [max(1, self._missing(subject.name)) for subject in subjects]
+        wanted[0] = max(wanted)
+        taken: list[list[float]] = [[] for _ in subjects]
+        places = {id(subject): place for place, subject in enumerate(subjects)}
+        for subject, sample in interleaved(subjects, wanted, self._neighbours):
+            case, place = subject.name, places[id(subject)]
+            suspect = "; ".join(filter(None, (sample.suspect, warnings[place]))) or None
+            self.store.add_sample(
+                self.summary.run, case.description, case.sources, sample.seconds, sample.steps, suspect=suspect
+            )
+            taken[place].append(sample.seconds / sample.steps)
+            self.summary.samples += 1
+            self.summary.suspect += suspect is not None
+            tell(f"{case}: {statistics.median(taken[place]) * 1e6:.3g} us a step")
+        for subject, seconds in zip(subjects, taken, strict=True):
+            self._costs[subject.name.kind] = (subject.name.particles, statistics.median(seconds))
+        self.summary.measured += len(subjects)
+
+
+def _close_quietly(opened: Opened) -> None:
+    with suppress(Exception):  # a device that broke while stepping breaks here again; the reason is stored already
+        opened.close()
+
+
+def _distances(position: np.ndarray, expected: np.ndarray, body: Body, spacing: float) -> tuple[float, float]:
+    """(root mean square, maximum) over the free masses, in spacings; infinite where a value is not finite."""
+    free = body.inverse_mass > 0
+    if not free.any():
+        return 0.0, 0.0
+    offset = np.subtract(position, expected, dtype=np.float64)[free]
+    squared = np.einsum("ij,ij->i", offset, offset)
+    error, largest = math.sqrt(squared.mean()) / spacing, math.sqrt(squared.max()) / spacing
+    return (error, largest) if math.isfinite(error) else (math.inf, math.inf)

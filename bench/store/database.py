@@ -1,0 +1,356 @@
+"""The SQLite store: what was measured, on which machine, in which run, of which configuration.
+
+Raw repeats only; every summary is a query (bench/store/results.py). A finished sample is committed at once, so that Ctrl-C or
+`kill -9` loses none. Tables, all keyed by text, so that two stores merge without renumbering:
+
+    machine        key, label, record (JSON)
+    run            key, machine, commit_hash, started (UTC, ISO 8601), command
+    configuration  hash (of `description`), description (canonical JSON)
+    sample         configuration, run, sources, stage, repeat, seconds, steps, joules, suspect
+    measure        configuration, run, sources, name, value, unit, reason
+    schema_version version
+
+`sources` is a hash of the code that was measured: configuration + machine + sources is the key by which a sweep
+resumes. `steps` are the steps in one sample, so that the time of a step is a query; 0 for a stage without (compile).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import sqlite3
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from model.core.errors import InputError, shown
+from model.core.files import check_source
+
+DEFAULT_PATH = Path("softlab-results") / "results.sqlite"
+SCHEMA_VERSION = 1
+BUSY_SECONDS = 5.0  # how long to wait for another process's write
+
+TABLES = {  # table -> its columns, in the order of the text export
+    "machine": ("key", "label", "record"),
+    "run": ("key", "machine", "commit_hash", "started", "command"),
+    "configuration": ("hash", "description"),
+    "sample": ("configuration", "run", "sources", "stage", "repeat", "seconds", "steps", "joules", "suspect"),
+    "measure": ("configuration", "run", "sources", "name", "value", "unit", "reason"),
+}
+TYPES = {  # of the columns that are no texts, as SQLite names them
+    "repeat": "'integer'", "seconds": "'real', 'integer'", "steps": "'integer'", "joules": "'real', 'integer', 'null'",
+    "value": "'real', 'integer', 'null'", **dict.fromkeys(("commit_hash", "suspect", "reason"), "'text', 'null'"),
+}  # fmt: skip
+SCHEMA = f"""
+CREATE TABLE schema_version (version INTEGER NOT NULL);
+INSERT INTO schema_version VALUES ({SCHEMA_VERSION});
+CREATE TABLE machine (key TEXT PRIMARY KEY, label TEXT NOT NULL, record TEXT NOT NULL);
+CREATE TABLE run (
+    key TEXT PRIMARY KEY, machine TEXT NOT NULL REFERENCES machine, commit_hash TEXT, started TEXT NOT NULL,
+    command TEXT NOT NULL);
+CREATE TABLE configuration (hash TEXT PRIMARY KEY, description TEXT NOT NULL);
+CREATE TABLE sample (
+    configuration TEXT NOT NULL REFERENCES configuration, run TEXT NOT NULL REFERENCES run, sources TEXT NOT NULL,
+    stage TEXT NOT NULL, repeat INTEGER NOT NULL, seconds REAL NOT NULL, steps INTEGER NOT NULL, joules REAL,
+    suspect TEXT, PRIMARY KEY (configuration, run, sources, stage, repeat));
+CREATE TABLE measure (
+    configuration TEXT NOT NULL REFERENCES configuration, run TEXT NOT NULL REFERENCES run, sources TEXT NOT NULL,
+    name TEXT NOT NULL, value REAL, unit TEXT NOT NULL, reason TEXT,
+    PRIMARY KEY (configuration, run, sources, name));
+"""
+
+
+def canonical(description: Mapping[str, Any]) -> str:
+    """Canonical JSON: equal texts mean equal descriptions."""
+    return json.dumps(description, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def configuration_hash(description: Mapping[str, Any]) -> str:
+    """The 16 hexadecimal digits that name a configuration."""
+    return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
+
+
+class Store:
+    """One store, open for reading and writing; a context manager.
+
+    `path` is made where it does not exist yet (its folder only for the default path), once there is something to write.
+    Raises InputError, with what to
+    do, for a store that is locked, damaged, no SQLite file, of another schema version, or that cannot be written;
+    nothing on disk is changed then.
+    """
+
+    def __init__(self, path: str | Path = DEFAULT_PATH, *, readonly: bool = False, busy_seconds: float = BUSY_SECONDS):
+        self.path = str(path)
+        self.readonly = readonly
+        self._busy_seconds = busy_seconds
+        memory = self.path == ":memory:"
+        self.new = not memory and not self._look_at(Path(path))  # a file that the first thing written makes
+        self.connection = self._opened(memory or self.new)
+
+    def _opened(self, memory: bool) -> sqlite3.Connection:
+        """A connection to the store's file, or to a store in main memory, with all tables."""
+        mode = "?mode=ro" if self.readonly else "?mode=rwc"
+        target = ":memory:" if memory else Path(self.path).absolute().as_uri() + mode
+        with self._explained():
+            connection = sqlite3.connect(target, uri=not memory, timeout=self._busy_seconds, isolation_level=None)
+            try:
+                self._prepare(connection, memory)
+            except BaseException:
+                connection.close()
+                raise
+        return connection
+
+    def _look_at(self, file: Path) -> bool:
+        """Whether the file is there; refuse what cannot be a store before SQLite gets to touch it."""
+        try:
+            if file.is_dir():
+                raise InputError(f"{file} is a folder; the store is a file, such as {DEFAULT_PATH}")
+            if file.exists():
+                with check_source(file, f"the store is a file, such as {DEFAULT_PATH}").open("rb") as opened:
+                    head = opened.read(16)
+                if head and head != b"SQLite format 3\0":
+                    raise InputError(f"{file} is not a SQLite file; give another path (text exports: softlab merge)")
+                return True
+            if self.readonly:
+                raise InputError(f"{file}: no such store; measure first (softlab sweep), or give another path")
+            folder = Path() if file == DEFAULT_PATH and not file.parent.exists() else file.parent
+            if not folder.is_dir():
+                raise InputError(f"{folder}: no such folder; make it first, or give another path for the store")
+            if not os.access(folder, os.W_OK):
+                raise InputError(f"{file} cannot be made: its folder cannot be written; check the permissions")
+        except OSError as error:
+            raise InputError(f"{file} cannot be used: {error.strerror or error}; check its permissions") from None
+        return False
+
+    def _make(self) -> None:
+        """Turn to the file, now that there is something to write: what was refused before has left none."""
+        file = Path(self.path)
+        if file == DEFAULT_PATH:
+            try:
+                file.parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise InputError(f"{file.parent} cannot be made: {error.strerror or error}") from None
+        connection = self._opened(False)
+        self.connection.close()
+        self.connection, self.new = connection, False
+
+    def _prepare(self, connection: sqlite3.Connection, memory: bool) -> None:
+        """Check before anything is written, then make the tables of a new store, in one transaction."""
+        connection.execute("PRAGMA foreign_keys = ON")
+        names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if names and "schema_version" not in names:
+            raise InputError(f"{self.path} is a SQLite file, but no store of this lab; give another path")
+        if not names:
+            if self.readonly:
+                raise InputError(f"{self.path} is empty; measure first (softlab sweep), or give another path")
+            connection.execute("BEGIN IMMEDIATE")
+            try:  # another process may have made them since
+                if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+                    for statement in SCHEMA.split(";\n"):
+                        connection.execute(statement)
+                connection.execute("COMMIT")
+            except BaseException:
+                connection.execute("ROLLBACK")
+                raise
+        (version,) = connection.execute("SELECT version FROM schema_version").fetchone() or (None,)
+        if version != SCHEMA_VERSION:
+            raise InputError(
+                f"{self.path} has schema version {version}, this lab reads version {SCHEMA_VERSION}; export it to .csv "
+                "with the lab that wrote it and merge that, or give another path"
+            )
+        (finding,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+        if finding != "ok":
+            raise sqlite3.DatabaseError(finding)
+        if not memory:
+            self._check_rows(connection)
+        if not self.readonly and not memory:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")  # safe under kill -9, if not a power cut
+
+    def _check_rows(self, connection: sqlite3.Connection) -> None:
+        """Refuse rows that no lab wrote: SQLite takes any type in any column."""
+        damaged = "this lab wrote no such row; restore a copy, or merge its last export into another store"
+        for table, columns in TABLES.items():
+            for column in columns:
+                types = TYPES.get(column, "'text'")
+                found = connection.execute(
+                    f"SELECT rowid, {column} FROM {table} WHERE typeof({column}) NOT IN ({types}) LIMIT 1"
+                ).fetchone()
+                if found:
+                    raise InputError(f"{self.path}: {table}.{column} = {shown(found[1])} in row {found[0]}: {damaged}")
+        for table, column in (("machine", "record"), ("configuration", "description")):
+            for row, text in connection.execute(f"SELECT rowid, {column} FROM {table}"):
+                try:
+                    good = isinstance(json.loads(text), dict)
+                except (ValueError, RecursionError):
+                    good = False
+                if not good:
+                    raise InputError(f"{self.path}: {table}.{column} = {shown(text)} in row {row}: {damaged}")
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Turn what SQLite says into a line with a remedy."""
+        try:
+            yield
+        except sqlite3.IntegrityError:
+            raise  # a mistake of the caller, not of the file
+        except sqlite3.DatabaseError as error:
+            text = str(error)
+            if "locked" in text or "busy" in text:
+                remedy = "another process is using it; wait for it to end, or give another path"
+            elif "readonly" in text or "unable to open" in text:
+                remedy = "the file or its folder cannot be written; check the permissions, or give another path"
+            elif "full" in text:
+                remedy = "the disk is full; make room, then run the same command again to resume"
+            else:
+                remedy = "the store is damaged; move it away (or restore a copy) and merge its last export"
+            raise InputError(f"{self.path}: {text}: {remedy}") from None
+        except UnicodeDecodeError:
+            raise InputError(
+                f"{self.path}: holds text that is none: the store is damaged; move it away (or restore a copy)"
+            ) from None
+
+    @contextmanager
+    def transaction(self) -> Iterator[sqlite3.Connection]:
+        """One transaction: all of it is stored, or nothing. A transaction inside one joins it."""
+        if self.new:
+            self._make()
+        with self._explained():
+            if self.connection.in_transaction:
+                yield self.connection
+                return
+            self.connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield self.connection
+                self.connection.execute("COMMIT")
+            except BaseException:
+                with suppress(sqlite3.Error):
+                    self.connection.execute("ROLLBACK")
+                raise
+
+    def query(self, sql: str, arguments: tuple[Any, ...] | Mapping[str, Any] = ()) -> list[tuple[Any, ...]]:
+        """The rows of a SELECT."""
+        with self._explained():
+            return self.connection.execute(sql, arguments).fetchall()
+
+    def close(self) -> None:
+        """Close the store; what was added is already on disk."""
+        self.connection.close()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ writing
+
+    def add_machine(self, key: str, label: str, record: Mapping[str, Any]) -> None:
+        """Enter a machine; where it is known, its record only gains the fields that it lacks or holds as null."""
+        with self.transaction() as connection:
+            known = connection.execute("SELECT record FROM machine WHERE key = ?", (key,)).fetchone()
+            if known is None:
+                connection.execute("INSERT INTO machine VALUES (?, ?, ?)", (key, label, canonical(record)))
+                return
+            old = json.loads(known[0])
+            merged = old | {name: value for name, value in record.items() if old.get(name) is None}
+            if merged != old:
+                connection.execute("UPDATE machine SET record = ? WHERE key = ?", (canonical(merged), key))
+
+    def start_run(self, machine: str, command: str, commit: str | None = None) -> str:
+        """Enter a run on a known machine and return its key; `commit` is the source revision, where one is known."""
+        key = uuid.uuid4().hex[:12]
+        started = datetime.now(UTC).isoformat(timespec="seconds")
+        with self.transaction() as connection:
+            connection.execute("INSERT INTO run VALUES (?, ?, ?, ?, ?)", (key, machine, commit, started, command))
+        return key
+
+    def add_configuration(self, description: Mapping[str, Any]) -> str:
+        """Enter a configuration where it is new; its hash."""
+        key = configuration_hash(description)
+        with self.transaction() as connection:
+            connection.execute("INSERT OR IGNORE INTO configuration VALUES (?, ?)", (key, canonical(description)))
+        return key
+
+    def add_sample(
+        self,
+        run: str,
+        description: Mapping[str, Any],
+        sources: str,
+        seconds: float,
+        steps: int,
+        *,
+        stage: str = "step",
+        joules: float | None = None,
+        suspect: str | None = None,
+    ) -> int:
+        """Store one finished sample: `steps` steps took `seconds` [s]. On disk when this returns.
+
+        Returns its repeat, counted over all runs of this configuration, machine, sources and stage.
+        """
+        if not (math.isfinite(seconds) and seconds >= 0):
+            raise ValueError(f"a sample's seconds must be finite and not negative, not {seconds}")
+        with self.transaction() as connection:
+            key = self.add_configuration(description)
+            (repeat,) = connection.execute(
+                "SELECT coalesce(max(repeat) + 1, 0) FROM sample JOIN run ON run.key = sample.run "
+                "WHERE configuration = ? AND sources = ? AND stage = ? "
+                "AND machine = (SELECT machine FROM run WHERE key = ?)",
+                (key, sources, stage, run),
+            ).fetchone()
+            connection.execute(
+                "INSERT INTO sample VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (key, run, sources, stage, repeat, float(seconds), int(steps), joules, suspect or None),
+            )
+        return repeat
+
+    def add_measure(
+        self,
+        run: str,
+        description: Mapping[str, Any],
+        sources: str,
+        name: str,
+        value: float | None,
+        unit: str = "",
+        reason: str | None = None,
+    ) -> None:
+        """Store one measured number (error, growth, drift, valid ...); within a run the last one of a name holds.
+
+        `value` None (or NaN) means there is none, and then `reason` says why; infinite is a value (error of a diverged
+        run). With a value, `reason` is a note on how it was had.
+        """
+        if value is not None and math.isnan(value):
+            value = None
+        if value is None and not reason:
+            raise ValueError(f"measure {name}: a missing value needs its reason")
+        with self.transaction() as connection:
+            key = self.add_configuration(description)
+            connection.execute(
+                "INSERT OR REPLACE INTO measure VALUES (?, ?, ?, ?, ?, ?, ?)",
+                (key, run, sources, name, None if value is None else float(value), unit, reason or None),
+            )
+
+    # ------------------------------------------------------------------ resuming
+
+    def sample_count(self, description: Mapping[str, Any], machine: str, sources: str, stage: str = "step") -> int:
+        """How many samples the store holds of this configuration, on this machine, of these sources."""
+        return self.query(
+            "SELECT count(*) FROM sample JOIN run ON run.key = sample.run "
+            "WHERE configuration = ? AND machine = ? AND sources = ? AND stage = ?",
+            (configuration_hash(description), machine, sources, stage),
+        )[0][0]
+
+    def has_measure(self, description: Mapping[str, Any], machine: str, sources: str, name: str) -> bool:
+        """Whether the store holds this measure of this configuration, on this machine, of these sources."""
+        return bool(
+            self.query(
+                "SELECT 1 FROM measure JOIN run ON run.key = measure.run "
+                "WHERE configuration = ? AND machine = ? AND sources = ? AND name = ? LIMIT 1",
+                (configuration_hash(description), machine, sources, name),
+            )
+        )

@@ -1,0 +1,293 @@
+"""Stores in and out: a text export that can be read, compared and committed, and merging.
+
+The text is CSV in sections. A line `table:,column,column...` names the columns of the lines `table,value,value...` that
+follow it. Descriptions and machine records are spread over columns by dotted path (`scene.grid.rows`); repeats of one
+configuration share a line. Numbers are written so that they read back bit for bit.
+
+    softlab-results,1
+    machine:,key,label,field,value               one line a field of the record
+    run:,key,machine,commit_hash,started,command
+    configuration:,hash,backend,graphics,...      an empty cell: the key is absent
+    sample:,configuration,run,sources,stage,steps,suspect,repeats,seconds,joules     (lists, separated by spaces)
+    measure:,configuration,run,sources,name,value,unit,reason
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sqlite3
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from bench.store.database import TABLES, Store, canonical, configuration_hash
+from model.core.errors import InputError, shortened
+from model.core.files import check_source, check_target, replacing
+
+MAGIC = "softlab-results"
+TEXT_VERSION = 1
+GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what the repeats in one line share
+Rows = dict[str, list[tuple[Any, ...]]]  # table -> rows in the column order of TABLES
+
+
+def export(store: Store, path: str | Path, machine: str | None = None) -> Path:
+    """Write the store (or one machine's part of it, by key) to a .csv or .sqlite file; the path.
+
+    An earlier text export is replaced, at once and whole; any other existing file is not. Raises InputError.
+    """
+    file = Path(path)
+    suffix = file.suffix.lower()
+    check_target(file, (".csv", ".sqlite"), "an export")
+    if file.exists() and not (suffix == ".csv" and _is_text_export(file)):
+        raise InputError(f"{file} exists and would be overwritten; delete it first, or give another path")
+    rows = _rows_of(store, machine)
+    with replacing(file) as temporary:
+        if suffix == ".csv":
+            temporary.write_text(_text(rows), encoding="utf-8", newline="")
+        else:
+            with Store(temporary) as target:
+                _insert(target, rows, store.path)
+                target.connection.execute("PRAGMA journal_mode = DELETE")  # one file, without its -wal beside it
+    return file
+
+
+def merge(store: Store, other: str | Path) -> dict[str, int]:
+    """Take over what another store or text export holds; how many rows of each table were new.
+
+    All or nothing; merging twice adds nothing. Raises InputError for a file that is neither.
+    """
+    file = Path(other)
+    if file.suffix.lower() == ".csv":
+        rows = _read_text(file)
+    else:
+        with Store(file, readonly=True) as source:
+            rows = _rows_of(source)
+    if store.new:  # what does not fit together must not leave an empty store
+        with Store(":memory:") as trial:
+            _insert(trial, rows, file)
+    return _insert(store, rows, file)
+
+
+def load_text(paths: Iterable[str | Path]) -> Store:
+    """An in-memory store of what the text exports hold, such as those in labbook/data/. Raises InputError."""
+    store = Store(":memory:")
+    for path in paths:
+        _insert(store, _read_text(Path(path)), path)
+    return store
+
+
+def _rows_of(store: Store, machine: str | None = None) -> Rows:
+    """Every row of the store, or those that belong to one machine, in a repeatable order."""
+    if machine is not None and not store.query("SELECT 1 FROM machine WHERE key = ?", (machine,)):
+        known = ", ".join(key for (key,) in store.query("SELECT key FROM machine ORDER BY key"))
+        raise InputError(f"{store.path} knows no machine {machine}; it knows: {known or 'none'}")
+    mine = "SELECT key FROM run WHERE :machine IS NULL OR machine = :machine"
+    used = f"SELECT configuration FROM {{}} WHERE run IN ({mine})"
+    conditions = {
+        "machine": "WHERE :machine IS NULL OR key = :machine ORDER BY key",
+        "run": "WHERE :machine IS NULL OR machine = :machine ORDER BY started, key",
+        "configuration": f"WHERE :machine IS NULL OR hash IN ({used.format('sample')} UNION {used.format('measure')}) "
+        "ORDER BY hash",
+        "sample": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, stage, repeat",
+        "measure": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, name",
+    }
+    return {
+        table: store.query(f"SELECT {', '.join(columns)} FROM {table} {conditions[table]}", {"machine": machine})
+        for table, columns in TABLES.items()
+    }
+
+
+def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
+    """How many of the rows of `origin` were new in each table. Raises InputError."""
+    added = dict.fromkeys(TABLES, 0)
+    try:
+        with store.transaction() as connection:
+            for key, label, record in rows["machine"]:
+                added["machine"] += not connection.execute("SELECT 1 FROM machine WHERE key = ?", (key,)).fetchone()
+                store.add_machine(key, label, json.loads(record))
+            for table in ("run", "configuration", "sample", "measure"):
+                marks = ", ".join("?" * len(TABLES[table]))
+                before = connection.total_changes
+                connection.executemany(f"INSERT INTO {table} VALUES ({marks}) ON CONFLICT DO NOTHING", rows[table])
+                added[table] = connection.total_changes - before
+    except (sqlite3.IntegrityError, OverflowError) as error:
+        raise InputError(
+            f"{origin}: the results do not fit together ({error}); nothing was taken; export them anew"
+        ) from None
+    return added
+
+
+# ---------------------------------------------------------------------- writing text
+
+
+def _text(rows: Rows) -> str:
+    lines: list[list[str]] = [[MAGIC, str(TEXT_VERSION)], ["machine:", "key", "label", "field", "value"]]
+    for key, label, record in rows["machine"]:
+        for field, value in sorted(_flatten(json.loads(record)).items()) or [("", "")]:
+            lines.append(["machine", key, label, field, value])
+    lines.append(["run:", *TABLES["run"]])
+    lines += (["run", *map(_cell, row)] for row in rows["run"])
+    flat = [(key, _flatten(json.loads(description))) for key, description in rows["configuration"]]
+    columns = sorted({column for _, cells in flat for column in cells})
+    lines.append(["configuration:", "hash", *columns])
+    lines += (["configuration", key, *(cells.get(column, "") for column in columns)] for key, cells in flat)
+    lines.append(["sample:", *GROUP, "repeats", "seconds", "joules"])
+    groups: dict[tuple[Any, ...], list[tuple[int, float, float | None]]] = {}
+    for key, run, sources, stage, repeat, seconds, steps, joules, suspect in rows["sample"]:
+        groups.setdefault((key, run, sources, stage, steps, suspect), []).append((repeat, seconds, joules))
+    for group, samples in groups.items():
+        repeats, times, energies = (
+            " ".join("-" if value is None else repr(value) for value in column) for column in zip(*samples, strict=True)
+        )
+        lines.append(["sample", *map(_cell, group), repeats, times, energies if energies.strip("- ") else ""])
+    lines.append(["measure:", *TABLES["measure"]])
+    lines += (["measure", *map(_cell, row)] for row in rows["measure"])
+    return "".join(",".join(map(_quoted, line)) + "\n" for line in lines)
+
+
+def _quoted(cell: str) -> str:
+    """A cell of CSV. (csv.writer leaves a lone carriage return bare, which csv.reader takes for the line's end.)"""
+    return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
+
+
+def _cell(value: Any) -> str:
+    """A column of a table; None is empty (no column that may be None holds an empty text)."""
+    if value is None:
+        return ""
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Nested tables as {dotted path: cell}. A table whose keys hold dots (or that has none) stays one JSON cell."""
+    cells: dict[str, str] = {}
+    for key, value in data.items():
+        if isinstance(value, dict) and value and all(name and "." not in name for name in value):
+            cells |= _flatten(value, f"{prefix}{key}.")
+        elif isinstance(value, str) and value and _value(value) == value:
+            cells[prefix + key] = value
+        else:
+            cells[prefix + key] = json.dumps(value, sort_keys=True)
+    return cells
+
+
+@lru_cache(maxsize=4096)  # most cells of a column are the same
+def _value(cell: str) -> Any:
+    """What a cell says: JSON, or else its text."""
+    try:
+        return json.loads(cell)
+    except ValueError:
+        return cell
+
+
+# ---------------------------------------------------------------------- reading text
+
+
+def _is_text_export(file: Path) -> bool:
+    try:
+        with file.open(encoding="utf-8") as opened:
+            return opened.read(len(MAGIC) + 1) == MAGIC + ","
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for path, cell in cells.items():
+        *parents, key = path.split(".")
+        table = data
+        for parent in parents:
+            table = table.setdefault(parent, {})
+        table[key] = _value(cell)
+    return data
+
+
+def _read_text(file: Path) -> Rows:
+    """The rows of a text export. Raises InputError with the line that is wrong."""
+    check_source(file, "a text export is a .csv file")
+    try:
+        with file.open(encoding="utf-8", newline="") as opened:
+            reader = csv.reader(opened, strict=True)
+            try:
+                return _parse(reader, file)
+            except (ValueError, LookupError, AttributeError, TypeError, RecursionError, csv.Error) as error:
+                raise InputError(
+                    f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it anew"
+                ) from None
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror or error}; check the path") from None
+
+
+def _parse(reader: Any, file: Path) -> Rows:
+    first: list[str] = next(reader, [])
+    if not first or first[0] != MAGIC:
+        raise InputError(f"{file} is not a text export of this lab (its first line is not {MAGIC})")
+    if first[1:] != [str(TEXT_VERSION)]:
+        raise InputError(f"{file} has text version {','.join(first[1:])}, this lab reads version {TEXT_VERSION}")
+    rows: Rows = {table: [] for table in TABLES}
+    records: dict[tuple[str, str], dict[str, str]] = {}
+    columns: dict[str, list[str]] = {}
+    for table, *cells in reader:
+        if table.endswith(":"):
+            columns[table[:-1]] = cells
+            continue
+        if len(cells) != len(columns[table]):
+            raise ValueError(f"{len(cells)} cells, {len(columns[table])} columns")
+        row = dict(zip(columns[table], cells, strict=True))
+        if table == "machine":
+            record = records.setdefault((row["key"], row["label"]), {})
+            if row["field"]:
+                record[row["field"]] = row["value"]
+        elif table == "configuration":
+            key = row.pop("hash")
+            description = _unflatten({path: cell for path, cell in row.items() if cell})
+            if configuration_hash(description) != key:
+                raise ValueError(f"configuration {key} was changed")
+            rows[table].append((key, canonical(description)))
+        elif table == "sample":
+            rows[table] += _samples(row)
+        elif table == "measure":
+            value = float(row["value"]) if row["value"] else None
+            rows[table].append(
+                (
+                    row["configuration"],
+                    row["run"],
+                    row["sources"],
+                    row["name"],
+                    value,
+                    row["unit"],
+                    row["reason"] or None,
+                )
+            )
+        else:
+            rows[table].append(tuple(row[k] or (None if k == "commit_hash" else "") for k in TABLES[table]))
+    rows["machine"] = [(key, label, canonical(_unflatten(cells))) for (key, label), cells in records.items()]
+    return rows
+
+
+def _samples(row: Mapping[str, str]) -> list[tuple[Any, ...]]:
+    repeats, seconds = row["repeats"].split(), row["seconds"].split()
+    joules = row["joules"].split() or ["-"] * len(repeats)
+    return [
+        (
+            row["configuration"],
+            row["run"],
+            row["sources"],
+            row["stage"],
+            int(repeat),
+            _seconds(second),
+            int(row["steps"]),
+            None if joule == "-" else float(joule),
+            row["suspect"] or None,
+        )
+        for repeat, second, joule in zip(repeats, seconds, joules, strict=True)
+    ]
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not (isfinite(seconds) and seconds >= 0):
+        raise ValueError(f"a sample took {shortened(text, 40)} s")
+    return seconds

@@ -1,0 +1,106 @@
+"""Hard cases B16 and B17: a cloth and a ball that is too fast for a step, or inside it from the start. bench/stress/laws.py
+tells what a law is; bench/stress/cases.py gives these their scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.reference import mass_spring as reference
+from bench.stress.trial import Check, Trial
+from model.core.energy import energies
+from model.core.integrators import frequency_bound
+from model.core.simulation import State
+from model.scene.cloth import Sphere
+
+LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is looked at
+SHOWN = 1  # steps after which B16 is drawn: the ball has just flown past, and later is out of sight
+
+
+def ball_of(trial: Trial, time: float = 0.0) -> tuple[Sphere, np.ndarray]:
+    """The scene's ball, and where its centre is [m] at `time` [s]."""
+    ball = next(part for part in trial.scene.parts.values() if isinstance(part, Sphere))
+    return ball, np.array(ball.center) + time * np.array(ball.velocity)
+
+
+def reach_of(ball: Sphere) -> float:
+    """How near [m] to its centre a mass may be."""
+    return ball.radius + ball.thickness
+
+
+def rounding(trial: Trial, state: State, center: np.ndarray) -> float:
+    """What a distance [m] to the ball is known to: eight ulp of the largest coordinate, a centre and a mass, three axes."""
+    largest = max(float(np.abs(state.position).max()), float(np.abs(center).max()))
+    return 8 * float(np.spacing(np.float32(largest) if trial.single else np.float64(largest)))
+
+
+def _overlap(trial: Trial, state: State) -> tuple[float, float]:
+    """(How deep [m] the deepest mass is inside the ball's reach, negative outside; to what that is known.)"""
+    ball, center = ball_of(trial, state.time)
+    nearest = np.linalg.norm(state.position.astype(np.float64) - center, axis=1).min()
+    return reach_of(ball) - float(nearest), rounding(trial, state, center)
+
+
+def _seen_energy(trial: Trial, position: np.ndarray, velocity: np.ndarray) -> float:
+    """What the scheme itself keeps [J], seen from the ball."""
+    return energies(trial.scene, position, velocity - np.array(ball_of(trial)[0].velocity))["conserved"]
+
+
+def _wobble(trial: Trial) -> float:
+    """The energy that symplectic Euler and Verlet keep differs from the true one by at most 1 / (1 - (w dt / 2)^2)."""
+    return 1 / (1 - (frequency_bound(trial.scene) * trial.dt / 2) ** 2)
+
+
+def fast_ball(trial: Trial) -> list[Check]:
+    """B16: in its first step the ball flies past the whole cloth. Each mass in its way must lie on its front after it, and no
+    mass may ever be inside it. Then nothing explodes: seen from the ball, contacts only take energy away, so that it never
+    is more than the cloth had at the start, but for the wobble of a symplectic step."""
+    begin, at_rest = reference.start(trial.scene)
+    ball, center = ball_of(trial)
+    in_the_way = np.linalg.norm((begin - center)[:, :2], axis=1) < reach_of(ball)
+    energy, most, deepest, known = _seen_energy(trial, begin, at_rest), 0.0, -np.inf, 0.0
+    behind, shown = len(begin), None
+    with trial.open(trial.start(begin)) as simulation:
+        for look in LOOKS:
+            trial.advance(simulation, look - simulation.step)
+            state = trial.look(simulation)
+            if look == 1:
+                behind = int((state.position[in_the_way, 2] < ball_of(trial, state.time)[1][2]).sum())
+            if look == SHOWN:
+                shown = state
+            depth, rounded = _overlap(trial, state)
+            deepest, known = max(deepest, depth), max(known, rounded)
+            most = max(most, _seen_energy(trial, state.position, state.velocity))
+    trial.show(shown)
+    return [
+        Check(f"of {in_the_way.sum()} masses in its way passed by the ball", behind, "", "<", 1),
+        Check("deepest mass inside the ball", deepest, "m", "<", known),
+        Check("energy seen from the ball over the start's", most / energy, "", "<", _wobble(trial)),
+    ]
+
+
+def ball_inside(trial: Trial) -> list[Check]:
+    """B17: pushed out within a step, and only in place: no speed comes from the depth. What the springs of a mass then hold
+    is what its way out stretched them by, k (2 d)^2 / 2 each, and may not exceed m v^2 / 2 at v = radius / dt, the largest
+    speed that a mass may ever be pushed out with."""
+    begin, at_rest = reference.start(trial.scene)
+    ball, center = ball_of(trial)
+    depths = reach_of(ball) - np.linalg.norm(begin - center, axis=1)
+    inside, mass, fastest = int((depths > 0).sum()), trial.scene.grid.mass, ball.radius / trial.dt
+    stiffness = sum(4 * springs.stiffness for springs in trial.scene.cloth_springs.values())
+    allowed = inside * min(stiffness * (2 * depths.max()) ** 2 / 2, mass * fastest**2 / 2)
+    energy = energies(trial.scene, begin, at_rest)["conserved"]
+    gained, speed, deepest, known = -np.inf, 0.0, -np.inf, 0.0
+    with trial.open(trial.start(begin)) as simulation:
+        for look in LOOKS:
+            trial.advance(simulation, look - simulation.step)
+            state = trial.look(simulation)
+            depth, rounded = _overlap(trial, state)
+            deepest, known = max(deepest, depth), max(known, rounded)
+            speed = max(speed, float(np.linalg.norm(state.velocity, axis=1).max()))
+            gained = max(gained, energies(trial.scene, state.position, state.velocity)["conserved"] - energy)
+    return [
+        Check("energy gained", gained, "J", "<", allowed),
+        Check("largest speed", speed, "m/s", "<", fastest),
+        Check("deepest mass inside the ball", deepest, "m", "<", known),
+        Check("deepest at the start", float(depths.max()), "m"),
+    ]

@@ -1,0 +1,283 @@
+"""Where it breaks: the hard cases, each under every method that it is for, on every backend, in both precisions.
+
+A run ends in a verdict (bench/stress/results.py) and the measured quantities beside their bounds, which go into the store as
+soon as they are had: Ctrl-C loses none, and what is held of these sources is not run again. An integrator whose limit is
+below a scene's step size runs at 0.9 of its limit, which is said beside its verdict; where the step size is the point of
+the case, it is refused.
+
+A kernel that never returns cannot be stopped from inside its process; everything else is looked at by the clock.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.experiments import body_laws, body_scenes, clusters_by_hand, rotations
+from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
+from bench.experiments.advise.choice import chosen
+from bench.experiments.sweep import backends_here, host_of, source_hash
+from bench.measure.machine import enter_machine, source_revision
+from bench.measure.progress import progress_bar
+from bench.store.database import Store, configuration_hash
+from bench.store.results import configuration, measures
+from bench.stress import bodies as hard_bodies
+from bench.stress import body_cases as hard_body_cases
+from bench.stress import cases as hard_cases
+from bench.stress import cloth as hard_cloth
+from bench.stress import laws as hard_laws
+from bench.stress import piles as hard_piles
+from bench.stress import rotations as hard_rotations
+from bench.stress import stiff as hard_stiff
+from bench.stress import trial as hard_trial
+from bench.stress import xpbd as hard_xpbd
+from bench.stress.cases import CASES, HardCase
+from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, bodies_as_text, rows_of
+from bench.stress.trial import Check, Endless, SilentNaN, Trial
+from model.core.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
+from model.core.integrators import stability_limit
+from model.core.simulation import PRECISIONS
+from model.scene.scene import Scene
+
+SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
+QUICK = ("lab", "velocity-verlet")
+QUICK_PRECISIONS = ("float64",)
+DRAWN = (
+    "lab",
+    "velocity-verlet",
+    "xpbd gauss-seidel",
+    MATCHING,
+)  # methods whose end states are drawn, besides all that failed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """`verdict`: of bench.stress.results.CODES; `diagnosis`; `checks`; `end`: positions (particles, dimensions) [m] or
+    None, at
+    `time` [s]."""
+
+    verdict: str
+    diagnosis: str
+    checks: list[Check] = field(default_factory=list)
+    end: np.ndarray | None = None
+    time: float = 0.0
+
+
+LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
+LAWS = (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd)  # modules by which a case is judged
+BODY_LAWS = (
+    body_laws, body_scenes, clusters_by_hand, hard_bodies, hard_body_cases, hard_piles, hard_rotations, hard_trial, rotations,
+)  # fmt: skip
+
+
+def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
+    """The scene of a case under a method, and what is to be said of its step size."""
+    base = case.base()
+    own = base.method.position_based  # then substeps and iterations are the scene's
+    solved = {} if case.of_bodies else {"method.ordering": method.split()[-1]} if own else changes(method)
+    scene = base.replace({**solved, **case.changes})
+    limit, dt = stability_limit(scene), scene.method.dt
+    if not case.own_step or dt <= limit or limit <= 0:
+        return scene, ""
+    held = float(f"{SAFE * limit:.3g}")
+    return scene.replace({"method.dt": held}), f"at dt {held:g} s; {dt:g} s is over the limit of {limit:.4g} s"
+
+
+def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
+    """Run one case and judge it. `how`: options of a Trial. Never raises but for Ctrl-C: a crash is a verdict, too."""
+    scene, note = case_scene(case, method)
+    trial = Trial(scene, backend, precision, **({"live": LIVE} | how))
+
+    def outcome(verdict: str, diagnosis: str, checks: Sequence[Check] = ()) -> Outcome:
+        known = case.known_failure(method, precision)
+        if verdict == "fail" and known:
+            verdict, diagnosis = "known", known
+        return Outcome(verdict, diagnosis, list(checks), trial.end, trial.end_time)
+
+    try:
+        checks = case.law(trial)
+        refusal = _refusal(trial) if case.expect == "refused" else None
+    except UnstableTimeStep as error:
+        return outcome("refused", str(error))
+    except SceneError as error:
+        return outcome("refused" if case.expect == "refused" else "fail", str(error))
+    except (Diverged, SilentNaN, Endless) as error:
+        return outcome("fail", str(error))
+    except Exception as error:
+        return outcome("fail", f"crashed: {type(error).__name__}: {error}")
+    bad = [check for check in checks if not check.good]
+    if bad:
+        return outcome("fail", "; ".join(map(str, bad)), checks)
+    if case.expect == "refused":
+        return outcome("refused", refusal, checks) if refusal else outcome("fail", "was not refused", checks)
+    return outcome("pass", note, checks)
+
+
+def _refusal(trial: Trial) -> str | None:
+    """What the door says to the scene as it is; None where it lets it in."""
+    try:
+        trial.open().close()
+    except SoftlabError as error:
+        return str(error)
+    return None
+
+
+@dataclass(frozen=True)
+class _Work:
+    """One run to do, and the description and source hash by which the store knows it."""
+
+    case: HardCase
+    method: str
+    backend: str
+    precision: str
+    description: dict[str, Any]
+    sources: str
+
+    def __str__(self) -> str:
+        return f"{self.case.name} {self.method} {self.precision} {self.backend}"
+
+
+def _digest(case: HardCase) -> str:
+    """A hash of the laws of its kind: a case that judges otherwise is run anew."""
+    digest = hashlib.sha256()
+    for module in BODY_LAWS if case.of_bodies else LAWS:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _work(
+    cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
+) -> list[_Work]:
+    """All runs, those that share machine code one after another."""
+    laws, found = {case.of_bodies: _digest(case) for case in cases}, []
+    for backend in backends:
+        host, sources = host_of(backend), source_hash(backend)
+        for precision in precisions:
+            for method in methods:
+                for case in cases:
+                    if method not in case.methods:
+                        continue
+                    scene, _ = case_scene(case, method)
+                    description = configuration(scene, backend=backend, precision=precision, **host)
+                    entry = description | {"hard": case.name}
+                    found.append(_Work(case, method, backend, precision, entry, f"{sources}-{laws[case.of_bodies]}"))
+    return found
+
+
+def run_hard(
+    store: Store,
+    *,
+    quick: bool = False,
+    cases: Sequence[str] | None = None,
+    integrators: Sequence[str] | None = None,
+    backends: Sequence[str] | None = None,
+    precisions: Sequence[str] | None = None,
+    pictures: bool = True,
+    progress: bool = True,
+    command: str = "softlab hard",
+) -> HardSummary:
+    """Judge what the store lacks of the hard cases, and return all verdicts.
+
+    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step and velocity
+    Verlet. `precisions`: None: both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are here). `pictures`: end
+    states as PNG into the folder `hard` beside the store, where OpenGL is.
+
+    Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
+    """
+    begin = time.perf_counter()
+    wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
+    names = chosen(integrators or (QUICK if quick else None), (*METHODS, MATCHING), "--integrator", rows=True)
+    accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
+    here, revision = backends_here(backends), source_revision()
+    everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
+    summary = HardSummary(enter_machine(store))
+    missing = [w for w in everything if not store.has_measure(w.description, summary.machine, w.sources, VERDICT)]
+    summary.held = len(everything) - len(missing)
+    ends: list[tuple[_Work, Outcome]] = []
+    try:
+        if missing:
+            summary.run = store.start_run(summary.machine, command, revision)
+            _judge_all(store, summary, missing, here[0], ends, progress)
+        if pictures and store.path != ":memory:":
+            _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    summary.rows = _rows(store, summary.machine, everything)
+    summary.seconds = time.perf_counter() - begin
+    return summary
+
+
+def _judge_all(
+    store: Store, summary: HardSummary, missing: list[_Work], first: str, ends: list[Any], show: bool
+) -> None:
+    with progress_bar(show) as bar:
+        task = bar.add_task("hard cases", total=len(missing))
+        for work in missing:
+            bar.update(task, description=str(work))
+            outcome = judge_case(work.case, work.method, work.backend, work.precision)
+            drawn = outcome.end is not None and (
+                outcome.verdict in ("fail", "known")
+                or (work.backend == first and work.precision == "float64" and work.method in DRAWN)
+            )
+            _keep(store, summary.run, work, outcome, drawn)
+            if drawn:
+                ends.append((work, outcome))
+            summary.measured += 1
+            bar.advance(task)
+
+
+def _keep(store: Store, run: str, work: _Work, outcome: Outcome, drawn: bool) -> None:
+    """Checks, shape and verdict into the store, all or none."""
+
+    def add(name: str, value: float | None, unit: str, reason: str | None) -> None:
+        store.add_measure(run, work.description, work.sources, name, value, unit, reason)
+
+    with store.transaction():
+        for place, check in enumerate(outcome.checks):
+            value = None if np.isnan(check.value) else check.value
+            add(f"{CHECK}{place:02d} {check.name}", value, check.unit, check.bound_text)
+        if drawn:
+            scene, _ = case_scene(work.case, work.method)
+            add(SHAPE, None, "m", _shape(scene, outcome.end))
+        add(VERDICT, CODES[outcome.verdict], "", outcome.diagnosis)
+
+
+def _shape(scene: Scene, end: Any) -> str:
+    if scene.bodies:
+        return bodies_as_text(end, scene.crowd.body)
+    return as_text(end, scene.grid.rows, scene.grid.columns)
+
+
+def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:
+    """A picture of every end state that was kept; none where OpenGL is missing, which is said."""
+    from app.output.offscreen import opengl_available, render_frame
+
+    if not ends:
+        return
+    works, reason = opengl_available()
+    if not works:
+        summary.no_pictures = reason
+        return
+    folder.mkdir(exist_ok=True)
+    with progress_bar(show) as bar:
+        for work, outcome in bar.track(ends, description="pictures"):
+            scene, _ = case_scene(work.case, work.method)
+            words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
+            caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
+            picture = folder / f"{'-'.join(words)}.png"
+            assert outcome.end is not None  # only such are drawn
+            render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
+            summary.pictures += 1
+
+
+def _rows(store: Store, machine: str, everything: Sequence[_Work]) -> list[HardRow]:
+    """What the store holds of these runs."""
+    wanted: set[str] = {configuration_hash(work.description) for work in everything}
+    keep: Callable[[Any], bool] = lambda measure: measure.configuration in wanted  # noqa: E731
+    return rows_of(filter(keep, measures(store, machine=machine)))

@@ -1,0 +1,127 @@
+"""Hard cases of bodies under load and at rest: stacks, a heavy one on a light one, heaps, and what was dropped.
+bench/stress/trial.py tells what a law returns; bench/stress/body_cases.py gives these their scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.experiments.body_scenes import BRICK_HEIGHT, GRAVITY, ULP, kinetic, masses, nearest, out_of_shape, sunk
+from bench.stress.bodies import LAG
+from bench.stress.trial import Check, Trial
+from model.core.simulation import State
+
+SECONDS = 10.0
+NEAR = 0.02  # of g h^2: what a stack has not yet settled to
+STILL = 1e-6  # of the energy of a drop
+SINKING, LOWERED, BORNE, DEPTH, RATIO = (  # names of numbers that the lab book tells of
+    "sinking of an interface, off 4 k g h^2, over g h^2", "way of the top over a brick's height",
+    "depth over 2 (1 + r) g h^2, off 1", "depth over the distance of particles", "r",
+)  # fmt: skip
+STILL_SHARE, GAP_SHARE = 1e-3, 0.8  # B18: of the largest kinetic energy, and of the distance that particles keep
+
+
+def of_rounding(trial: Trial, size: float) -> float:
+    """What a depth is known to, over g h^2: four roundings of `size` [m] in each substep are taken back by the next."""
+    h = trial.dt / trial.scene.method.substeps
+    return 8 * ULP[trial.precision] * size / (GRAVITY * h * h)
+
+
+def stands(trial: Trial) -> list[Check]:
+    """10 s. A projection of a contact of depth d moves two particles by d / 2 each, so that C of them give C m d / 2 of mass
+    times way, and in a substep k bricks of n particles need k n m g h^2: d = 2 k (n / C) g h^2, 4 k g h^2 of bricks of two
+    layers. The plane moves but the lower particles, 2 N g h^2, and the brick's mean lies higher by g h^2 and half of it:
+    (2 N - 1) g h^2. Then nothing leans, and nothing moves."""
+    scene, state = trial.scene, _at_rest(trial)
+    bricks = len(scene.crowd.copies)
+    expected = np.array([2 * bricks - 1, *(4 * above for above in range(bricks - 1, 0, -1))])
+    at = state.position.astype(np.float64)
+    found = sunk(scene, at)
+    height = bricks * BRICK_HEIGHT
+    return [
+        Check(SINKING, float(np.abs(found - expected).max()), "", "<",
+              NEAR + of_rounding(trial, height)),
+        Check(LOWERED, float(_lowered(trial, at, bricks - 1)) / BRICK_HEIGHT, ""),
+        *_quiet(trial, state, height),
+    ]  # fmt: skip
+
+
+def bears(trial: Trial) -> list[Check]:
+    """Penetration under load: the upper brick, of mass r m a particle, on one of m. A contact of depth d moves masses by
+    d / (w + W), w = 1 / m, W = 1 / (r m): C of them carry n r m g h^2, so that d = (n / C) (1 + r) g h^2, 2 (1 + r) g h^2 of
+    bricks of two layers. The lower one has roundings of a load of 1 + r bricks."""
+    scene, state = trial.scene, _at_rest(trial)
+    m = masses(scene)[:, 0]
+    ratio = float(m[scene.crowd.body == 1][0] / m[scene.crowd.body == 0][0])
+    at = state.position.astype(np.float64)
+    found, h = sunk(scene, at)[1], trial.dt / scene.method.substeps
+    rounded = of_rounding(trial, 2 * BRICK_HEIGHT) * (1 + ratio)
+    return [
+        Check(BORNE, abs(found / (2 * (1 + ratio)) - 1), "", "<",
+              NEAR + rounded / (2 * (1 + ratio))),
+        Check(DEPTH, found * GRAVITY * h * h / scene.crowd.spacing, ""),
+        Check(RATIO, ratio, ""),
+        *_quiet(trial, state, 2 * BRICK_HEIGHT, 1 + ratio),
+    ]  # fmt: skip
+
+
+def heaps_up(trial: Trial) -> list[Check]:
+    """B18: bodies dropped on each other do not sink into each other, find their shapes, and lie nearly still after 10 s."""
+    scene, peak = trial.scene, 0.0
+    with trial.open() as simulation:
+        for _ in range(100):
+            trial.advance(simulation, trial.steps(SECONDS / 100))
+            state = trial.look(simulation)
+            energy = kinetic(scene, state.velocity)
+            peak = max(peak, energy)
+        lost = simulation.contacts_lost  # type: ignore[attr-defined]
+    at, spacing = state.position.astype(np.float64), scene.crowd.spacing
+    return [
+        Check("nearest particles over their distance", nearest(scene, at) / spacing, "", ">", GAP_SHARE),
+        Check("kinetic energy over its peak", energy / peak, "", "<", STILL_SHARE),
+        Check("out of shape over the spacing", out_of_shape(scene, at) / spacing, "", "<", 1.0),
+        Check("contacts that found no room", float(lost), "", "<", 1.0),
+    ]
+
+
+def lies_still(trial: Trial) -> list[Check]:
+    """Dropped from half a metre, a millionth of that energy is left after 10 s, and nothing is under the plane."""
+    scene, state = trial.scene, _at_rest(trial)
+    spacing = scene.crowd.spacing
+    drop = masses(scene).sum() * GRAVITY * 0.5
+    lowest = float(state.position[:, 1].min())
+    checks = [
+        Check("kinetic energy over the drop's", kinetic(scene, state.velocity) / drop, "", "<", STILL),
+        Check("lowest particle, under the plane's reach", spacing / 2 - lowest, "m", "<", 4 * ULP[trial.precision]),
+    ]
+    if len(scene.crowd.copies) > 1:
+        apart = nearest(scene, state.position.astype(np.float64)) / spacing
+        checks.append(Check("nearest particles over their distance", apart, "", ">", GAP_SHARE))
+    return checks
+
+
+def _at_rest(trial: Trial) -> State:
+    with trial.open() as simulation:
+        trial.advance(simulation, trial.steps(SECONDS))
+        return trial.look(simulation)
+
+
+def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:
+    """[m]: how far the mean of a body's particles has come down."""
+    mine = trial.scene.crowd.body == body
+    return float((trial.scene.crowd.position - at)[mine, 1].mean())
+
+
+def _quiet(trial: Trial, state: State, height: float, load: float = 1.0) -> list[Check]:
+    """No lean and no motion. Friction takes back how a body slid in a substep, and forgets: what turns that lag behind,
+    always the same way, come to in all of them over `height` [m], `load` times as large in what carries so much, and no tenth
+    of a particle's distance."""
+    scene = trial.scene
+    lean = np.abs(state.position - scene.crowd.position)[:, [0, 2]].max()
+    substeps = scene.method.substeps * trial.steps(SECONDS)
+    slid = substeps * LAG * ULP[trial.precision] * height * load
+    weight = float(masses(scene).sum()) * GRAVITY
+    energy = kinetic(scene, state.velocity) / (weight * height)
+    return [
+        Check("lean", float(lean), "m", "<", min(slid, scene.crowd.spacing / 10)),
+        Check("kinetic energy over that of a fall of its height", energy, "", "<", STILL),
+    ]

@@ -1,0 +1,302 @@
+"""What the hard cases came to: verdicts read back from the store, held against each other, and printed.
+
+A verdict is `pass`, `fail`, `refused` (with a diagnosis, before or while it ran), or `known`: a failure that the method
+itself implies, and that no program could mend. A failure is a bug of this lab, and so is a verdict that differs between
+backends.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from bench.experiments.accuracy.methods import MATCHING, METHODS, name_of
+from bench.store.results import Measure
+from bench.stress.cases import CASES, NOT_YET
+
+VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
+AIM = "aim <="
+CODES = {"fail": 0.0, "pass": 1.0, "refused": 2.0, "known": 3.0}  # verdict -> its value in the store
+WORDS = {"pass": "pass", "fail": "FAIL", "refused": "refused", "known": "fails"}
+STYLES = {"pass": "green", "fail": "bold red", "refused": "cyan", "known": "yellow"}
+TITLES = {case.name: case.title for case in CASES}
+BASES = {case.name: case.basis for case in CASES}
+BODIES = {case.name for case in CASES if case.of_bodies}
+NAMES = (*METHODS, MATCHING)
+ORDER = {case.name: place for place, case in enumerate(CASES)}
+
+
+@dataclass(frozen=True)
+class Told:
+    """A check as the store keeps it: `bound` as text (`< 1e-09 N`, `aim <= 1.5`), empty where there is none."""
+
+    name: str
+    value: float | None
+    unit: str
+    bound: str
+
+    @property
+    def over_aim(self) -> bool:
+        """Whether it misses a bound that is aimed at, and is not part of the verdict."""
+        return self.bound.startswith(AIM) and (self.value is None or self.value > float(self.bound.split()[2]))
+
+    def __str__(self) -> str:
+        value = "not finite" if self.value is None else f"{self.value:.3g} {self.unit}".rstrip()
+        return f"{self.name} {value}" + (f" ({self.bound})" if self.bound else "")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The end state, thinned for pictures: `position` [m], a list of rows of (x, y) or, in space, (x, y, z); `of_bodies`: not
+    rows of a sheet but the particles of each body."""
+
+    position: list[list[tuple[float, ...]]]
+    of_bodies: bool = False
+
+
+@dataclass(frozen=True)
+class HardRow:
+    """One case under one method (`integrator`: its name), backend and precision. `dt` [s] that it ran at; `verdict`: of
+    CODES; `diagnosis`: why, empty for a plain pass; `checks`: the telling one first; `shape`: where the run was one that
+    is drawn."""
+
+    case: str
+    integrator: str
+    backend: str
+    precision: str
+    dt: float
+    verdict: str
+    diagnosis: str
+    checks: tuple[Told, ...]
+    shape: Shape | None = None
+
+    @property
+    def title(self) -> str:
+        return TITLES.get(self.case, self.case)
+
+    @property
+    def basis(self) -> str:
+        """Where the telling check's bound comes from, in words; empty where the law alone says it."""
+        return BASES.get(self.case, "")
+
+    @property
+    def of_bodies(self) -> bool:
+        return self.case in BODIES
+
+    def __str__(self) -> str:
+        return f"{self.case}, {self.integrator}, {self.precision}, {self.backend}"
+
+
+@dataclass
+class HardSummary:
+    """What `run_hard` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `rows`: all verdicts,
+    those `held` in the store from before included; `pictures`: how many were drawn, `no_pictures`: why none."""
+
+    machine: str
+    run: str = ""
+    rows: list[HardRow] = field(default_factory=list)
+    measured: int = 0
+    held: int = 0
+    seconds: float = 0.0
+    interrupted: bool = False
+    pictures: int = 0
+    no_pictures: str = ""
+
+
+def rows_of(measures: Iterable[Measure]) -> list[HardRow]:
+    """The hard cases among the measures of one machine, in the order of the collection and of the integrators."""
+    gathered: dict[str, list[Measure]] = {}
+    for measure in measures:
+        if measure.description.get("hard") is not None and measure.name.startswith("hard_"):
+            gathered.setdefault(measure.configuration, []).append(measure)
+    rows = [_row(named) for named in gathered.values()]
+    names = list(NAMES)
+    return sorted(
+        (row for row in rows if row is not None),
+        key=lambda r: (
+            ORDER.get(r.case, len(ORDER)), r.case,
+            names.index(r.integrator) if r.integrator in names else len(names), r.backend, r.precision,
+        ),
+    )  # fmt: skip
+
+
+def _row(found: list[Measure]) -> HardRow | None:
+    newest = next((m for m in found if m.name == VERDICT), None)
+    verdict = next((word for word, code in CODES.items() if newest and newest.value == code), None)
+    if newest is None or verdict is None:
+        return None
+    named = [m for m in found if m.sources == newest.sources]  # checks of earlier sources are another law's
+    description = newest.description
+    kinds = {table.get("kind", name): table for name, table in description["scene"].items() if isinstance(table, dict)}
+    told = [Told(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
+            for m in sorted(named, key=lambda m: m.name) if m.name.startswith(CHECK)]  # fmt: skip
+    shape = next((m.reason for m in named if m.name == SHAPE and m.reason), None)
+    bodies = kinds["method"].get("solver") == MATCHING
+    return HardRow(
+        case=description["hard"],
+        integrator=name_of(kinds["method"]),
+        backend=description["backend"],
+        precision=description["precision"],
+        dt=kinds["method"]["dt"],
+        verdict=verdict,
+        diagnosis=newest.reason or "",
+        checks=tuple(told),
+        shape=Shape([[tuple(place) for place in line] for line in json.loads(shape)], bodies) if shape else None,
+    )
+
+
+def disagreements(rows: Iterable[HardRow]) -> list[str]:
+    """Where the backends give different verdicts, in words: bugs of the lab."""
+    return _differing(rows, lambda verdicts: verdicts != {"known", "pass"})
+
+
+def rounding_differences(rows: Iterable[HardRow]) -> list[str]:
+    """Where a failure that the method implies shows on one backend alone, in words: in `fast` math the GPU rounds a
+    product and a sum once, the CPU twice, and what a method loses to rounding hangs on that."""
+    return _differing(rows, lambda verdicts: verdicts == {"known", "pass"})
+
+
+def _differing(rows: Iterable[HardRow], counts: Callable[[set[str]], bool]) -> list[str]:
+    groups: dict[tuple[str, str, str], dict[str, str]] = {}
+    for row in rows:
+        groups.setdefault((row.case, row.integrator, row.precision), {})[row.backend] = row.verdict
+    return [
+        f"{', '.join(key)}: " + ", ".join(f"{verdict} on the {backend}" for backend, verdict in verdicts.items())
+        for key, verdicts in groups.items()
+        if len(set(verdicts.values())) > 1 and counts(set(verdicts.values()))
+    ]
+
+
+def failed(summary: HardSummary) -> bool:
+    """Whether a bug of the lab was seen."""
+    return any(row.verdict == "fail" for row in summary.rows) or bool(disagreements(summary.rows))
+
+
+def cell(rows: Sequence[HardRow]) -> tuple[str, str]:
+    """(verdict, text) of one case and integrator over all backends and precisions: the worst verdict, and in which
+    precisions or on which backends, where not in all."""
+    for verdict in ("fail", "known", "refused", "pass"):
+        mine = [row for row in rows if row.verdict == verdict]
+        if mine and len(mine) == len(rows):
+            return verdict, WORDS[verdict]
+        if mine:
+            precisions = sorted({row.precision for row in mine})
+            backends = sorted({row.backend for row in mine})
+            some = len(precisions) < len({row.precision for row in rows})
+            return verdict, f"{WORDS[verdict]} {'in' if some else 'on'} {', '.join(precisions if some else backends)}"
+    return "", ""
+
+
+def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, str, list[tuple[str, str]]]]]:
+    """(integrators, lines) of the verdict table; a line: case, title, what is judged, and a `cell` per integrator."""
+    names = [name for name in NAMES if any(row.integrator == name for row in rows)]
+    lines = []
+    for case in dict.fromkeys(row.case for row in rows):
+        mine = [row for row in rows if row.case == case]
+        cells = [cell([row for row in mine if row.integrator == name]) for name in names]
+        lines.append((case, mine[0].title, _lead(mine), cells))
+    return names, lines
+
+
+def in_words(names: Sequence[str], cells: Sequence[tuple[str, str]]) -> str:
+    """The verdicts of a line of the table: `pass`, or `pass; refused: explicit-euler, taylor`."""
+    groups: dict[str, list[str]] = {}
+    for name, (_, text) in zip(names, cells, strict=True):
+        if text:
+            groups.setdefault(text, []).append(name)
+    most = max(groups, key=lambda text: len(groups[text]), default="")
+    others = [f"{text}: {', '.join(mine)}" for text, mine in groups.items() if text != most]
+    return "; ".join([most, *others])
+
+
+def _lead(rows: Sequence[HardRow]) -> str:
+    """The telling check of a case with its bound, and the most that was seen in float64 where it passed."""
+    judged = [r for r in rows if r.checks and r.checks[0].value is not None and r.verdict in ("pass", "refused")]
+    judged = [r for r in judged if r.precision == "float64"] or judged
+    if not judged:
+        return ""
+    bound = judged[0].checks[0].bound
+    pick = min if bound.startswith(">") else max
+    return str(pick((r.checks[0] for r in judged), key=lambda check: check.value or 0.0))
+
+
+def _print_table(console: Console, rows: Sequence[HardRow]) -> None:
+    names, lines = table_of(rows)
+    table = Table("case", "what", Column("measured, worst in float64 (bound)", max_width=44), *names, box=None)
+    for case, title, lead, cells in lines:
+        shown = [f"[{STYLES[verdict]}]{text}[/]" if verdict else "-" for verdict, text in cells]
+        table.add_row(case, title, escape(lead), *shown)
+    if rows:
+        console.print(table)
+
+
+def print_hard(console: Console, summary: HardSummary) -> None:
+    """The verdict table, what failed and why, what differs between backends, and which rows wait for other solvers."""
+    rows = summary.rows
+    for of_bodies in (False, True):
+        _print_table(console, [row for row in rows if row.of_bodies == of_bodies])
+    for verdict, heading in (("known", "fails by its method"), ("refused", "refused")):
+        told: dict[str, list[str]] = {}
+        for row in rows:
+            if row.verdict == verdict:
+                told.setdefault(row.diagnosis, []).append(f"{row.case} {row.integrator}")
+        for diagnosis, where in told.items():
+            console.print(f"{heading}: {', '.join(dict.fromkeys(where))}: {diagnosis}", markup=False, soft_wrap=True)
+    for row in rows:
+        if row.verdict == "fail":
+            console.print(f"FAIL, a bug of the lab: {row}: {row.diagnosis}", markup=False, soft_wrap=True, style="red")
+    missed = {(row.case, row.backend): str(told) for row in rows if row.verdict == "pass"
+              for told in row.checks if told.over_aim}  # fmt: skip
+    for (case, backend), text in missed.items():
+        console.print(f"misses its aim: {case} on the {backend}: {text}", markup=False, soft_wrap=True, style="yellow")
+    for text in disagreements(rows):
+        console.print(f"backends differ, a bug of the lab: {text}", markup=False, soft_wrap=True, style="red")
+    for text in rounding_differences(rows):
+        console.print(f"rounding shows on one backend alone: {text}", markup=False, soft_wrap=True, style="yellow")
+    console.print("not yet: " + "; ".join(f"{name} {reason}" for name, reason in NOT_YET.items()), soft_wrap=True)
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
+    console.print(
+        f"hard cases: {len(rows)} runs: {counts['pass']} passed, {counts['refused']} refused with a diagnosis, "
+        f"{counts['known']} failed by their method, {counts['fail']} failed; {summary.measured} run now, "
+        f"{summary.held} held in the store, {summary.seconds:.0f} s"
+        + ("; interrupted: the same command resumes" if summary.interrupted else "")
+    )
+    if summary.no_pictures:
+        console.print(f"no pictures: {summary.no_pictures}", markup=False, soft_wrap=True)
+
+
+def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
+    """Positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all, as `as_text` rounds."""
+    import numpy as np
+
+    stride = -(-len(position) // most)
+    near = _rounded(np.asarray(position, dtype=np.float64))
+    return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
+
+
+def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
+    """Positions (particles, dimensions) as JSON, at most `most` rows and columns of them, to a thousandth of their extent."""
+    import numpy as np
+
+    flat = np.asarray(position, dtype=np.float64)
+    dimensions = flat.shape[-1]
+    grid = flat.reshape(rows, columns, dimensions)
+    kept = [np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) for count in (rows, columns)]
+    grid = grid[np.ix_(*kept)]
+    return json.dumps(_rounded(grid).tolist(), separators=(",", ":"))
+
+
+def _rounded(position: Any) -> Any:
+    """Positions (..., dimensions) to a thousandth of their extent."""
+    import numpy as np
+
+    extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
+    unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3
+    digits = max(0, round(-float(np.log10(unit))))
+    return np.round(position, digits) if digits < 300 else position

@@ -1,0 +1,112 @@
+"""Hard case B20: the rotations that clusters find for the worst matrices, and where flat, straight and single ones want their
+particles. bench/stress/trial.py tells what a law returns; bench/stress/body_cases.py gives these their scene.
+
+A cluster of six particles of mass 1/2 at the ends of three axes, moved to +-A e, has the matrix A, exactly and in any
+precision; so any matrix goes through the kernels that bodies use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from bench.experiments.body_scenes import ULP, start
+from bench.experiments.clusters_by_hand import by_hand, clusters_of, degenerate
+from bench.experiments.rotations import best_trace, matrices_of, off_rotation, quaternions, sets_of_matrices
+from bench.stress.laws import Law
+from bench.stress.trial import Check, Trial
+from model.core.simulation import State
+from model.formulas.rotation import REACHED, SLACK
+from model.shape_matching.clusters import Clusters
+
+COUNT = 1000  # matrices of each set
+AXES = np.repeat(np.eye(3), 2, axis=0) * [[1], [-1], [1], [-1], [1], [-1]]  # (6, 3), so that sums cancel at once
+SCALES = (1.0, 1e-12, 1e12)
+TURNS = 50  # of each degenerate cluster
+PROPER = 1e-6  # NUMERICS A10
+TRACE = REACHED + SLACK + 16  # roundings of 2: |b| of what counts as reached, what H may lack, and rounding
+
+
+def finds_rotations(count: int = COUNT, only: Sequence[str] | None = None) -> Law:
+    """Whatever the matrix and the rotation before, R is proper, R'R = I and det R = +1 to PROPER, and the best there is:
+    trace(R'A) = s1 + s2 + sign(det A) s3 to TRACE roundings of A's largest entry. So also of A times 1e-12 and 1e12. Of
+    `count` matrices of each set of bench/experiments/rotations.py, or of those that `only` names."""
+
+    def law(trial: Trial) -> list[Check]:
+        sets = sets_of_matrices(count)
+        A = np.concatenate([sets[name] for name in only or sets]).astype(trial.precision).astype(np.float64)
+        largest = np.abs(A).max(axis=(1, 2))
+        A = A[largest > 0]  # the matrix of nothing has any rotation
+        largest = largest[largest > 0]
+        before = quaternions(np.random.default_rng(5), len(A))
+        apart = determinant = missing = 0.0
+        for scale in SCALES:
+            for rotation in (None, before):
+                R = matrices_of(_rotations(trial, A, scale, rotation))
+                found = off_rotation(R)
+                apart, determinant = max(apart, found[0]), max(determinant, found[1])
+                missing = max(missing, float(((best_trace(A) - (R * A).sum((1, 2))) / largest).max()))
+        least = 2 * TRACE * ULP[trial.precision]
+        return [
+            Check("trace missing from the best, over the largest entry", missing, "", "<", least),
+            Check("|det R - 1|", determinant, "", "<", PROPER),
+            Check("|R'R - I|", apart, "", "<", PROPER),
+            Check("matrices", float(2 * len(SCALES) * len(A)), ""),
+        ]
+
+    return law
+
+
+def _rotations(trial: Trial, A: np.ndarray, scale: float, before: np.ndarray | None) -> np.ndarray:
+    """(n, 4) unit quaternions that clusters of the matrices `scale` A find, from those of `before` (None: no turn)."""
+    count = len(A)
+    members = np.arange(6 * count).reshape(count, 6)
+    mass = np.full(6 * count, scale / 2)
+    clusters = clusters_of(np.tile(AXES, (count, 1)), *members, mass=mass)
+    now = np.einsum("nij,kj->nki", A, AXES).reshape(-1, 3)
+    return _one_step(trial, clusters, now, before).rotation  # type: ignore[return-value]
+
+
+def _one_step(trial: Trial, clusters: Clusters, position: np.ndarray, rotation: Any = None) -> State:
+    scene = by_hand(clusters)
+    with trial.open(start(scene, position, rotation=rotation), scene=scene) as simulation:
+        trial.advance(simulation, 1)
+        return simulation.state()
+
+
+def goals_are_exact(turns: int = TURNS) -> Law:
+    """Clusters that are flat, on a line, of two particles, of one, of none and of several in one place, turned anyhow: their
+    goals are where their particles are, to 1e-6 of their size, twice that in float32, although R is not unique; and R is
+    proper. (|b| <= 16 eps turns by 16 eps / (s2 + s3) at most where it moves particles at all.)"""
+
+    def law(trial: Trial) -> list[Check]:
+        one, q = degenerate(), quaternions(np.random.default_rng(1), turns)
+        clusters, position = _turned_copies(one, matrices_of(q))
+        state = _one_step(trial, clusters, position)
+        moved = float(np.abs(state.position.astype(np.float64) - position).max())
+        size = float(np.abs(one.rest).max())
+        assert state.rotation is not None
+        apart, determinant = off_rotation(matrices_of(state.rotation))
+        return [
+            Check("way to a goal over the size of its cluster", moved / size, "", "<", 2e-6 if trial.single else 1e-6),
+            Check("|det R - 1|", determinant, "", "<", PROPER),
+            Check("|R'R - I|", apart, "", "<", PROPER),
+            Check("clusters", float(clusters.count), ""),
+        ]
+
+    return law
+
+
+def _turned_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndarray]:
+    """(as many copies as `turns` (n, 3, 3), where they are with every cluster turned about its own centre)."""
+    ends, particles = one.offsets, len(one.mass)
+    members = [one.indices[a:b] + copy * particles for copy in range(len(turns)) for a, b in pairwise(ends)]
+    position = np.concatenate([one.position] * len(turns))
+    for copy, turn in enumerate(turns):
+        for owner in range(one.count):
+            mine = one.indices[ends[owner] : ends[owner + 1]]
+            position[copy * particles + mine] = one.rest[ends[owner] : ends[owner + 1]] @ turn.T  # about the origin
+    return clusters_of(np.concatenate([one.position] * len(turns)), *members), position

@@ -1,0 +1,53 @@
+"""Hard case B1: a hanging chain of which every second link is a million times as stiff. bench/stress/laws.py tells what a law
+is; bench/stress/cases.py gives these their scene."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from bench.stress.laws import disturbed, hanging, ten_times_too_large
+from bench.stress.trial import Check, Trial
+from model.core.errors import UnstableTimeStep
+from model.core.integrators import INTEGRATORS, damping_rate
+
+MOST_STEPS = 250_000  # of a chain that is to settle, a second or two
+
+
+def too_stiff(trial: Trial) -> list[Check]:
+    """B1: refused at the door with the limit that a chain of nothing but stiff springs has, w^2 = 4 k / m (semi-implicit
+    Euler: 2 / w); forced, it overflows, and is found and reported within 200 steps."""
+    scene = trial.scene
+    assert scene.springs is not None
+    w = sqrt(4 * scene.springs.largest_stiffness / scene.grid.mass)
+    expected = INTEGRATORS[scene.method.integrator].limit(w, damping_rate(scene))
+    try:
+        trial.open().close()
+        named = float("inf")
+    except UnstableTimeStep as error:
+        named = error.limit
+    off = abs(named / expected - 1)
+    return [*ten_times_too_large(trial), Check("limit named, from the stiff springs'", off, "", "<", 1e-9)]
+
+
+def stiff_chain_hangs(trial: Trial) -> list[Check]:
+    """B1: under its limit it comes to hang where every link carries the weight below it, to 1 % of what that stretches it.
+
+    Stiff pairs on soft links swing slowest at w = 2 sqrt(k / 2m) sin(pi / 42) = 3.3 1/s, faster than their damper's rate
+    gamma / 2, which so is the rate at which every mode decays: to exp(-6) of a stretch within 12 / gamma (`lab`, of
+    doubled masses: twice that). An integrator that would need more than MOST_STEPS for it begins there instead,
+    disturbed, and must stay."""
+    scene = trial.scene
+    seconds = 12 / damping_rate(scene) * (2 if trial.is_lab else 1)
+    expected = hanging(scene)
+    start = trial.rest()
+    if trial.steps(seconds) > MOST_STEPS:
+        seconds, start = MOST_STEPS * trial.dt, disturbed(trial, expected)
+    state = trial.run(trial.start(start), seconds)
+    stretch = float(np.abs(expected - trial.rest()).max())
+    error = float(np.abs(state.position - expected.reshape(-1, 2)).max())
+    return [
+        Check("distance from the hanging chain over its stretch", error / stretch, "", "<", 0.01),
+        Check("simulated", seconds, "s"),
+    ]

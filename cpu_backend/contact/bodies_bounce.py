@@ -1,0 +1,134 @@
+"""Rigid bodies that bounce off each other, on CPU threads: their particles' impulses, enlarged for each pair by what both
+bodies would make of theirs, as in model/shape_matching/rigid_rebound.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.particles_bounce import make_passes
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.shape_matching.damping import make_damping
+from cpu_backend.shape_matching.rebound import AXES, make_rebound
+from model.formulas import rebound
+from model.formulas.pace import MOTION
+
+
+@cache
+def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
+    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
+    from
+    `place` on those of `make_rebound`, and a scale of each particle; `pitch`: numbers of a band's scratch."""
+    compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
+    formulas = rebound.make(real, compiler.compiled)
+    rigid, joined = formulas.rigid, formulas.joined
+    damping, answer = make_damping(compiler, real, True, place), make_rebound(compiler, real, True, place).answer
+    gather, slow = damping.gather, damping.slow
+    plain, scaled = make_passes(compiler, real, False), make_passes(compiler, real, True)
+    tell, push, push_scaled = plain.tell, plain.push, scaled.push
+    at_clusters, at_factors, at_motions, at_limits = place + 1, place + 2, place + 3, place + 4
+    at_struck, at_scales, zero, one = place + 5, place + 6, real(0), real(1)
+
+    @compiler.compiled
+    def strike(first, last, count, who, met, ways, struck):
+        for n in range(first, last):
+            i = who[n]
+            for axis in range(AXES):
+                struck[axis * count + i] = ways[AXES * n + axis] if met[i] != zero else zero
+
+    @compiler.compiled
+    def spread(first, last, arrays, scales):
+        """The scales of particles from those of clusters, which are in their motions' first number."""
+        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        for k in range(first, last):
+            scales[k] = one
+            for n in range(starts[k], starts[k + 1]):
+                if factors[n] != zero:
+                    scales[k] = motions[MOTION * clusters[n]]
+
+    @compiler.compiled
+    def join(first, last, position, velocity, count, arrays, struck):
+        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        for k in range(first, last):
+            x, y, z = k, count + k, 2 * count + k
+            a, b, c = struck[x], struck[y], struck[z]
+            for n in range(starts[k], starts[k + 1]):
+                if factors[n] != zero:
+                    g = row_at(motions, np.int64(MOTION) * clusters[n])
+                    dx, dy, dz = position[x] - g[0], position[y] - g[1], position[z] - g[2]
+                    a = rigid(g[3], g[7], dz, g[8], dy)
+                    b = rigid(g[4], g[8], dx, g[6], dz)
+                    c = rigid(g[5], g[6], dy, g[7], dx)
+            velocity[x], velocity[y], velocity[z] = (
+                joined(velocity[x], a),
+                joined(velocity[y], b),
+                joined(velocity[z], c),
+            )
+
+    @compiler.compiled
+    def bounce_all(
+        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
+    ):  # fmt: skip
+        who, numbers, entries, pairs, begins, active, _ = neighbours
+        acting, met, ways = contacts
+        motions, limits, struck, scales = arrays[at_motions], arrays[at_limits], arrays[at_struck], arrays[at_scales]
+        count, clusters = weights.size, limits.size
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                if limits[c] != zero:
+                    gather(c, position, velocity, count, arrays, room)
+        for band in shares(team, member, bands):
+            low, high = count * band // bands, count * (band + 1) // bands
+            slow(low, high, position, velocity, count, arrays)
+            for axis in range(AXES):
+                for k in range(axis * count + low, axis * count + high):
+                    struck[k] = zero
+        for band in shares(team, member, bands):
+            first = begins[band]
+            last = first + active[band]
+            tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met)
+        for band in shares(team, member, bands):
+            first = begins[band]
+            last = first + active[band]
+            push(
+                first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, scales
+            )  # fmt: skip
+            strike(first, last, count, who, met, ways, struck)
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                motions[MOTION * c] = answer(c, position, count, arrays, room)
+        for band in shares(team, member, bands):
+            spread(count * band // bands, count * (band + 1) // bands, arrays, scales)
+        for band in shares(team, member, bands):
+            first = begins[band]
+            last = first + active[band]
+            push_scaled(
+                first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, scales
+            )  # fmt: skip
+            strike(first, last, count, who, met, ways, struck)
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                if limits[c] != zero:
+                    gather(c, position, struck, count, arrays, room)
+        for band in shares(team, member, bands):
+            low, high = count * band // bands, count * (band + 1) // bands
+            join(low, high, position, velocity, count, arrays, struck)
+
+    return bounce_all
+
+
+@cache
+def make_bodies_bounce_stage(real: Any, math: str, place: int) -> Any:
+    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch): see
+    make_bodies_bounce."""
+    bounce_all = make_bodies_bounce(real, math, place)
+
+    return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math).team(bounce_all)

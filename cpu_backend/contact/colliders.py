@@ -1,0 +1,240 @@
+"""What masses of a cloth do that meet the colliders: for the CPU's kernels, one mass or one row at a time."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of, row_at
+from model.formulas import cloth, colliders, distance_field, triangle_tree
+from model.mass_spring.cloth_parameters import (
+    B_DYNAMIC,
+    B_RADIUS,
+    B_RESTITUTION,
+    B_SPIN,
+    B_STATIC,
+    B_THICKNESS,
+    B_TREE,
+    B_TURNS,
+    B_U,
+    B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
+    B_W,
+    B_X,
+    B_Y,
+    B_Z,
+    C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    C_GRAVITY,
+    COLLIDER_FIELDS,
+)  # fmt: skip
+from model.scene.cloth import COLLIDER_KINDS
+
+PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
+
+
+def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """By kind: touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
+
+    `body`: a row of model/mass_spring/cloth_parameters.py, and what follows it; `begin`, `end`: time [s] of the step;
+    `slow`: of
+    `make_instants`; a: where the mass was before the step; p, v: where it is after it, and at what velocity.
+    """
+    compiled = compiler.compiled
+    formulas, sums = colliders.make(real, compiled), cloth.make(real, compiled)
+    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
+    sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
+    moved, between, pushed = sums.moved, sums.between, sums.pushed
+    has_friction, bounces = "friction" in parts, "restitution" in parts
+    zero, one = real(0), real(1)
+
+    @compiled
+    def point(body, time):
+        return (
+            moved(body[B_X], body[B_VX], time), moved(body[B_Y], body[B_VY], time), moved(body[B_Z], body[B_VZ], time),
+        )  # fmt: skip
+
+    @compiled
+    def answer(body, slow, vx, vy, vz, nx, ny, nz):
+        static, dynamic = zero, zero
+        if has_friction:
+            static, dynamic = body[B_STATIC], body[B_DYNAMIC]
+        ux, uy, uz = body[B_VX], body[B_VY], body[B_VZ]
+        if bounces:
+            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, body[B_RESTITUTION], slow)
+        return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
+
+    @compiled
+    def push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz):
+        """Out to the collider's thickness."""
+        thickness = body[B_THICKNESS]
+        if distance < thickness:
+            depth = thickness - distance
+            px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
+            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
+        return px, py, pz, vx, vy, vz
+
+    @compiled
+    def touch_plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+        cx, cy, cz = point(body, end)
+        distance, nx, ny, nz = plane(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    @compiled
+    def touch_sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+        """Swept: where a mass came near within the step, it is put where it entered, relative to the moving centre."""
+        cx, cy, cz = point(body, end)
+        ox, oy, oz = point(body, begin)
+        ax, ay, az = ax - ox, ay - oy, az - oz
+        dx, dy, dz = px - cx, py - cy, pz - cz
+        radius = body[B_RADIUS]
+        part = sphere_entry(ax, ay, az, dx, dy, dz, radius + body[B_THICKNESS])
+        if part < one:
+            dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
+            _, nx, ny, nz = sphere(dx, dy, dz, radius)
+            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
+            return cx + dx, cy + dy, cz + dz, vx, vy, vz
+        distance, nx, ny, nz = sphere(dx, dy, dz, radius)
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    @compiled
+    def touch_capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+        cx, cy, cz = point(body, end)
+        distance, nx, ny, nz = capsule(
+            px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS]
+        )  # fmt: skip
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    @compiled
+    def touch_box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+        cx, cy, cz = point(body, end)
+        distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
+        return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    def of_surface(topic: Any) -> Any:
+        """Swept, in the collider's own frame: see model/formulas/frame.py."""
+        meet = topic.make(real, compiled, bounces).touch
+
+        @compiled
+        def touch_surface(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
+            static, dynamic, restitution = zero, zero, zero
+            if has_friction:
+                static, dynamic = body[B_STATIC], body[B_DYNAMIC]
+            if bounces:
+                restitution = body[B_RESTITUTION]
+            return meet(
+                body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z],
+                body[B_VX], body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin,
+                end, ax, ay, az, px, py, pz, vx, vy, vz, restitution, slow,
+            )  # fmt: skip
+
+        return touch_surface
+
+    return SimpleNamespace(
+        plane=touch_plane, sphere=touch_sphere, capsule=touch_capsule, box=touch_box,
+        mesh_collider=of_surface(triangle_tree), distance_field=of_surface(distance_field),
+    )  # fmt: skip
+
+
+def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """instants(step, record) -> (begin, end, slow): the step's two ends [s], and the speed [m/s] up to which nothing bounces,
+    0 where nothing does anyway."""
+    instant = cloth.make(real, compiler.compiled).instant
+    settling_speed = colliders.make(real, compiler.compiled).settling_speed
+    bounces, zero = "restitution" in parts, real(0)
+
+    @compiler.compiled
+    def instants(step, record):
+        slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
+        clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+        return instant(step, *clock), instant(step + 1, *clock), slow
+
+    return instants
+
+
+def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass and
+    all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
+    touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
+    plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
+    mesh, field = touches.mesh_collider, touches.distance_field
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
+
+    @compiler.compiled
+    def collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz):
+        begin, end, slow = instants(step, record)
+        for b in range(kinds.size):
+            body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
+            if has_plane and kinds[b] == PLANE:
+                px, py, pz, vx, vy, vz = plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_sphere and kinds[b] == SPHERE:
+                px, py, pz, vx, vy, vz = sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_capsule and kinds[b] == CAPSULE:
+                px, py, pz, vx, vy, vz = capsule(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_box and kinds[b] == BOX:
+                px, py, pz, vx, vy, vz = box(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_mesh and kinds[b] == MESH:
+                px, py, pz, vx, vy, vz = mesh(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+            if has_field and kinds[b] == FIELD:
+                px, py, pz, vx, vy, vz = field(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz)
+        return px, py, pz, vx, vy, vz
+
+    return collide_mass
+
+
+def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane): a row of masses and
+    all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
+    touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
+    block = block_of(real)
+
+    def make_loop(kind: str) -> Any:
+        touch = getattr(touches, kind)
+
+        def touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz):
+            for j in range(blocks * block):
+                px, py, pz, qx, qy, qz = touch(
+                    body, begin, end, slow, ax[j], ay[j], az[j], x[j], y[j], z[j], vx[j], vy[j], vz[j]
+                )
+                x[j] = px
+                y[j] = py
+                z[j] = pz
+                vx[j] = qx
+                vy[j] = qy
+                vz[j] = qz
+
+        touch_row.__name__ = f"{kind}_touch_row"
+        return compiler.row(touch_row)
+
+    plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = (make_loop(kind) for kind in COLLIDER_KINDS)
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
+
+    @compiler.compiled
+    def collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane):
+        begin, end, slow = instants(step, record)
+        x, y, z = row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane)
+        new_x, new_y = row_at(target, there), row_at(target, there + target_plane)
+        new_z, new_vx = row_at(target, there + 2 * target_plane), row_at(target, there + 3 * target_plane)
+        new_vy, new_vz = row_at(target, there + 4 * target_plane), row_at(target, there + 5 * target_plane)
+        for b in range(kinds.size):
+            body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
+            if has_plane and kinds[b] == PLANE:
+                plane_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_sphere and kinds[b] == SPHERE:
+                sphere_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_capsule and kinds[b] == CAPSULE:
+                capsule_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_box and kinds[b] == BOX:
+                box_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_mesh and kinds[b] == MESH:
+                mesh_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+            if has_field and kinds[b] == FIELD:
+                field_row(blocks, body, begin, end, slow, x, y, z, new_x, new_y, new_z, new_vx, new_vy, new_vz)
+
+    return collide_row

@@ -1,0 +1,130 @@
+"""Particles that bounce off each other, once their velocities are known: pairs that are to part faster are counted, answered
+all from one state, and sped up. Only particles that have a neighbour are looked at, as in contact/particles_project.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MOST_NEIGHBOURS
+from model.formulas import particle_contact, rebound
+
+
+def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
+    """`tell`, `push`, `put`: see the inner functions. `first`: the band's first place in `who`. `scaled`: impulses of a pair
+    are multiplied by the lesser one of both particles' `scales`."""
+    formulas = particle_contact.make(real, compiler.compiled)
+    squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
+    lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
+    factor_of, zero = rebound.make(real, compiler.compiled).shared, real(0)
+
+    @compiler.compiled
+    def lack_of(i, j, pair, count, position, old, velocity, record):
+        """(how much faster particles i and j must part, the unit normal from j to i)."""
+        x, y, z = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
+        distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
+        dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+        if not touching(squared(dx, dy, dz), distance):
+            return zero, zero, zero, zero
+        u, v, w = old, row_at(old, np.int64(count)), row_at(old, np.int64(2 * count))
+        ax, ay, az = u[i] - u[j], v[i] - v[j], w[i] - w[j]
+        u, v, w = velocity, row_at(velocity, np.int64(count)), row_at(velocity, np.int64(2 * count))
+        bx, by, bz = u[i] - u[j], v[i] - v[j], w[i] - w[j]
+        _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
+        lack = lacking(ax, ay, az, bx, by, bz, nx, ny, nz, record[H_RESTITUTION], record[H_SETTLING])
+        return lack, nx, ny, nz
+
+    @compiler.compiled
+    def tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met):
+        """With whom each must part faster: their places, one particle's after the other's, into `acting`, how many into
+        `met`."""
+        entry, place = np.int64(first) * MOST_NEIGHBOURS, np.int64(first) * MOST_NEIGHBOURS
+        for n in range(first, last):
+            i, begin = who[n], place
+            for e in range(entry, entry + numbers[n]):
+                lack, _, _, _ = lack_of(i, entries[e], pairs[e], count, position, old, velocity, record)
+                acting[place] = e
+                place += 1 if lack > zero else 0
+            entry += numbers[n]
+            met[i] = real(place - begin)
+
+    @compiler.compiled
+    def push(
+        first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways,
+        scales,
+    ):  # fmt: skip
+        """What those get that bounce, into `ways` by their places in `who`."""
+        place = np.int64(first) * MOST_NEIGHBOURS
+        for n in range(first, last):
+            i = who[n]
+            mine, weight = met[i], weights[i]
+            if mine == zero:
+                continue
+            x, y, z = zero, zero, zero
+            for a in range(place, place + np.int64(mine)):
+                j, pair = entries[acting[a]], pairs[acting[a]]
+                lack, nx, ny, nz = lack_of(i, j, pair, count, position, old, velocity, record)
+                share = split(weight, mine, weights[j], met[j])
+                if scaled:
+                    lack = lack * factor_of(scales[i], scales[j])
+                x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
+            place += np.int64(mine)
+            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = (
+                moved(zero, weight, x),
+                moved(zero, weight, y),
+                moved(zero, weight, z),
+            )
+
+    @compiler.compiled
+    def put(first, last, count, velocity, who, met, ways):
+        for n in range(first, last):
+            i = who[n]
+            if met[i] != zero:
+                for axis in range(3):
+                    velocity[axis * count + i] = velocity[axis * count + i] + ways[3 * n + axis]
+
+    return SimpleNamespace(tell=tell, push=push, put=put)
+
+
+@cache
+def make_bounce(real: Any, math: str) -> Any:
+    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts): what a member of a team
+    does (core/progress.py). `old`: when the substep began; other arrays as cpu_backend/contact/particles.py makes them."""
+    compiler = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math)
+    made = make_passes(compiler, real, False)
+    tell, push, put = made.tell, made.push, made.put
+
+    @compiler.compiled
+    def bounce_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts):
+        who, numbers, entries, pairs, begins, active, _ = neighbours
+        acting, met, ways = contacts
+        count = weights.size
+        for band in shares(team, member, bands):
+            first = begins[band]
+            last = first + active[band]
+            tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met)
+        for band in shares(team, member, bands):
+            first = begins[band]
+            last = first + active[band]
+            push(
+                first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, ways
+            )  # fmt: skip
+        for band in shares(team, member, bands):
+            first = begins[band]
+            put(first, first + active[band], count, velocity, who, met, ways)
+
+    return bounce_all
+
+
+@cache
+def make_bounce_stage(real: Any, math: str) -> Any:
+    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts): see make_bounce."""
+    bounce_all = make_bounce(real, math)
+
+    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(bounce_all)

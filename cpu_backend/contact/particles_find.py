@@ -1,0 +1,332 @@
+"""Which particles of bodies may meet within a substep: cells of space, sorted by counting, and each particle's neighbours.
+
+A cell is as large as the longest reach, so that the 27 around a particle hold all whom it may meet. Cells lie in a table
+row by row along x, and particles are copied into the cells' order: the 27 are nine runs of particles that lie side by side,
+looked at LANES at a time. The table holds the box of all particles where it is large enough, else cells a whole number of
+tables apart share a place, and distances tell them apart; it is NARROWEST cells wide at least, so that no two of 27 do.
+Neighbours come in the order of cells, z, y, x, then of their numbers, whatever the table and the number of threads.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.plain import in_python
+from cpu_backend.core.progress import shares
+from model.contact.particle_parameters import (
+    FARTHEST,
+    G_DISTANCE,
+    G_NEIGHBOURS,
+    G_OWN,
+    G_REACH,
+    H_INVERSE_CELL,
+    MOST_NEIGHBOURS,
+    PAIR_FIELDS,
+    PAIRS,
+)
+from model.formulas import particle_contact
+from model.formulas.cluster import LANES
+
+AXES = 3
+NARROWEST = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
+PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
+BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, how many each way
+HOLDS = BOX  # of the table's only: whether it holds all cells that there are
+TABLE = BOX + 1
+ROOM = 64  # whole numbers: where the runs of a band's cell begin and end, 27 at most
+FAR = np.int32(2**31 - 1)
+
+_built_in: Any = intrinsic  # typed by numba when it is compiled
+
+
+@_built_in
+def lowest_bit(typing_context, number):
+    """Where the lowest bit of an int32 that is set lies; of 0 there is none."""
+
+    def build(context, builder, signature, arguments):
+        place = builder.cttz(arguments[0], context.get_constant(types.boolean, True))
+        return builder.zext(place, context.get_value_type(types.int64))
+
+    return types.int64(types.int32), build
+
+
+@in_python(lowest_bit)
+def _lowest_bit(number: Any) -> int:
+    return (int(number) & -int(number)).bit_length() - 1
+
+
+def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`cells_of`, `span`, `enter`: from positions to places in the table."""
+    scaled = particle_contact.make(real, compiler.compiled).scaled
+    zero, farthest = real(0), real(FARTHEST)
+
+    @compiler.row
+    def cells_of(n, weights, x, y, z, record, cell_x, cell_y, cell_z, box):
+        """The cells of n particles, and the box of those that weigh anything and are somewhere; FAR for the others."""
+        inverse = record[H_INVERSE_CELL]
+        low_x, low_y, low_z, high_x, high_y, high_z = FAR, FAR, FAR, -FAR, -FAR, -FAR
+        for k in range(n):
+            a, b, c = scaled(x[k], inverse), scaled(y[k], inverse), scaled(z[k], inverse)
+            i, j, l = np.int32(a), np.int32(b), np.int32(c)  # noqa: E741
+            i = np.int32(i - 1) if a < real(i) else i
+            j = np.int32(j - 1) if b < real(j) else j
+            l = np.int32(l - 1) if c < real(l) else l  # noqa: E741
+            there = (
+                (weights[k] != zero) & (abs(a) <= farthest) & (abs(b) <= farthest) & (abs(c) <= farthest)
+            )  # no NaN is
+            cell_x[k], cell_y[k], cell_z[k] = i if there else FAR, j, l
+            low_x, high_x = min(low_x, i if there else FAR), max(high_x, i if there else -FAR)
+            low_y, high_y = min(low_y, j if there else FAR), max(high_y, j if there else -FAR)
+            low_z, high_z = min(low_z, l if there else FAR), max(high_z, l if there else -FAR)
+        box[0], box[1], box[2], box[3], box[4], box[5] = low_x, low_y, low_z, high_x, high_y, high_z
+
+    @compiler.compiled
+    def span(bands, boxes, most, table):
+        """The table of at most `most` cells that holds the boxes of all bands and a cell around; returned: whether
+        it does, or is but as large as it may be."""
+        holds = True
+        for axis in range(AXES):
+            low, high = np.int64(FAR), -np.int64(FAR)
+            for band in range(bands):
+                low, high = min(low, boxes[BOX * band + axis]), max(high, boxes[BOX * band + AXES + axis])
+            table[axis], table[AXES + axis] = low - 1, max(high - low + 3, NARROWEST)
+        while table[3] > most or table[4] > most or table[3] * table[4] > most or table[3] * table[4] * table[5] > most:
+            widest, holds = 3, False
+            for axis in (4, 5):
+                if table[axis] > table[widest]:
+                    widest = axis
+            table[widest] = max(NARROWEST, (table[widest] + 1) // 2)
+        return holds
+
+    @compiler.compiled
+    def within_table(cell, low, size):
+        place = np.int64(cell) - low
+        return place if 0 <= place < size else place - size * (place // size)
+
+    @compiler.row
+    def enter_rows(n, cell_x, cell_y, cell_z, low_x, low_y, low_z, width, height, buckets):
+        for k in range(n):
+            place = ((cell_z[k] - low_z) * height + (cell_y[k] - low_y)) * width + (cell_x[k] - low_x)
+            buckets[k] = place if cell_x[k] != FAR else np.int32(-1)
+
+    @compiler.compiled
+    def enter(first, last, count, cells, table, holds, buckets):
+        """The places of the particles' cells in the table, -1 of those that have none. `holds`: whether it has all."""
+        if holds:
+            enter_rows(
+                last - first, row_at(cells, first), row_at(cells, count + first), row_at(cells, 2 * count + first),
+                np.int32(table[0]), np.int32(table[1]), np.int32(table[2]), np.int32(table[3]), np.int32(table[4]),
+                row_at(buckets, first),
+            )  # fmt: skip
+            return
+        for k in range(first, last):
+            x = within_table(cells[k], table[0], table[3])
+            y = within_table(cells[count + k], table[1], table[4])
+            z = within_table(cells[2 * count + k], table[2], table[5])
+            buckets[k] = np.int32((z * table[4] + y) * table[3] + x) if cells[k] != FAR else np.int32(-1)
+
+    return SimpleNamespace(cells_of=cells_of, span=span, enter=enter)
+
+
+def _make_sort(compiler: Compiler) -> SimpleNamespace:
+    """`tally` and `put`: a counting sort that keeps the order, of the cells `low` to before `high` of the table."""
+
+    @compiler.compiled
+    def tally(low, high, buckets, starts):
+        """How many particles each of the cells holds; returned: all of them."""
+        inside = 0
+        for b in range(low, high):
+            starts[b] = 0
+        for k in range(buckets.size):
+            b = buckets[k]
+            if low <= b < high:
+                starts[b] += 1
+                inside += 1
+        return inside
+
+    @compiler.compiled
+    def put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies):
+        """`end`: how many particles are in the cells before. Afterwards starts[b] is the first of cell b."""
+        room = order.size
+        for b in range(low, high):
+            end += starts[b]
+            starts[b] = end
+        for n in range(count):
+            k = count - 1 - n
+            b = buckets[k]
+            if low <= b < high:
+                starts[b] -= 1
+                q = starts[b]
+                order[q], bodies[q] = k, body[k]
+                for axis in range(AXES):
+                    places[axis * room + q] = position[axis * count + k]
+                    places[(AXES + axis) * room + q] = rest[axis * count + k]
+
+    return SimpleNamespace(tally=tally, put=put)
+
+
+def _make_runs(compiler: Compiler) -> Any:
+    """runs_around(b, table, holds, starts, runs): where the sorted particles of the 27 cells around cell b begin and end,
+    without empty runs; returned: how many numbers."""
+
+    @compiler.compiled
+    def runs_around(b, table, holds, starts, runs):
+        width, height, depth, n = table[3], table[4], table[5], 0
+        if holds:  # a cell lies around all that are entered
+            for place in range(9):
+                cell = b + (place // 3 - 1) * (width * height) + (place % 3 - 1) * width
+                runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]
+                n += 2 if runs[n + 1] > runs[n] else 0
+            return n
+        x, y, z = b % width, b // width % height, b // (width * height)
+        for place in range(27):
+            row = (z + place // 9 - 1 + depth) % depth * height + (y + place // 3 % 3 - 1 + height) % height
+            cell = row * width + (x + place % 3 - 1 + width) % width
+            runs[n], runs[n + 1] = starts[cell], starts[cell + 1]
+            n += 2 if runs[n + 1] > runs[n] else 0
+        return n
+
+    return runs_around
+
+
+def _make_search(compiler: Compiler, real: Any) -> Any:
+    """search(band, first, last, ...): see the inner function."""
+    formulas, runs_around = particle_contact.make(real, compiler.compiled), _make_runs(compiler)
+    squared, within = formulas.squared, formulas.within
+    zero = real(0)
+
+    @compiler.row
+    def look(x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, xs, ys, zs, rest_xs, rest_ys, rest_zs, bodies):
+        """Which of LANES particles may be neighbours, a bit each."""
+        found = np.int32(0)
+        for lane in range(LANES):
+            other = bodies[lane] != body
+            close = within(squared(x - xs[lane], y - ys[lane], z - zs[lane]), reach if other else own)
+            beside = within(squared(rest_x - rest_xs[lane], rest_y - rest_ys[lane], rest_z - rest_zs[lane]), rested)
+            found |= np.int32(close & (other | (not beside))) << np.int32(lane)
+        return found
+
+    @compiler.compiled
+    def search(
+        band, first, last, record, reach, kinds, kind, table, holds, buckets, starts, order, places, bodies, runs, who,
+        numbers, entries, pairs, active, lost,
+    ):  # fmt: skip
+        """The neighbours of the sorted particles `first` to before `last`. Those that have any are put into `who` from
+        there on, `numbers`: how many; the neighbours lie in `entries`, one particle's after the other's, from MOST_NEIGHBOURS
+        times `first` on; `pairs`: where in the record their constants are, -1 less that of one within a body. `active`: how
+        many have any."""
+        n, entry, size = first, np.int64(first) * MOST_NEIGHBOURS, order.size
+        cell, ends, missed = -1, 0, 0
+        for q in range(first, last):
+            i, body = order[q], bodies[q]
+            if buckets[i] != cell:
+                cell = buckets[i]
+                ends = runs_around(np.int64(cell), table, holds, starts, runs)
+            row = np.int64(PAIRS + PAIR_FIELDS * kinds * kind[i])
+            same = row + PAIR_FIELDS * kind[i]
+            x, y, z = places[q], places[size + q], places[2 * size + q]
+            rest_x, rest_y, rest_z = places[3 * size + q], places[4 * size + q], places[5 * size + q]
+            own, rested = record[same + G_REACH], record[same + G_NEIGHBOURS]
+            if not record[same + G_OWN] > 0:
+                own = zero
+            found = 0
+            for run in range(0, ends, 2):
+                end = runs[run + 1]
+                for k in range(np.int64(runs[run]), end, LANES):
+                    near = look(
+                        x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, row_at(places, k),
+                        row_at(places, size + k), row_at(places, 2 * size + k), row_at(places, 3 * size + k),
+                        row_at(places, 4 * size + k), row_at(places, 5 * size + k), row_at(bodies, k),
+                    )  # fmt: skip
+                    near &= np.int32((1 << min(LANES, end - k)) - 1)
+                    while near != 0:
+                        at = k + lowest_bit(near)
+                        near &= near - np.int32(1)
+                        j = order[at]
+                        pair, mine = row + PAIR_FIELDS * kind[j], bodies[at] == body
+                        if not mine and record[pair + G_DISTANCE] <= 0:
+                            continue
+                        square = squared(x - places[at], y - places[size + at], z - places[2 * size + at])
+                        if not within(square, record[pair + G_REACH]):
+                            continue
+                        if found < MOST_NEIGHBOURS:
+                            entries[entry], pairs[entry] = j, -1 - pair if mine else pair
+                            entry += 1
+                        else:
+                            missed += 1
+                        found += 1
+            if found > 0:
+                who[n], numbers[n] = i, min(found, MOST_NEIGHBOURS)
+                n += 1
+        active[band], lost[band] = n - first, lost[band] + missed
+
+    return search
+
+
+@cache
+def make_find(real: Any, math: str) -> Any:
+    """find(team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): what a
+    member of a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them."""
+    compiler = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math)
+    table_made, sort = _make_table(compiler, real), _make_sort(compiler)
+    cells_of, span, enter = table_made.cells_of, table_made.span, table_made.enter
+    tally, put, search = sort.tally, sort.put, _make_search(compiler, real)
+
+    @compiler.compiled
+    def find_all(
+        team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours
+    ):  # fmt: skip
+        body, kind, rest = of_particle
+        cells, boxes, table, buckets, starts, totals = tables
+        order, places, bodies, rooms = in_order
+        who, numbers, entries, pairs, begins, active, lost = neighbours
+        count = weights.size
+        for band in shares(team, member, bands):
+            k, n = np.int64(count * band // bands), count * (band + 1) // bands - count * band // bands
+            cells_of(
+                n, row_at(weights, k), row_at(position, k), row_at(position, count + k), row_at(position, 2 * count + k),
+                record, row_at(cells, k), row_at(cells, count + k), row_at(cells, 2 * count + k),
+                row_at(boxes, np.int64(BOX * band)),
+            )  # fmt: skip
+        for _ in shares(team, member, 1):
+            table[HOLDS] = span(bands, boxes, starts.size - 1, table)
+        for band in shares(team, member, bands):
+            k, last = np.int64(count * band // bands), count * (band + 1) // bands
+            enter(k, last, count, cells, table, table[HOLDS] != 0, buckets)
+        for band in shares(team, member, bands):
+            size = table[3] * table[4] * table[5]
+            totals[band] = tally(size * band // bands, size * (band + 1) // bands, buckets, starts)
+        for band in shares(team, member, bands):
+            size, end = table[3] * table[4] * table[5], 0
+            for earlier in range(band):
+                end += totals[earlier]
+            low, high = size * band // bands, size * (band + 1) // bands
+            put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies)
+            if band == bands - 1:
+                starts[size] = end + totals[band]
+        for band in shares(team, member, bands):
+            live = starts[table[3] * table[4] * table[5]]
+            begins[band] = live * band // bands
+            search(
+                band, live * band // bands, live * (band + 1) // bands, record, reach, kinds, kind, table, table[HOLDS] != 0,
+                buckets, starts, order, places, bodies, row_at(rooms, np.int64(ROOM * band)), who, numbers, entries, pairs,
+                active, lost,
+            )  # fmt: skip
+
+    return find_all
+
+
+@cache
+def make_find_stage(real: Any, math: str) -> Any:
+    """find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): see make_find."""
+    find_all = make_find(real, math)
+
+    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(find_all)

@@ -1,0 +1,190 @@
+"""Contacts of particles taken out: those of a sweep are counted, projected all from one state, and moved. Only particles
+that have a neighbour are looked at; a thread has those whose neighbours it found."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from model.contact.particle_parameters import (
+    G_ACTIVE,
+    G_DISTANCE,
+    G_OWN,
+    G_PULL,
+    H_ASLEEP,
+    H_DYNAMIC,
+    H_FASTEST,
+    H_PUSH,
+    H_STATIC,
+    MOST_NEIGHBOURS,
+)
+from model.formulas import particle_contact
+
+PACES = frozenset({"speed-limit", "sleeping"})
+
+
+def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) -> SimpleNamespace:
+    """`tell`, `push`, `put`: see the inner functions. `first`: the band's first place in `who`."""
+    formulas = particle_contact.make(real, compiler.compiled)
+    squared, within, split, held, direction = (
+        formulas.squared, formulas.within, formulas.split, formulas.held, formulas.direction
+    )  # fmt: skip
+    depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
+    added, added_rubbing, moved = formulas.added, formulas.added_rubbing, formulas.moved
+    zero = real(0)
+
+    @compiler.compiled
+    def tell(first, last, count, position, record, who, numbers, entries, pairs, acting, met):
+        """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
+        `acting`, how many into `met`."""
+        entry, place = np.int64(first) * MOST_NEIGHBOURS, np.int64(first) * MOST_NEIGHBOURS
+        xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
+        for n in range(first, last):
+            i, begin = who[n], place
+            x, y, z = xs[i], ys[i], zs[i]
+            for e in range(entry, entry + numbers[n]):
+                j, pair = entries[e], pairs[e]
+                nearer = record[pair + G_ACTIVE] if pair >= 0 else record[-1 - pair + G_OWN]
+                square = squared(x - xs[j], y - ys[j], z - zs[j])
+                acting[place] = e
+                place += 1 if within(square, nearer) else 0
+            entry += numbers[n]
+            met[i] = real(place - begin)
+
+    @compiler.compiled
+    def push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways):
+        """Where the particles that have contacts go, into `ways` by their places in `who`."""
+        place = np.int64(first) * MOST_NEIGHBOURS
+        xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
+        old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
+        for n in range(first, last):
+            i = who[n]
+            mine = met[i]
+            if mine == zero:
+                continue
+            px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
+            ox, oy, oz = old_x[i], old_y[i], old_z[i]
+            x, y, z = zero, zero, zero
+            for a in range(place, place + np.int64(mine)):
+                j, pair = entries[acting[a]], pairs[acting[a]]
+                distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
+                pull = zero
+                if sticking:
+                    pull = record[pair + G_PULL] if pair >= 0 else zero
+                dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
+                bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
+                share = split(weight, mine, weights[j], met[j])
+                kept = held(distance, bx, by, bz, record[H_PUSH])
+                length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
+                depth = depth_of(length, kept, distance, pull)
+                if rubbing and (depth > zero or pull > zero):
+                    sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
+                    gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
+                    x = added_rubbing(x, share, depth, nx, gripped, sx)
+                    y = added_rubbing(y, share, depth, ny, gripped, sy)
+                    z = added_rubbing(z, share, depth, nz, gripped, sz)
+                else:
+                    x, y, z = added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
+            place += np.int64(mine)
+            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = (
+                moved(px, weight, x),
+                moved(py, weight, y),
+                moved(pz, weight, z),
+            )
+
+    @compiler.compiled
+    def put(first, last, count, position, who, met, ways):
+        for n in range(first, last):
+            i = who[n]
+            if met[i] != zero:
+                for axis in range(3):
+                    position[axis * count + i] = ways[3 * n + axis]
+
+    return SimpleNamespace(tell=tell, push=push, put=put)
+
+
+@cache
+def make_project(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
+    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts): what a member of a team
+    does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them."""
+    name = f"particles_project_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
+    compiler = Compiler(name, math)
+    made = _make_sweep(compiler, real, rubbing, sticking)
+    tell, push, put = made.tell, made.push, made.put
+
+    @compiler.compiled
+    def project_all(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts):
+        who, numbers, entries, pairs, begins, active, _ = neighbours
+        acting, met, ways = contacts
+        count = weights.size
+        for _ in range(sweeps):
+            for band in shares(team, member, bands):
+                first = begins[band]
+                last = first + active[band]
+                tell(first, last, count, position, record, who, numbers, entries, pairs, acting, met)
+            for band in shares(team, member, bands):
+                first = begins[band]
+                last = first + active[band]
+                push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways)
+            for band in shares(team, member, bands):
+                first = begins[band]
+                put(first, first + active[band], count, position, who, met, ways)
+
+    return project_all
+
+
+@cache
+def make_project_stage(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
+    """project(bands, sweeps, before, position, weights, record, neighbours, contacts): see make_project."""
+    name = f"particles_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
+    project_all = make_project(real, math, rubbing, sticking)
+
+    return Compiler(name, math).team(project_all)
+
+
+def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """settle(first, last, count, before, position, record): particles at a substep's end that went too far, or hardly
+    moved."""
+    formulas = particle_contact.make(real, compiler.compiled)
+    far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
+    has_limit, has_sleeping = "speed-limit" in parts, "sleeping" in parts
+
+    @compiler.row
+    def settle_rows(n, record, x, y, z, to_x, to_y, to_z):
+        for k in range(n):
+            length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
+            if has_limit:
+                to_x[k] = shortened(to_x[k], x[k], length, record[H_FASTEST])
+                to_y[k] = shortened(to_y[k], y[k], length, record[H_FASTEST])
+                to_z[k] = shortened(to_z[k], z[k], length, record[H_FASTEST])
+            if has_sleeping:
+                to_x[k] = rested(to_x[k], x[k], length, record[H_ASLEEP])
+                to_y[k] = rested(to_y[k], y[k], length, record[H_ASLEEP])
+                to_z[k] = rested(to_z[k], z[k], length, record[H_ASLEEP])
+
+    @compiler.compiled
+    def settle(first, last, count, before, position, record):
+        settle_rows(
+            last - first, record, row_at(before, first), row_at(before, count + first), row_at(before, 2 * count + first),
+            row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+        )  # fmt: skip
+
+    return settle
+
+
+@cache
+def make_settle_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """settle(bands, count, before, position, record): all particles, in parallel."""
+    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts & PACES))}", math)
+    settle_some = make_settle(compiler, real, parts)
+
+    def settle(band, bands, count, before, position, record):
+        settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record)
+
+    return compiler.banded(settle)

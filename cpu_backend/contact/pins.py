@@ -1,0 +1,48 @@
+"""Where pinned masses of a cloth that follow a motion are: for the CPU's kernels, one mass at a time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from model.formulas import motion
+from model.mass_spring.cloth_parameters import (
+    M_DURATION,
+    M_SPIN,
+    M_START,
+    M_TURNS,
+    M_U,
+    M_V,
+    M_VX,
+    M_VY,
+    M_VZ,
+    M_W,
+    M_X,
+    M_Y,
+    M_Z,
+    P_MOTION,
+    P_X,
+    P_Y,
+    P_Z,
+)  # fmt: skip
+
+
+def make_follow(compiler: Compiler, real: Any) -> Any:
+    """follow(bodies, pin, time) -> (x, y, z, vx, vy, vz) at `time` [s] of the pinned mass whose row begins at `pin` of the
+    flat array of model/cloth_record.body_rows; to be asked only where that row names a motion."""
+    formulas = motion.make(real, compiler.compiled)
+    turn, placed = formulas.turn, formulas.placed
+
+    @compiler.compiled
+    def follow(bodies, pin, time):
+        row = np.int64(bodies[pin + P_MOTION])
+        passed, moves, sine, cosine = turn(time, bodies[row + M_START], bodies[row + M_DURATION], bodies[row + M_TURNS])
+        return placed(
+            bodies[pin + P_X], bodies[pin + P_Y], bodies[pin + P_Z], bodies[row + M_X], bodies[row + M_Y],
+            bodies[row + M_Z], bodies[row + M_U], bodies[row + M_V], bodies[row + M_W], bodies[row + M_VX],
+            bodies[row + M_VY], bodies[row + M_VZ], bodies[row + M_SPIN], passed, moves, sine, cosine,
+        )  # fmt: skip
+
+    return follow

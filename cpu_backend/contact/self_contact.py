@@ -1,0 +1,74 @@
+"""A cloth's contacts with itself on CPU threads: two stages that a position-based solver runs, and what they keep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.self_find import VALUES, make_find
+from cpu_backend.contact.self_project import FORCES, make_project
+from model.contact.self_contact_parameters import MOST_CONTACTS, contact_record, table_size
+from model.core.build import Body
+from model.scene.scene import Scene
+
+
+class Contacts:
+    """The contacts of a substep. `weights` (particles,): inverse masses in those of the sheet, 0 where pinned.
+
+    `find` makes them from the state before a substep and the predicted one; `project` sweeps over them. `found`
+    (particles,) is how many triangles each mass may come near; `lost` counts, since it was last set to 0, the contacts that
+    were beyond the MOST_CONTACTS nearest of a mass.
+    """
+
+    def __init__(self, scene: Scene, body: Body, real: Any, math: str, threads: int, weights: np.ndarray):
+        part = scene.self_collision
+        assert part is not None
+        self.rows, self.columns, self.real = body.rows, body.columns, real
+        masses, cells = body.rows * body.columns, max(0, (body.rows - 1) * (body.columns - 1))
+        self.sweeps = part.sweeps
+        self.weights = np.ascontiguousarray(weights, real)
+        self.change(scene)
+        self._bands, bands = threads, np.zeros(threads, np.int64)
+        self._begin, move = np.zeros((masses, 3), real), np.zeros((masses, 3), real)
+        boxes, keys = np.zeros((cells, 6), real), np.zeros(cells, np.int64)
+        buckets, largest = np.zeros(cells, np.int32), np.zeros(max(1, body.rows - 1), real)
+        starts, sorted_cells = np.zeros(table_size(max(1, cells)) + 1, np.int32), np.zeros(cells, np.int32)
+        self._hashed = (self._begin, move, boxes, keys, buckets, largest, starts, bands, sorted_cells)
+        most = masses * MOST_CONTACTS
+        self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
+        self.values, self.found = np.zeros((most, VALUES), real), np.zeros(masses, np.int32)
+        self._searched = (self._begin, move, boxes, keys, largest, starts, sorted_cells)
+        self._links = (np.zeros(masses + 1, np.int32), bands, np.zeros(3 * most, np.int32))
+        self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, FORCES), real))
+        self._find = make_find(real, math)
+        self._project = make_project(real, math, part.static_friction > 0)
+        self.lost = 0
+        self._empty = True
+
+    def change(self, scene: Scene) -> None:
+        """Take over what may change while running."""
+        self.record = contact_record(scene, self.real)
+
+    def find(self, before: np.ndarray, predicted: np.ndarray) -> None:
+        """Both (3, rows, columns) [m], views of any strides."""
+        if min(self.rows, self.columns) < 2:
+            return
+        self._find.hash_cells(self._bands, before, predicted, self.record, *self._hashed)
+        self._find.find_contacts(
+            self.rows, self.columns, self.record, *self._searched, self.triangles, self.corners, self.values, self.found
+        )
+        self._empty = not self.found.any()
+        if not self._empty:
+            self.lost += int(np.maximum(self.found - MOST_CONTACTS, 0).sum())
+            self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
+
+    def project(self, position: np.ndarray) -> None:
+        """All sweeps over the contacts of the substep, on (3, rows, columns) [m]."""
+        if self._empty:
+            return
+        starts, _, links = self._links
+        self._project.project_contacts(
+            self._bands, self.sweeps, position, self._begin, self.found, self.corners, self.values, starts, links,
+            self.weights, self.record, *self._scratch,
+        )  # fmt: skip

@@ -1,0 +1,240 @@
+"""Which triangles a mass of a cloth may come near within a substep: the sheet's cells hashed by a counting sort, and every
+mass's nearest triangles. Parallel over rows, buckets and masses; what is found does not depend on the number of threads."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from model.contact.self_contact_parameters import (
+    MOST_CONTACTS,
+    S_COINCIDENT,
+    S_FLAT,
+    S_INVERSE_CELL,
+    S_MARGIN,
+    S_PUSH,
+    S_REACH,
+    S_SPACING,
+    S_THICKNESS,
+    SPAN,
+)
+from model.formulas import contact
+
+VALUES = 7  # of a contact:
+V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)
+
+
+def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
+    """meet(k, i, j, triangle, begin, move, columns, record, corners, values, slots): see the inner function."""
+    nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
+    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
+    corners_of, owns = numbers.corners, numbers.owns
+    two = np.int64(2)
+
+    @compiler.compiled
+    def motion(move, k, m):
+        return length(move[k, 0] - move[m, 0], move[k, 1] - move[m, 1], move[k, 2] - move[m, 2])
+
+    @compiler.compiled
+    def meet(k, i, j, triangle, begin, move, columns, record, triangles, corners, values, found):
+        """`found` and 1 more if mass k, in row i and column j, may come near the triangle, which then is put among its
+        nearest: by distance, of equal ones the lower number first."""
+        second, cell = triangle % two == 1, triangle // two
+        a, b, c = corners_of(triangle, columns)
+        if a == k or b == k or c == k:
+            return found
+        ux, uy, uz = begin[b, 0] - begin[a, 0], begin[b, 1] - begin[a, 1], begin[b, 2] - begin[a, 2]
+        vx, vy, vz = begin[c, 0] - begin[a, 0], begin[c, 1] - begin[a, 1], begin[c, 2] - begin[a, 2]
+        px, py, pz = begin[k, 0] - begin[a, 0], begin[k, 1] - begin[a, 1], begin[k, 2] - begin[a, 2]
+        feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
+        cell_i = cell // (columns - 1)
+        if not owns(second, feature, cell_i, cell - cell_i * (columns - 1)):
+            return found
+        rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
+        distance = length(rx, ry, rz)
+        nearer = max(motion(move, k, a), max(motion(move, k, b), motion(move, k, c)))
+        if not distance < record[S_THICKNESS] + record[S_MARGIN] + nearer:
+            return found
+        first, last = k * MOST_CONTACTS, k * MOST_CONTACTS + min(found, MOST_CONTACTS)
+        place = last
+        while place > first and (
+            distance < values[place - 1, V_DISTANCE]
+            or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
+        ):
+            place -= 1
+        if place == first + MOST_CONTACTS:
+            return found + 1
+        for slot in range(min(last, first + MOST_CONTACTS - 1), place, -1):
+            triangles[slot] = triangles[slot - 1]
+            for axis in range(3):
+                corners[slot, axis] = corners[slot - 1, axis]
+            for value in range(VALUES):
+                values[slot, value] = values[slot - 1, value]
+        row_a, column_a = a // columns, a % columns
+        rest = rest_distance(
+            real(i - row_a), real(b // columns - row_a), real(c // columns - row_a),
+            real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, record[S_SPACING],
+        )  # fmt: skip
+        nx, ny, nz = normal(
+            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, record[S_FLAT], record[S_COINCIDENT], k > a
+        )  # fmt: skip
+        triangles[place] = triangle
+        corners[place, 0], corners[place, 1], corners[place, 2] = a, b, c
+        values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance
+        values[place, V_NX], values[place, V_NY], values[place, V_NZ] = nx, ny, nz
+        gap = dot(nx, ny, nz, rx, ry, rz)
+        values[place, V_HELD] = held_distance(record[S_THICKNESS], rest, gap, record[S_PUSH])
+        return found + 1
+
+    return meet
+
+
+@cache
+def make_find(real: Any, math: str) -> SimpleNamespace:
+    """`hash_cells` and `find_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
+    compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
+    formulas, numbers = contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
+    length, middle, scaled = formulas.length, formulas.middle, formulas.scaled
+    key_of, bucket_of = numbers.key, numbers.bucket
+    meet = _make_triangle(compiler, real, formulas, numbers)
+    zero = real(0)
+
+    @compiler.compiled
+    def floor(x):
+        whole = np.int64(x)
+        return whole - 1 if x < real(whole) else whole
+
+    @compiler.compiled
+    def relative(move, k, reference):
+        return length(move[k, 0] - move[reference, 0], move[k, 1] - move[reference, 1], move[k, 2] - move[reference, 2])
+
+    @compiler.compiled
+    def enclose(q, a, columns, begin, move, reference, boxes, center):
+        """The box that holds the four corners of cell q from the substep's beginning to its end, seen from `reference`;
+        returned: how far it reaches from the cell's middle along an axis. Boxes of a flat sheet are thin; balls are not."""
+        b, c, d = a + 1, a + columns, a + columns + 1
+        moved, extent = zero, zero
+        for corner in (a, b, c, d):
+            moved = max(moved, relative(move, corner, reference))
+        for axis in range(3):
+            w, x, y, z = begin[a, axis], begin[b, axis], begin[c, axis], begin[d, axis]
+            low, high = min(min(w, x), min(y, z)) - moved, max(max(w, x), max(y, z)) + moved
+            boxes[q, axis], boxes[q, 3 + axis] = low, high
+            extent = max(extent, max(center[axis] - low, high - center[axis]))
+        return extent
+
+    @compiler.compiled
+    def center_of(a, columns, begin, axis):
+        return middle(begin[a, axis], begin[a + 1, axis], begin[a + columns, axis], begin[a + columns + 1, axis])
+
+    @compiler.compiled
+    def beside(x, y, z, own, boxes, q):
+        """Whether a point is farther than `own` from the box of cell q along an axis."""
+        return (
+            x < boxes[q, 0] - own or x > boxes[q, 3] + own or y < boxes[q, 1] - own or y > boxes[q, 4] + own
+            or z < boxes[q, 2] - own or z > boxes[q, 5] + own
+        )  # fmt: skip
+
+    def hash_cells(
+        team, member, bands, before, predicted, record, begin, move, boxes, keys, buckets, largest, starts, totals,
+        sorted_cells,
+    ):  # fmt: skip
+        """The state before and the predicted one (3, rows, columns) put side by side, and the sheet's cells sorted into
+        buckets: those of bucket b are sorted_cells[starts[b] : starts[b + 1]], in ascending order. A thread owns a range of
+        buckets and reads all cells."""
+        rows, columns = before.shape[1], before.shape[2]
+        for band in shares(team, member, bands):
+            for i in range(rows * band // bands, rows * (band + 1) // bands):
+                for j in range(columns):
+                    for axis in range(3):
+                        begin[i * columns + j, axis] = before[axis, i, j]
+                        move[i * columns + j, axis] = predicted[axis, i, j] - before[axis, i, j]
+        mask, cells = np.int64(starts.size - 2), (rows - 1) * (columns - 1)
+        reference = (rows // 2) * columns + columns // 2
+        for band in shares(team, member, bands):
+            for i in range((rows - 1) * band // bands, (rows - 1) * (band + 1) // bands):
+                most = zero
+                for j in range(columns - 1):
+                    q = i * (columns - 1) + j
+                    a = i * columns + j
+                    center = (
+                        center_of(a, columns, begin, 0), center_of(a, columns, begin, 1), center_of(a, columns, begin, 2)
+                    )  # fmt: skip
+                    most = max(most, enclose(q, a, columns, begin, move, reference, boxes, center))
+                    x = floor(scaled(center[0], record[S_INVERSE_CELL]))
+                    y = floor(scaled(center[1], record[S_INVERSE_CELL]))
+                    z = floor(scaled(center[2], record[S_INVERSE_CELL]))
+                    keys[q], buckets[q] = key_of(x, y, z), bucket_of(x, y, z, mask)
+                largest[i] = most
+        table = mask + 1
+        for band in shares(team, member, bands):
+            low, high = table * band // bands, table * (band + 1) // bands
+            starts[low:high] = 0
+            inside = 0
+            for q in range(cells):
+                if low <= buckets[q] < high:
+                    starts[buckets[q]] += 1
+                    inside += 1
+            totals[band] = inside
+        for band in shares(team, member, bands):
+            low, high = table * band // bands, table * (band + 1) // bands
+            end = np.int64(0)
+            for before_it in range(band):
+                end += totals[before_it]
+            if band == bands - 1:
+                starts[table] = cells
+            for bucket in range(low, high):
+                end += starts[bucket]
+                starts[bucket] = end
+            for k in range(cells):
+                q = cells - 1 - k
+                if low <= buckets[q] < high:
+                    starts[buckets[q]] -= 1
+                    sorted_cells[starts[buckets[q]]] = q
+
+    def find_contacts(
+        rows, columns, record, begin, move, boxes, keys, largest, starts, sorted_cells, triangles, corners, values,
+        found,
+    ):  # fmt: skip
+        """found (particles,): how many triangles each mass may come near; the first MOST_CONTACTS of them are kept."""
+        extent, mask = zero, np.int64(starts.size - 2)
+        for i in range(rows - 1):
+            extent = max(extent, largest[i])
+        reference = (rows // 2) * columns + columns // 2
+        for row in prange(rows):
+            i = np.int64(row)
+            for j in range(columns):
+                k, count = i * columns + j, np.int64(0)
+                x, y, z = begin[k, 0], begin[k, 1], begin[k, 2]
+                own = record[S_THICKNESS] + record[S_MARGIN] + relative(move, k, reference)
+                reach = min(own + extent, record[S_REACH])
+                lowest = (
+                    floor(scaled(x - reach, record[S_INVERSE_CELL])),
+                    floor(scaled(y - reach, record[S_INVERSE_CELL])),
+                    floor(scaled(z - reach, record[S_INVERSE_CELL])),
+                )
+                span_x = min(floor(scaled(x + reach, record[S_INVERSE_CELL])) - lowest[0] + 1, SPAN)
+                span_y = min(floor(scaled(y + reach, record[S_INVERSE_CELL])) - lowest[1] + 1, SPAN)
+                span_z = min(floor(scaled(z + reach, record[S_INVERSE_CELL])) - lowest[2] + 1, SPAN)
+                for place in range(span_x * span_y * span_z):
+                    cx = lowest[0] + place % span_x
+                    cy = lowest[1] + place // span_x % span_y
+                    cz = lowest[2] + place // (span_x * span_y)
+                    key, bucket = key_of(cx, cy, cz), bucket_of(cx, cy, cz, mask)
+                    for entry in range(starts[bucket], starts[bucket + 1]):
+                        q = np.int64(sorted_cells[entry])
+                        if keys[q] == key and not beside(x, y, z, own, boxes, q):
+                            for second in range(2):
+                                count = meet(
+                                    k, i, np.int64(j), 2 * q + second, begin, move, columns, record, triangles, corners,
+                                    values, count,
+                                )  # fmt: skip
+                found[k] = count
+
+    return SimpleNamespace(hash_cells=compiler.team(hash_cells), find_contacts=compiler.kernel(find_contacts))

@@ -1,0 +1,187 @@
+"""Holding a cloth's masses away from its triangles: every mass gathers what its contacts ask of it, as their mass and as
+a corner of their triangle, in the order of the contacts. Parallel, and the same bits for any number of threads."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from model.contact.self_contact_parameters import MOST_CONTACTS, S_DYNAMIC, S_STATIC
+from model.formulas import contact
+
+FORCES = 4  # of a contact in a sweep: how deep, how it moves its mass (of weight 1)
+F_DEPTH, F_X, F_Y, F_Z = range(FORCES)
+
+
+def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool) -> tuple[Any, Any]:
+    """(depth_of, push), of one contact."""
+    dot, length, mixed, along = formulas.dot, formulas.length, formulas.mixed, formulas.along
+    stiffness, inverse, slip = formulas.stiffness, formulas.inverse, formulas.slip
+    correction, rubbed = formulas.correction, formulas.rubbed
+
+    @compiler.compiled
+    def offset(points, k, a, b, c, s, t):
+        """From the triangle's point to the mass."""
+        return (
+            points[k, 0] - mixed(points[a, 0], points[b, 0], points[c, 0], s, t),
+            points[k, 1] - mixed(points[a, 1], points[b, 1], points[c, 1], s, t),
+            points[k, 2] - mixed(points[a, 2], points[b, 2], points[c, 2], s, t),
+        )
+
+    @compiler.compiled
+    def depth_of(slot, k, points, corners, values):
+        """How much nearer than held [m]; not above 0 where the contact does nothing."""
+        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+        x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
+        return values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
+
+    @compiler.compiled
+    def push(slot, k, points, begin, corners, values, weights, loads, record, forces):
+        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+        s, t, depth = values[slot, V_B], values[slot, V_C], forces[slot, F_DEPTH]
+        nx, ny, nz = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
+        scale = inverse(
+            stiffness(weights[k], loads[k], weights[a], loads[a], weights[b], loads[b], weights[c], loads[c], s, t)
+        )
+        if friction:
+            x, y, z = offset(points, k, a, b, c, s, t)
+            ox, oy, oz = offset(begin, k, a, b, c, s, t)
+            x, y, z = x - ox, y - oy, z - oz  # how it slid in this substep, and along the normal
+            toward = dot(nx, ny, nz, x, y, z)
+            x, y, z = along(x, nx, toward), along(y, ny, toward), along(z, nz, toward)
+            part = slip(length(x, y, z), depth, record[S_STATIC], record[S_DYNAMIC])
+            forces[slot, F_X] = rubbed(depth, nx, part, x, scale)
+            forces[slot, F_Y] = rubbed(depth, ny, part, y, scale)
+            forces[slot, F_Z] = rubbed(depth, nz, part, z, scale)
+        else:
+            forces[slot, F_X] = correction(depth, nx, scale)
+            forces[slot, F_Y] = correction(depth, ny, scale)
+            forces[slot, F_Z] = correction(depth, nz, scale)
+
+    return depth_of, push
+
+
+@cache
+def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
+    """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
+    compiler = Compiler(f"{np.dtype(real).name}_{math}_{'friction' if friction else 'smooth'}", math)
+    formulas = contact.make(real, compiler.compiled)
+    first_weight, taken, shifted = formulas.first_weight, formulas.taken, formulas.shifted
+    depth_of, push = _make_contact(compiler, real, formulas, friction)
+    zero, one = real(0), real(1)
+
+    @compiler.compiled
+    def share(values, place):
+        """Of a triangle's corner: of contact place // 3, the corner place % 3."""
+        slot, corner = place // 3, place % 3
+        if corner == 0:
+            return first_weight(values[slot, V_B], values[slot, V_C])
+        return values[slot, V_B + corner - 1]
+
+    @compiler.compiled
+    def gather(k, found, values, starts, links, forces):
+        """How far all its contacts move mass k, for a weight of 1."""
+        x, y, z = zero, zero, zero
+        for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+            if forces[slot, F_DEPTH] > zero:
+                x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
+        for place in range(starts[k], starts[k + 1]):
+            slot = links[place] // 3
+            if forces[slot, F_DEPTH] > zero:
+                part = share(values, links[place])
+                x = taken(x, part, forces[slot, F_X])
+                y = taken(y, part, forces[slot, F_Y])
+                z = taken(z, part, forces[slot, F_Z])
+        return x, y, z
+
+    @compiler.compiled
+    def load_of(k, found, values, starts, links, forces):
+        """How many contacts ask something of mass k, those of its triangles by its part in them."""
+        load = zero
+        for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+            if forces[slot, F_DEPTH] > zero:
+                load += one
+        for place in range(starts[k], starts[k + 1]):
+            if forces[links[place] // 3, F_DEPTH] > zero:
+                load += share(values, links[place])
+        return load
+
+    def link_contacts(team, member, bands, found, corners, starts, totals, links):
+        """Of mass m the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]], ascending. A
+        thread owns a range of masses and reads all contacts; a counting sort."""
+        masses = found.size
+        for band in shares(team, member, bands):
+            low, high = masses * band // bands, masses * (band + 1) // bands
+            starts[low:high] = 0
+            inside = 0
+            for k in range(masses):
+                first = k * MOST_CONTACTS
+                for slot in range(first, first + min(found[k], MOST_CONTACTS)):
+                    for corner in range(3):
+                        m = corners[slot, corner]
+                        if low <= m < high:
+                            starts[m] += 1
+                            inside += 1
+            totals[band] = inside
+        for band in shares(team, member, bands):
+            low, high = masses * band // bands, masses * (band + 1) // bands
+            end = np.int64(0)
+            for before_it in range(band):
+                end += totals[before_it]
+            if band == bands - 1:
+                starts[masses] = end + totals[band]
+            for m in range(low, high):
+                end += starts[m]
+                starts[m] = end
+            for backward in range(masses):
+                k = masses - 1 - backward
+                held = min(found[k], MOST_CONTACTS)
+                for back in range(held):
+                    slot = k * MOST_CONTACTS + held - 1 - back
+                    for corner in range(3):
+                        m = corners[slot, corner]
+                        if low <= m < high:
+                            starts[m] -= 1
+                            links[starts[m]] = 3 * slot + corner
+
+    def project_contacts(
+        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, record, points, loads,
+        forces,
+    ):  # fmt: skip
+        """Sweeps, each over all contacts at once, from `position` (3, rows, columns) and into it."""
+        rows, columns = position.shape[1], position.shape[2]
+        masses = rows * columns
+        for _ in range(sweeps):
+            for band in shares(team, member, bands):
+                for i in range(rows * band // bands, rows * (band + 1) // bands):
+                    for j in range(columns):
+                        for axis in range(3):
+                            points[i * columns + j, axis] = position[axis, i, j]
+            for band in shares(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+                        forces[slot, F_DEPTH] = depth_of(slot, k, points, corners, values)
+            for band in shares(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    loads[k] = load_of(k, found, values, starts, links, forces)
+            for band in shares(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+                        if forces[slot, F_DEPTH] > zero:
+                            push(slot, k, points, begin, corners, values, weights, loads, record, forces)
+            for band in shares(team, member, bands):
+                for k in range(rows * band // bands * columns, rows * (band + 1) // bands * columns):
+                    if loads[k] > zero and weights[k] > zero:
+                        i, j = k // columns, k % columns
+                        x, y, z = gather(k, found, values, starts, links, forces)
+                        position[0, i, j] = shifted(points[k, 0], weights[k], x)
+                        position[1, i, j] = shifted(points[k, 1], weights[k], y)
+                        position[2, i, j] = shifted(points[k, 2], weights[k], z)
+
+    return SimpleNamespace(link_contacts=compiler.team(link_contacts), project_contacts=compiler.team(project_contacts))

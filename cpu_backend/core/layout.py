@@ -1,0 +1,116 @@
+"""Where the numbers of a state lie: padded rows, so that a loop along a row is whole vectors and nothing else.
+
+A state is four planes (x, y, vx, vy), one flat array. A row is followed by at least one spare column, a *ghost*: it holds
+the place of the row's last mass, and coincident masses do not pull, so that the loop needs no case for the edge. Loops
+run over whole BLOCKS of columns and so compute some ghosts; those are put back in place afterwards, and no mass ever sees
+another than the first of them. Rows and planes are a little longer than a power of two, since streams that lie a
+multiple of 4 KiB apart fall into the same few places of the first cache.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from cpu_backend.core.plain import in_python
+
+LINE = 64  # bytes of a cache line, and of the widest vectors
+PAGE = 4096  # bytes after which places in the first cache repeat
+SHIFT = 320  # bytes by which neighbouring planes are shifted in it
+PLANES = 4  # of a grid; a cloth has six
+
+# places in the array of integers that kernels get
+L_ROWS, L_COLUMNS, L_STRIDE, L_PLANE = range(4)
+
+
+_built_in: Any = intrinsic  # typed by numba when it is compiled
+
+
+def block_of(real: Any) -> int:
+    """Columns that loops along a row go on by: a cache line."""
+    return LINE // np.dtype(real).itemsize
+
+
+def aligned_zeros(count: int, real: Any) -> np.ndarray:
+    """`count` zeros that begin at a cache line."""
+    item = np.dtype(real).itemsize
+    memory = np.zeros(count + LINE // item, real)
+    first = -memory.ctypes.data % LINE // item
+    return memory[first : first + count]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Of a grid of `rows` x `columns` masses. `stride`: scalars from row to row; `plane`: from plane to plane."""
+
+    rows: int
+    columns: int
+    stride: int
+    plane: int
+    planes: int = PLANES
+
+    @property
+    def size(self) -> int:
+        """Scalars of a state."""
+        return self.planes * self.plane
+
+    def integers(self) -> np.ndarray:
+        """What kernels get, see L_ROWS and so on."""
+        return np.array([self.rows, self.columns, self.stride, self.plane], np.int64)
+
+    def view(self, state: np.ndarray, columns: int | None = None) -> np.ndarray:
+        """(planes, rows, columns) of a flat state, without its ghosts (or with those up to `columns`)."""
+        planes = state.reshape(self.planes, self.plane)[:, : self.rows * self.stride]
+        return planes.reshape(self.planes, self.rows, self.stride)[:, :, : columns or self.columns]
+
+
+def plain(rows: int, columns: int, planes: int = PLANES) -> Layout:
+    """No padding: planes as NumPy would have them, for kernels that take arrays of (rows, columns)."""
+    return Layout(rows, columns, columns, rows * columns, planes)
+
+
+def padded(rows: int, columns: int, real: Any, planes: int = PLANES) -> Layout:
+    """For loops over whole blocks."""
+    block, item = block_of(real), np.dtype(real).itemsize
+    stride = (columns // block + 1) * block
+    if stride * item % PAGE == 0:
+        stride += block
+    plane = rows * stride
+    return Layout(rows, columns, stride, plane + block + (SHIFT - (plane + block) * item) % PAGE // item, planes)
+
+
+@_built_in
+def row_at(typing_context, array, offset):
+    """The part of a flat array that begins at `offset`, as an array of unchecked length.
+
+    Slicing would do, at the price of bounds and reference counts for a dozen rows at a time, more than a short row costs.
+    """
+    if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C"):
+        return None
+    view = types.Array(array.dtype, 1, "C")
+
+    def build(context, builder, signature, arguments):
+        whole = context.make_array(array)(context, builder, arguments[0])
+        part = context.make_array(view)(context, builder)
+        item = context.get_abi_sizeof(context.get_data_type(array.dtype))
+        context.populate_array(
+            part,
+            data=builder.gep(whole.data, [arguments[1]], inbounds=True),
+            shape=cgutils.unpack_tuple(builder, whole.shape),
+            strides=[context.get_constant(types.intp, item)],
+            itemsize=context.get_constant(types.intp, item),
+            meminfo=None,
+        )
+        return part._getvalue()
+
+    return view(array, types.int64), build
+
+
+@in_python(row_at)
+def _row_at(array: np.ndarray, offset: Any) -> np.ndarray:
+    return array[offset:]

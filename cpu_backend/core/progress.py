@@ -1,0 +1,237 @@
+"""How threads of one parallel region tell each other how far they are: flags in memory, waiting for them, and teams.
+
+A flag is an int64 with a pair of cache lines to itself, in an array (flags, FLAG_SPACING). It is stored with release and
+loaded with acquire order: who sees the flag sees what its thread had written before.
+
+Who waits spins for microseconds, then offers the processor, then sleeps, longer each time: the one waited for may lie on
+the same core, or behind another program. A team goes further: work that its member has not begun is taken over by who would
+wait for it, so that a thread which the system keeps away holds nobody up.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import platform
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import llvmlite.binding
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from cpu_backend.core.plain import in_python, still_time
+
+FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
+SPINS = 300  # looks with a pause between them: some microseconds
+YIELDS = 200  # looks with the processor offered between them: a tenth of a millisecond where nobody wants it
+SHORTEST_SLEEP, LONGER = 20, 4  # us, and how often it doubles: a third of a millisecond, a tenth of a time slice
+
+_YIELD, _SLEEP = "softlab_yield_processor", "softlab_sleep"
+_X86 = platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
+
+
+def _register_calls() -> None:
+    """Give compiled code the system's calls by names of ours, which then are the same in cached machine code."""
+    if sys.platform == "win32":
+        offer, sleep = ctypes.windll.kernel32.SwitchToThread, ctypes.windll.kernel32.Sleep
+    else:
+        offer, sleep = ctypes.CDLL(None).sched_yield, ctypes.CDLL(None).usleep
+    for name, function in ((_YIELD, offer), (_SLEEP, sleep)):
+        llvmlite.binding.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+
+
+_register_calls()
+_SLEEP_UNIT = 1000 if sys.platform == "win32" else 1  # us
+
+
+_built_in: Any = intrinsic  # typed by numba when they are compiled
+
+
+def _pointer(context: Any, builder: Any, array_type: Any, array: Any, flag: Any) -> Any:
+    view = context.make_array(array_type)(context, builder, array)
+    place = builder.mul(flag, ir.Constant(flag.type, FLAG_SPACING))
+    return builder.gep(view.data, [place], inbounds=True)
+
+
+@_built_in
+def load_acquire(typing_context, flags, flag):
+    """The flag's value."""
+
+    def build(context, builder, signature, arguments):
+        pointer = _pointer(context, builder, signature.args[0], *arguments)
+        return builder.load_atomic(pointer, ordering="acquire", align=8)
+
+    return types.int64(flags, types.int64), build
+
+
+@_built_in
+def store_release(typing_context, flags, flag, value):
+    """Set the flag."""
+
+    def build(context, builder, signature, arguments):
+        pointer = _pointer(context, builder, signature.args[0], *arguments[:2])
+        builder.store_atomic(arguments[2], pointer, ordering="release", align=8)
+        return context.get_dummy_value()
+
+    return types.void(flags, types.int64, types.int64), build
+
+
+@_built_in
+def exchange(typing_context, flags, flag, seen, value):
+    """Set the flag if it still is as it was seen; whether it was."""
+
+    def build(context, builder, signature, arguments):
+        pointer = _pointer(context, builder, signature.args[0], *arguments[:2])
+        pair = builder.cmpxchg(pointer, arguments[2], arguments[3], ordering="seq_cst", failordering="seq_cst")
+        return builder.extract_value(pair, 1)
+
+    return types.boolean(flags, types.int64, types.int64, types.int64), build
+
+
+@_built_in
+def pause(typing_context):
+    """Tell the core that this is a waiting loop, where it has an instruction for that."""
+
+    def build(context, builder, signature, arguments):
+        if _X86:
+            function = builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), ir.FunctionType(ir.VoidType(), []))
+            builder.call(function, [])
+        return context.get_dummy_value()
+
+    return types.void(), build
+
+
+@_built_in
+def yield_processor(typing_context):
+    """Offer the processor to another thread that is ready to run."""
+
+    def build(context, builder, signature, arguments):
+        kind = ir.FunctionType(ir.IntType(32), [])
+        function = builder.module.globals.get(_YIELD) or ir.Function(builder.module, kind, name=_YIELD)
+        builder.call(function, [])
+        return context.get_dummy_value()
+
+    return types.void(), build
+
+
+@_built_in
+def _system_sleep(typing_context, units):
+    def build(context, builder, signature, arguments):
+        kind = ir.FunctionType(ir.IntType(32), [ir.IntType(32)])
+        function = builder.module.globals.get(_SLEEP) or ir.Function(builder.module, kind, name=_SLEEP)
+        builder.call(function, [builder.trunc(arguments[0], ir.IntType(32))])
+        return context.get_dummy_value()
+
+    return types.void(types.int64), build
+
+
+def new_flags(count: int) -> np.ndarray:
+    """`count` flags, all 0."""
+    return np.zeros((count + 1, FLAG_SPACING), np.int64)
+
+
+@numba.njit(nogil=True)
+def bide(looks, spins):
+    """Let some time pass before the next look at a flag, after `looks` of them: `spins` pauses, then YIELDS offers of the
+    processor, then sleep."""
+    if looks < spins:
+        pause()
+    elif looks < spins + YIELDS:
+        yield_processor()
+    else:
+        _system_sleep(max(np.int64(1), (SHORTEST_SLEEP << min(looks - spins - YIELDS, LONGER)) // _SLEEP_UNIT))
+
+
+# ---------------------------------------------------------------------- teams
+
+_inner: dict[str, Any] = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+
+
+@numba.njit(nogil=True)
+def new_team(members):
+    """The flags of a team of so many members: which phase each part was last taken in and done in, and of each member the
+    phase it is in and how long it waits for a part to be taken."""
+    team = np.zeros((3 * members + 1, FLAG_SPACING), np.int64)
+    team[2 * members :, 1] = SPINS
+    return team
+
+
+@numba.njit(**_inner)
+def take(team, part, phase):
+    """Whether the part was to be had in this phase, and now is the caller's."""
+    seen = load_acquire(team, part)
+    return seen < phase and exchange(team, part, seen, phase)
+
+
+@numba.njit(**_inner)
+def shares(team, member, count):
+    """Goes over the parts 0 to `count` - 1 of a phase that a member is to do; ends when all parts are done, by anyone.
+
+    All members go through the same phases in the same order, with as many parts. A member begins with the part of its own
+    number. One that others have not begun while it looked for them a while it does itself, and looks for less long the next
+    time; a member that comes late finds its phases done. So parts must not depend on who does them, and what lies between
+    two phases may be done late, twice and at any time: it reads nothing that phases write, and writes nothing.
+    """
+    members = np.int64(team.shape[0]) // 3
+    own = 2 * members + member
+    phase, patience, looks, stepped_in = team[own, 0] + 1, team[own, 1], 0, False
+    team[own, 0] = phase
+    for n in range(count):
+        part = (member + n) % count
+        if n == 0 and take(team, part, phase):
+            yield part
+            store_release(team, members + part, phase)
+        while load_acquire(team, members + part) < phase:
+            if looks >= patience and take(team, part, phase):
+                stepped_in = True
+                yield part
+                store_release(team, members + part, phase)
+            else:
+                bide(looks, SPINS)
+                looks += 1
+    team[own, 1] = patience // 2 if stepped_in else SPINS
+
+
+@in_python(load_acquire)
+def _load(flags: np.ndarray, flag: int) -> int:
+    return flags[flag, 0]
+
+
+@in_python(store_release)
+def _store(flags: np.ndarray, flag: int, value: int) -> None:
+    flags[flag, 0] = value
+
+
+@in_python(exchange)
+def _exchange(flags: np.ndarray, flag: int, expected: int, value: int) -> bool:
+    if flags[flag, 0] != expected:
+        return False
+    flags[flag, 0] = value
+    return True
+
+
+@in_python(bide)
+def _no_time(looks: int, spins: int) -> None:
+    pass
+
+
+@in_python(new_team)
+def _team(members: int) -> np.ndarray:
+    return new_team.py_func(members)  # as it stands: element types of arrays are no conversions
+
+
+@in_python(shares)
+def _all_parts(team: np.ndarray, member: int, count: int) -> Iterator[int]:
+    """Members run one after the other: the first does every part, the others find them done."""
+    own = 2 * (len(team) // 3) + member
+    phase = team[own, 0] = team[own, 0] + 1
+    for part in range(count):
+        if team[part, 0] < phase:
+            still_time()
+            team[part, 0] = phase
+            yield part
+            team[len(team) // 3 + part, 0] = phase

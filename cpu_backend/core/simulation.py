@@ -1,0 +1,131 @@
+"""What every solver on CPU threads does alike: where its state lies, how it is put aside, watched, and handed out.
+
+A state is planes of rows, positions first and velocities after them, one flat array (see core/layout.py); steps go from one
+of several such arrays to the next.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import Layout
+from model.core.plan import Executor
+from model.core.simulation import Simulation
+
+
+@cache
+def make_first_bad(real: Any, axes: int) -> Any:
+    """first_bad(state, bound, columns_bad): per row the first bad column, or -1. No fast math: NaN must be seen."""
+    compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
+
+    def first_bad(state, bound, bad):
+        zero = bound - bound
+        for i in prange(state.shape[1]):
+            bad[i] = -1
+            for j in range(state.shape[2]):
+                good = True
+                for axis in range(axes):
+                    inside = abs(state[axis, i, j]) <= bound  # false for NaN
+                    still = state[axes + axis, i, j] - state[axes + axis, i, j] == zero
+                    good = good and inside and still
+                if not good:
+                    bad[i] = j
+                    break
+
+    return compiler.kernel(first_bad)
+
+
+class CpuSimulation(Simulation):
+    """The part of the contract (model/core/simulation.py) that does not hang on the solver.
+
+    A solver sets `record`, `integers` (1 + poked particle at [1]), `_layout`, `_states` (flat, several of them), `_current`
+    (which is the state), `_kept`, `_bands` and `_executor`, and calls `_set_pins`.
+    """
+
+    backend = "cpu"
+    record: np.ndarray
+    integers: np.ndarray
+    _layout: Layout
+    _states: np.ndarray
+    _current: int
+    _kept: np.ndarray
+    _bands: int
+    _executor: Executor
+
+    def _set_pins(self) -> None:
+        """Where the pinned masses are, row by row; and what looking for a bad state needs."""
+        rows = self.body.rows
+        self._pin_row, column = np.divmod(self.body.pinned, self.body.columns)
+        self._pin_start = np.searchsorted(self._pin_row, np.arange(rows + 1)).astype(np.int64)
+        self._pin_column = column.astype(np.int64)
+        self._bad = np.full(rows, -1, np.int64)
+        self._first_bad_kernel = make_first_bad(self.real, self.scene.dimensions)
+
+    @property
+    def _is_rk4(self) -> bool:
+        return self.scene.method.integrator == "rk4"
+
+    @property
+    def current(self) -> np.ndarray:
+        """(2 x dimensions, rows, columns): positions, then velocities now, axis by axis; a view of the storage."""
+        return self._layout.view(self._flat)
+
+    @property
+    def _flat(self) -> np.ndarray:
+        size = self._layout.size
+        return self._states[self._current * size : (self._current + 1) * size]
+
+    @property
+    def pinned_position(self) -> np.ndarray:
+        """(dimensions, pins): where the pinned masses are held. They never move, so any state tells."""
+        return self._layout.view(self._kept)[: self.scene.dimensions, self._pin_row, self._pin_column]
+
+    def _run(self, steps: int) -> None:
+        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
+        self._executor.run(self.step, steps)
+
+    def _keep(self) -> None:
+        self._kept[...] = self._flat
+
+    def _restore(self) -> None:
+        self._flat[...] = self._kept
+
+    def _first_bad(self) -> int:
+        numba.set_num_threads(self.threads)
+        self._first_bad_kernel(self.current, self.real(self._bound), self._bad)
+        rows = np.flatnonzero(self._bad >= 0)
+        return int(rows[0] * self.body.columns + self._bad[rows[0]]) if len(rows) else -1
+
+    def _parameters_changed(self) -> None:
+        self.record = self._record
+        self.integers[1] = self._poke_particle + 1
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        axes = self.scene.dimensions
+        flat = self.current.reshape(2 * axes, -1)  # a copy, if rows are padded
+        return np.ascontiguousarray(flat[:axes].T), np.ascontiguousarray(flat[axes:].T)
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        current, axes = self.current, self.scene.dimensions
+        current[:axes] = position.T.reshape(current[:axes].shape)
+        current[axes:] = velocity.T.reshape(current[axes:].shape)
+
+    def _read_position(self, into: Any) -> Any:
+        if into is None:
+            return self._download()[0]
+        axes = self.scene.dimensions
+        into[...] = self.current[:axes].reshape(axes, -1).T
+        return into
+
+    def synchronize(self) -> None:
+        """Nothing to wait for: a call returns when its steps are done."""
+
+    def close(self) -> None:
+        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        self.__dict__.pop("_executor", None)

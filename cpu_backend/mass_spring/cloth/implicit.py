@@ -1,0 +1,228 @@
+"""Implicit Euler on the cloth: passes over the sheet, each by bands of rows, until the residual is small enough.
+
+No matrix is assembled: its product with a vector is taken spring by spring, as forces are. What follows a pass is decided
+from sums over all masses that are taken in one order for any number of threads (mass_spring/cloth/sums.py).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
+from cpu_backend.mass_spring.cloth.kernels import PLANES
+from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, cloth_variant, triples_of
+from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+from model.formulas import cloth, implicit
+from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
+from model.mass_spring.cloth_parameters import C_DT, C_FIRST_STEP, C_FIRST_TIME
+from model.mass_spring.implicit_parameters import (
+    LANES,
+    S_ROUNDOFF,
+    S_SPRINGS,
+    SEGMENT,
+    SUMS,
+    TREE,
+    segments_of,
+    system_record,
+    without_dampers,
+)  # fmt: skip
+
+N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # of `control`: what the next pass is, steps done, what the formulas count (three)
+VALUES = 7  # numbers that the formulas keep from pass to pass
+COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
+
+
+def factors_of(kind: int) -> int:
+    """How many products of two vectors a pass sums up."""
+    if kind == RESIDUAL:
+        return 3
+    return 2 if kind == PRODUCT else 0
+
+
+def factors(kind: int, n: int) -> tuple[int, int]:
+    """(first plane of one vector, of the other) of the n-th of them, in the order that the formulas ask for."""
+    if kind == PRODUCT:
+        return R, (R if n == 0 else AR)
+    if n == 0:
+        return R, R
+    return (R, S) if n == 1 else (U, U)
+
+
+def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """pass_band(band, kind, first_iteration, step, alpha, beta, source, work, target, ...): one pass on a band's rows."""
+    rows_of = make_row_passes(compiler, real, parts)
+    elsewhere, clear, pull_end, pull_matrix = rows_of.elsewhere, rows_of.clear, rows_of.pull_end, rows_of.pull_matrix
+    walk_else, sum_else, air_now = elsewhere.begin_walk, elsewhere.sum_forces, elsewhere.air_now
+    start_row, leave_row, residual_row = rows_of.start_row, rows_of.leave_row, rows_of.residual_row
+    product_row, update_row, move_row, finish_row = (
+        rows_of.product_row, rows_of.update_row, rows_of.move_row, rows_of.finish_row,
+    )  # fmt: skip
+    settle, add_up = rows_of.settle, rows_of.add_up
+    sums_of, factors_at = compiler.compiled(factors_of), compiler.compiled(factors)
+    instant = cloth.make(real, compiler.compiled).instant
+    has_wind, has_motion = "wind" in parts, "motion" in parts
+    triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
+
+    @compiler.compiled
+    def pass_band(
+        band, kind, first_iteration, step, alpha, beta, source, work, target, layout, record, system, integers, bodies,
+        kinds, pin_start, pin_column, scratches, lanes, sums,
+    ):  # fmt: skip
+        rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        scratch, running = scratches[band], lanes[band]
+        blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
+        count, end, air = rows * segments, zero, (zero, zero, zero)
+        if has_motion:
+            end = instant(step + 1, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+        if kind == START:
+            if has_wind:
+                air = air_now(record, integers, step, zero)
+            walk_else(first, blocks, layout, source, record, air, scratch, width)
+        springs = kind in (RESIDUAL, PRODUCT)
+        if springs and first < REACH:
+            clear(scratch, width)
+        for i in range(max(first - REACH, 0) if springs else first, last):
+            if kind == RESIDUAL:  # the springs that lead down from the two rows above the first one, too
+                pull_end(i, i >= first, blocks, layout, work, record, scratch, width)
+            elif kind == PRODUCT:
+                pull_matrix(i, i >= first, blocks, layout, row_at(work, X * plane), system, scratch, width)
+            if i < first:
+                continue
+            if kind == START:
+                sum_else(i, step, step, blocks, layout, source, record, integers, air, scratch, width)
+                start_row(i, blocks, layout, source, work, record, scratch, width)
+            elif kind == RESIDUAL:
+                residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width)
+            elif kind == PRODUCT:
+                product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width)
+            elif kind == UPDATE:
+                update_row(i, first_iteration, blocks, layout, work, alpha, beta)
+            elif kind in (MOVE, RETREAT):
+                move_row(i, kind == RETREAT, blocks, layout, source, work, record)
+            else:
+                finish_row(i, step, blocks, layout, source, work, target, record, bodies, kinds)
+            for n in range(sums_of(kind)):
+                one, other = factors_at(kind, n)
+                add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
+            if kind in (START, MOVE, RETREAT, FINISH):
+                into = target if kind == FINISH else row_at(work, X * plane)
+                settle(i, blocks, layout, source, into, pin_start, pin_column, end, bodies, integers)
+            if kind == START:
+                leave_row(i, blocks, layout, work, record)
+
+    return pass_band
+
+
+@cache
+def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start,
+    pin_column, scratches, lanes, sums, tree, done, control, values): `steps` steps, ping-pong between the two states of
+    `states` (see core/layout.py).
+
+    `work`: WORK_PLANES planes; `system`: model/mass_spring/implicit_parameters.py; `lanes` (bands, LANES), `sums` and
+    `tree`: scratch;
+    `done` (len(COUNTS),) is added to; `control` (N_COUNTS + 3,), `values` (VALUES,): what the next pass is, 0 at first. With
+    `linear` a step ends after its first matrix.
+    """
+    compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
+    pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
+    control = implicit.make(real, compiler.compiled, linear)
+    after_residual, after_product = control.after_residual, control.after_product
+    zero = real(0)
+
+    @compiler.compiled
+    def go_on(control, values, count, system, sums, tree, done):
+        """What follows the pass that was done, from the sums that it left."""
+        kind = control[N_KIND]
+        counts = control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2]
+        old = values[0], values[1], values[2], values[3], values[4], values[5], values[6]
+        new, later = old, RESIDUAL
+        if kind == RESIDUAL:
+            found = (
+                total(sums, count, tree), total(row_at(sums, count), count, tree),
+                total(row_at(sums, 2 * count), count, tree),
+            )  # fmt: skip
+            later, counts, new = after_residual(counts, old, found, system[S_SPRINGS], system[S_ROUNDOFF])
+            done[3] += later == RETREAT
+        elif kind == PRODUCT:
+            squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
+            later, counts, new = after_product(counts, old, squared, curvature)
+            done[2] += later == UPDATE
+            done[1] += later != UPDATE
+        elif kind == UPDATE:
+            later = PRODUCT
+        elif kind == MOVE and linear:
+            later = FINISH
+        elif kind == FINISH:
+            later, counts, new = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
+            done[0] += 1
+            control[N_STEPS] += 1
+        control[N_KIND] = later
+        for n in range(VALUES):
+            values[n] = new[n]
+        control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2] = counts
+
+    def advance(
+        team, member, bands, steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start,
+        pin_column, scratches, lanes, sums, tree, done, control, values,
+    ):  # fmt: skip
+        size = PLANES * layout[L_PLANE]
+        count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
+        while control[N_STEPS] < steps:  # it only grows: who comes late sees that all is done
+            for band in shares(team, member, bands):
+                now = (current + control[N_STEPS]) % 2
+                source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
+                pass_band(
+                    band, control[N_KIND], control[N_COUNTS + 2] == 1, step + control[N_STEPS], values[5], values[6],
+                    source, work, target, layout, record, system, integers, bodies, kinds, pin_start, pin_column, scratches,
+                    lanes, sums,
+                )  # fmt: skip
+            for _ in shares(team, member, 1):
+                go_on(control, values, count, system, sums, tree, done)
+
+    return compiler.team(advance)
+
+
+class ImplicitSteps:
+    """The steps of one simulation, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring, and what they need besides its
+    state.
+
+    `done`: (steps, matrices, iterations of conjugate gradients, halved Newton steps) so far.
+    """
+
+    def __init__(self, simulation: Any):
+        self.simulation = simulation
+        real, body, scene = simulation.real, simulation.body, simulation.scene
+        bands, plane = simulation._bands, simulation._layout.plane
+        self._work = aligned_zeros(WORK_PLANES * plane, real)
+        self._lanes = aligned_zeros(bands * LANES, real).reshape(bands, LANES)
+        self._sums = np.zeros(SUMS * segments_of(body.rows, body.columns), real)
+        self._tree = aligned_zeros(TREE, real)
+        self.done = np.zeros(len(COUNTS), np.int64)
+        self._control, self._values = np.zeros(N_COUNTS + 3, np.int64), np.zeros(VALUES, real)
+        linear = scene.method.integrator == "implicit-euler-linear"
+        parts = without_dampers(simulation.plan.parts)
+        self._kernel = make_cloth_implicit(real, simulation.options.math, linear, parts)
+        self.renew()
+
+    def renew(self) -> None:
+        """Take the scene's fields as they are now."""
+        self._system = system_record(self.simulation.scene, self.simulation.real)
+
+    def advance(self, step: int, steps: int) -> None:
+        sim = self.simulation
+        layout, record, *rest = sim._given()
+        self._control[:], self._values[:] = START, 0
+        self._kernel(
+            sim._bands, steps, step, sim._states, sim._current, self._work, layout, record, self._system, *rest, self._lanes,
+            self._sums, self._tree, self.done, self._control, self._values,
+        )  # fmt: skip
+        sim._current = (sim._current + steps) % 2

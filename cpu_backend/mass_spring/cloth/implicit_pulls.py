@@ -1,0 +1,69 @@
+"""What the springs of a row of a cloth do in implicit Euler's system: pull at the step's end, or multiply a vector.
+
+Both look at a vector at each place, and at one that belongs to it, six planes farther on.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of, row_at
+from cpu_backend.mass_spring.cloth.rows import CONSTANTS
+from cpu_backend.mass_spring.cloth.scratch import AXES
+from model.formulas import implicit
+from model.mass_spring.cloth_parameters import C_DT
+
+BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
+
+
+def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, name: str) -> Any:
+    """As cloth_rows.make_pulls, by `formula(d, w, stiffness, rest, damping, dt)`: d and w differences of both vectors."""
+    block = block_of(real)
+    k_stiffness, k_rest, k_damping = CONSTANTS[kind]
+
+    def pull_row(
+        blocks, x, y, z, wx, wy, wz, far_x, far_y, far_z, far_wx, far_wy, far_wz, stiffness, rest, damping, dt, out_x,
+        out_y, out_z,
+    ):  # fmt: skip
+        for j in range(blocks * block):
+            px, py, pz = formula(
+                far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], far_wx[j] - wx[j], far_wy[j] - wy[j],
+                far_wz[j] - wz[j], stiffness, rest, damping, dt,
+            )  # fmt: skip
+            out_x[j] = px
+            out_y[j] = py
+            out_z[j] = pz
+
+    pull_row.__name__ = f"{kind}_{name}_row"
+    pull_row = compiler.row(pull_row)
+
+    def pulls(blocks, source, plane, here, there, record, scratch, triple, width):
+        first, far = here + BESIDE * plane, there + BESIDE * plane
+        pull_row(
+            blocks, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
+            row_at(source, first), row_at(source, first + plane), row_at(source, first + 2 * plane),
+            row_at(source, there), row_at(source, there + plane), row_at(source, there + 2 * plane),
+            row_at(source, far), row_at(source, far + plane), row_at(source, far + 2 * plane), record[k_stiffness],
+            record[k_rest], record[k_damping], record[C_DT], row_at(scratch, place(triple, 0, width)),
+            row_at(scratch, place(triple, 1, width)), row_at(scratch, place(triple, 2, width)),
+        )  # fmt: skip
+
+    pulls.__name__ = f"{kind}_{name}"
+    return compiler.compiled(pulls)
+
+
+def make_end_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+    """Pulls at the step's end. First vector: position without the velocity at the step's end; the other: that velocity."""
+    return _make(compiler, real, kind, place, implicit.make(real, compiler.compiled).end_pull_3d, "end")
+
+
+def make_products(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+    """Products. First vector: position at the step's end; the other: what is multiplied."""
+    product_3d = implicit.make(real, compiler.compiled).product_3d
+
+    @compiler.compiled
+    def product(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
+        return product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping)
+
+    return _make(compiler, real, kind, place, product, "product")

@@ -1,0 +1,224 @@
+"""What implicit Euler does with a row of a cloth in each pass over the sheet (model/formulas/implicit.py names them).
+
+The working memory is planes like those of a state, three to a vector, in the order that mass_spring/cloth/implicit_pulls.py
+asks for.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_STRIDE, block_of, row_at
+from cpu_backend.mass_spring.cloth.implicit_pulls import make_end_pulls, make_products
+from cpu_backend.mass_spring.cloth.kernels import make_settle
+from cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_reach, make_sums
+from cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
+from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+from model.formulas import implicit
+from model.mass_spring.cloth_parameters import C_DT
+from model.mass_spring.implicit_parameters import S_OWN, S_RATE
+from model.scene.cloth import SPRING_KINDS
+
+# First planes of the vectors: position without the velocity at the step's end, position and velocity there as far as they
+# are known, residual, solution of the Newton step, direction and A direction, A residual, velocity without springs.
+BASE, X, U, R, S, Q, AQ, AR, BEGIN = range(0, 9 * AXES, AXES)
+WORK_PLANES = 9 * AXES
+
+
+def spring_parts(parts: frozenset[str]) -> frozenset[str]:
+    """The springs and the dampers along them: what is evaluated at the step's end."""
+    return frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
+
+
+def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """Loops along one axis of a row; arrays that a loop writes are its last."""
+    row, block = compiler.row, block_of(real)
+    formulas = implicit.make(real, compiler.compiled)
+    residual, applied, added = formulas.residual, formulas.applied, formulas.added
+    half, one, zero = real(0.5), real(1), real(0)
+
+    @row
+    def leave(blocks, x, u, dt, base):
+        for j in range(blocks * block):
+            base[j] = added(x[j], -dt, u[j])
+
+    @row
+    def begin(blocks, position, velocity, acceleration, dt, x, u, started):
+        for j in range(blocks * block):
+            x[j] = position[j]
+            u[j] = zero
+            started[j] = added(velocity[j], dt, acceleration[j])
+
+    @row
+    def missing(blocks, started, u, acceleration, dt, rate, r):
+        for j in range(blocks * block):
+            r[j] = residual(started[j], u[j], acceleration[j], dt, rate)
+
+    @row
+    def apply(blocks, r, pulls, own, out):
+        for j in range(blocks * block):
+            out[j] = applied(r[j], pulls[j], own)
+
+    @row
+    def first_update(blocks, alpha, applied_r, r, s, q, applied_q):
+        for j in range(blocks * block):
+            q[j] = r[j]
+            applied_q[j] = applied_r[j]
+            s[j] = added(zero, alpha, r[j])
+            r[j] = added(r[j], -alpha, applied_r[j])
+
+    @row
+    def next_update(blocks, alpha, beta, applied_r, r, s, q, applied_q):
+        for j in range(blocks * block):
+            direction, turned = added(r[j], beta, q[j]), added(applied_r[j], beta, applied_q[j])
+            q[j] = direction
+            applied_q[j] = turned
+            s[j] = added(s[j], alpha, direction)
+            r[j] = added(r[j], -alpha, turned)
+
+    @row
+    def move(blocks, position, dt, s, u, x):
+        for j in range(blocks * block):
+            u[j] = added(u[j], one, s[j])
+            x[j] = added(position[j], dt, u[j])
+
+    @row
+    def retreat(blocks, position, dt, s, u, x):
+        for j in range(blocks * block):
+            s[j] = half * s[j]
+            u[j] = added(u[j], -one, s[j])
+            x[j] = added(position[j], dt, u[j])
+
+    @row
+    def copy(blocks, source, target):
+        for j in range(blocks * block):
+            target[j] = source[j]
+
+    return SimpleNamespace(
+        begin=begin, leave=leave, missing=missing, apply=apply, first_update=first_update, next_update=next_update, move=move,
+        retreat=retreat, copy=copy,
+    )  # fmt: skip
+
+
+def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What each pass does with row `i`, by name; `elsewhere`: the walk that adds up all forces but the springs', at the
+    step's start (mass_spring/cloth/rows.py). `clear(scratch, width)` before a walk over springs begins in the sheet's first
+    rows."""
+    compiled, zero = compiler.compiled, real(0)
+    loops, settled = make_loops(compiler, real), make_settle(compiler, real, parts)
+    begin, leave, missing, apply, copy = loops.begin, loops.leave, loops.missing, loops.apply, loops.copy
+    first_update, next_update, move, retreat = loops.first_update, loops.next_update, loops.move, loops.retreat
+    settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
+    springs, has_pins, scratches = spring_parts(parts), "pins" in parts, make_scratch(compiler, real)
+    elsewhere = make_cloth_forces(compiler, real, "implicit-euler", parts - springs)
+    pull_end, pull_matrix = (make_reach(compiler, real, springs, scratches, m) for m in (make_end_pulls, make_products))
+    sum_pulls, at = make_sums(compiler, real, springs, scratches), triples_of(springs)
+    place, clear_triple = scratches.place, scratches.clear
+    segment_sums = make_sums_over_masses(compiler, real).segment_sums
+    close, else_close, triples = at["close"], elsewhere.a_close, at["count"]
+
+    @compiled
+    def hold(i, layout, work, vector, pin_start, pin_column):
+        """Pinned masses have no entry in a vector of the system."""
+        if has_pins:
+            here, plane = i * layout[L_STRIDE], layout[L_PLANE]
+            for k in range(pin_start[i], pin_start[i + 1]):
+                for axis in range(AXES):
+                    work[here + pin_column[k] + (vector + axis) * plane] = zero
+
+    @compiled
+    def add_up(i, layout, work, one, other, lanes, out):
+        """The segments' sums of one vector times another on row `i`."""
+        columns, plane, here = layout[L_COLUMNS], layout[L_PLANE], i * layout[L_STRIDE]
+        a, b = here + one * plane, here + other * plane
+        segment_sums(
+            columns, row_at(work, a), row_at(work, a + plane), row_at(work, a + 2 * plane), row_at(work, b),
+            row_at(work, b + plane), row_at(work, b + 2 * plane), lanes, out,
+        )  # fmt: skip
+
+    @compiled
+    def clear(scratch, width):
+        for triple in range(triples):
+            clear_triple(scratch, np.int64(triple), width)
+
+    @compiled
+    def start_row(i, blocks, layout, source, work, record, scratch, width):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(AXES):
+            begin(
+                blocks, row_at(source, here + axis * plane), row_at(source, here + (AXES + axis) * plane),
+                row_at(scratch, place(else_close, axis, width)), record[C_DT], row_at(work, here + (X + axis) * plane),
+                row_at(work, here + (U + axis) * plane), row_at(work, here + (BEGIN + axis) * plane),
+            )  # fmt: skip
+
+    @compiled
+    def leave_row(i, blocks, layout, work, record):
+        """Where masses are without the velocity that they end the step with: where they were, but for pins that move."""
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(AXES):
+            x, u = row_at(work, here + (X + axis) * plane), row_at(work, here + (U + axis) * plane)
+            leave(blocks, x, u, record[C_DT], row_at(work, here + (BASE + axis) * plane))
+
+    @compiled
+    def residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        sum_pulls(i, blocks, record, scratch, width)
+        for axis in range(AXES):
+            missing(
+                blocks, row_at(work, here + (BEGIN + axis) * plane), row_at(work, here + (U + axis) * plane),
+                row_at(scratch, place(close, axis, width)), system[C_DT], system[S_RATE],
+                row_at(work, here + (R + axis) * plane),
+            )  # fmt: skip
+        hold(i, layout, work, R, pin_start, pin_column)
+
+    @compiled
+    def product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        sum_pulls(i, blocks, system, scratch, width)
+        for axis in range(AXES):
+            apply(
+                blocks, row_at(work, here + (R + axis) * plane), row_at(scratch, place(close, axis, width)),
+                system[S_OWN], row_at(work, here + (AR + axis) * plane),
+            )  # fmt: skip
+        hold(i, layout, work, AR, pin_start, pin_column)
+
+    @compiled
+    def update_row(i, first, blocks, layout, work, alpha, beta):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(AXES):
+            applied_r, r = row_at(work, here + (AR + axis) * plane), row_at(work, here + (R + axis) * plane)
+            s, q = row_at(work, here + (S + axis) * plane), row_at(work, here + (Q + axis) * plane)
+            applied_q = row_at(work, here + (AQ + axis) * plane)
+            if first:
+                first_update(blocks, alpha, applied_r, r, s, q, applied_q)
+            else:
+                next_update(blocks, alpha, beta, applied_r, r, s, q, applied_q)
+
+    @compiled
+    def move_row(i, back, blocks, layout, source, work, record):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(AXES):
+            position, s = row_at(source, here + axis * plane), row_at(work, here + (S + axis) * plane)
+            u, x = row_at(work, here + (U + axis) * plane), row_at(work, here + (X + axis) * plane)
+            if back:
+                retreat(blocks, position, record[C_DT], s, u, x)
+            else:
+                move(blocks, position, record[C_DT], s, u, x)
+
+    @compiled
+    def finish_row(i, step, blocks, layout, source, work, target, record, bodies, kinds):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(2 * AXES):
+            copy(blocks, row_at(work, here + (X + axis) * plane), row_at(target, here + axis * plane))
+        if has_colliders:
+            collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
+
+    return SimpleNamespace(
+        elsewhere=elsewhere, clear=clear, pull_end=pull_end, pull_matrix=pull_matrix, settle=settle, add_up=add_up,
+        start_row=start_row, leave_row=leave_row, residual_row=residual_row, product_row=product_row, update_row=update_row,
+        move_row=move_row, finish_row=finish_row,
+    )  # fmt: skip

@@ -1,0 +1,163 @@
+"""The kernel `fused` of the cloth: one pass over the sheet a step, one thread a band of rows, as in
+mass_spring/grid/kernels.py.
+
+For each row the forces (mass_spring/cloth/rows.py), the integrator's formula, the colliders, the pins.
+mass_spring/cloth/rk4.py holds the Runge-Kutta method, which has stages.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import make_collide_row
+from cpu_backend.contact.pins import make_follow
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.rows import make_cloth_forces
+from cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
+from cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
+from model.formulas import cloth, springs
+from model.mass_spring.cloth_parameters import (
+    C_DAMPING,
+    C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    C_INVERSE_DAMPING,
+    P_MOTION,
+    PIN_FIELDS,
+)
+from model.mass_spring.cloth_plan import kicks_meet
+from model.scene.cloth import COLLIDER_KINDS
+
+PLANES = 2 * AXES  # x, y, z, vx, vy, vz
+PIN_ROWS = 3  # place in the integers: where the rows of pins begin among those of the colliders and motions
+
+
+def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What ends a row's pass, once it is written: `collide_row` (contact/colliders.py; only where `has_colliders`), and
+    `settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers)`: pinned masses are where
+    `source` has them, at rest, or where their motion has them at `time` [s]; the spare columns follow the row's last mass,
+    at rest, so that they stay finite."""
+    block, zero, has_pins, has_motion = block_of(real), real(0), "pins" in parts, "motion" in parts
+    follow = make_follow(compiler, real)
+
+    @compiler.row
+    def fill_spare(plane_row, value, spare):
+        for j in range(block):
+            plane_row[j] = value if j >= block - spare else plane_row[j]
+
+    @compiler.compiled
+    def settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers):
+        columns, plane, here = layout[L_COLUMNS], layout[L_PLANE], i * layout[L_STRIDE]
+        if has_pins:
+            for k in range(pin_start[i], pin_start[i + 1]):
+                place = here + pin_column[k]
+                for axis in range(AXES):
+                    target[place + axis * plane] = source[place + axis * plane]
+                    target[place + (AXES + axis) * plane] = zero
+                if has_motion:
+                    pin = np.int64(integers[PIN_ROWS]) + PIN_FIELDS * k
+                    if bodies[pin + P_MOTION] >= zero:
+                        x, y, z, vx, vy, vz = follow(bodies, pin, time)
+                        target[place], target[place + plane], target[place + 2 * plane] = x, y, z
+                        target[place + 3 * plane], target[place + 4 * plane], target[place + 5 * plane] = vx, vy, vz
+        if columns % block != 0:
+            last_block = here + (blocks - 1) * block
+            for axis in range(AXES):
+                last = target[here + axis * plane + columns - 1]
+                fill_spare(row_at(target, last_block + axis * plane), last, block - columns % block)
+                fill_spare(row_at(target, last_block + (AXES + axis) * plane), zero, block - columns % block)
+
+    has_colliders = not parts.isdisjoint(COLLIDER_KINDS)
+    return SimpleNamespace(
+        settle=settle, has_colliders=has_colliders, collide_row=make_collide_row(compiler, real, parts)
+    )
+
+
+def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
+    """finish(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity): one axis of a row
+    from its sums of accelerations to its new state."""
+    _, damped = springs.make(real, compiler.compiled)
+    finishes = make_finishes(
+        compiler, real, integrator, "damping" in parts, damped, (C_DAMPING, C_INVERSE_DAMPING)
+    )  # fmt: skip
+    return make_finish_axis(compiler, real, finishes)
+
+
+@cache
+def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+    """The kernel of a variant, for one-force integrators and velocity Verlet:
+
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
+    pin_column, scratches) does `passes` passes over the sheet, ping-pong between the two states that the flat array
+    `states` holds one after the other (see core/layout.py), the first reading from number `current`. Where velocity Verlet's
+    kicks cannot meet (model/cloth_plan.kicks_meet) passes open and close steps in turn. `bodies`, `kinds`: the colliders;
+    `scratches`: a flat row a band.
+    """
+    compiler = Compiler(cloth_variant(f"fused_{integrator}", real, math, parts), math)
+    forces = make_cloth_forces(compiler, real, integrator, parts)
+    settled = make_settle(compiler, real, parts)
+    settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
+    finish_axis = make_finish_rows(compiler, real, integrator, parts)
+    begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
+    kind_of = compiler.compiled(pass_kind)
+    two_sums, a_close, a_open = forces.two_sums, forces.a_close, forces.a_open
+    verlet, has_wind, has_motion = integrator == "velocity-verlet", "wind" in parts, "motion" in parts
+    instant = cloth.make(real, compiler.compiled).instant
+    in_turn = verlet and not kicks_meet(parts)
+    triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
+
+    @compiler.compiled
+    def advance_band(
+        band, kind, step, states, current, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+    ):  # fmt: skip
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+        scratch = scratches[band]
+        blocks = (columns + block - 1) // block
+        air = (zero, zero, zero)
+        if has_wind:
+            air = air_now(record, integers, step, zero)
+        closing = step - 1 if verlet and (two_sums or kind == CLOSING) else step
+        end = zero
+        if has_motion:
+            ended = step if verlet and kind == CLOSING else step + 1
+            end = instant(ended, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+        begin_walk(first, blocks, layout, source, record, air, scratch, width)
+        for i in range(first, last):
+            here = i * stride
+            sum_forces(i, closing, step, blocks, layout, source, record, integers, air, scratch, width)
+            for axis in range(AXES):
+                position, velocity = here + axis * plane, here + (AXES + axis) * plane
+                close = row_at(scratch, place(a_close, axis, width))
+                also = row_at(scratch, place(a_open, axis, width)) if two_sums else close
+                finish_axis(
+                    kind, blocks, row_at(source, position), row_at(source, velocity), close, also, record,
+                    row_at(target, position), row_at(target, velocity),
+                )  # fmt: skip
+            if has_colliders and not (verlet and kind == CLOSING):
+                collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
+            settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
+
+    def advance(
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds,
+        pin_start, pin_column, scratches,
+    ):  # fmt: skip
+        for k in range(passes):
+            kind, begun = kind_of(k, passes, first_kind, last_kind), k
+            if in_turn:
+                kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
+            for band in shares(team, member, bands):
+                advance_band(
+                    np.int64(band), kind, step + begun, states, (current + k) % 2, layout, record, integers, bodies,
+                    kinds, pin_start, pin_column, scratches,
+                )  # fmt: skip
+
+    return compiler.team(advance)

@@ -1,0 +1,51 @@
+"""Unit vertex normals of a cloth on CPU threads: one mass gathers its up to six triangles, rows run in parallel."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from model.formulas import cloth
+
+
+@cache
+def make_normals(real: Any) -> Any:
+    """normals(state, out): `state` (6, rows, columns), positions first; `out` (particles, 3). See
+    model/geometry/normals.py, which says what they are; in `exact` math, whatever the solver's, so that drawing does not
+    depend on it."""
+    compiler = Compiler(f"cloth_{np.dtype(real).name}", "exact")
+    formulas, zero = cloth.make(real, compiler.compiled), real(0)
+    cross, unit = formulas.cross, formulas.unit
+
+    @compiler.compiled
+    def cell(state, i, j, upper):
+        """The normal of a triangle of cell (i, j), (A, D, B) or (A, C, D), twice its area long; 0 outside the sheet."""
+        rows, columns = state.shape[1], state.shape[2]
+        if i < 0 or i >= rows - 1 or j < 0 or j >= columns - 1:
+            return zero, zero, zero
+        x, y, z = state[0, i, j], state[1, i, j], state[2, i, j]
+        dx, dy, dz = state[0, i + 1, j + 1] - x, state[1, i + 1, j + 1] - y, state[2, i + 1, j + 1] - z
+        if upper:
+            return cross(dx, dy, dz, state[0, i, j + 1] - x, state[1, i, j + 1] - y, state[2, i, j + 1] - z)
+        return cross(state[0, i + 1, j] - x, state[1, i + 1, j] - y, state[2, i + 1, j] - z, dx, dy, dz)
+
+    @compiler.compiled
+    def plus(a, b):
+        return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+    def normals(state, out):
+        for row in prange(state.shape[1]):
+            i = np.int64(row)
+            for j in range(state.shape[2]):
+                own = plus(cell(state, i, j, False), cell(state, i, j, True))
+                beside = plus(cell(state, i, j - 1, True), cell(state, i - 1, j, False))
+                opposite = plus(cell(state, i - 1, j - 1, False), cell(state, i - 1, j - 1, True))
+                x, y, z = plus(plus(own, beside), opposite)
+                k = i * state.shape[2] + j
+                out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
+
+    return compiler.kernel(normals)

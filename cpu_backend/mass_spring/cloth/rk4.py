@@ -1,0 +1,129 @@
+"""The classical Runge-Kutta method on the cloth: four passes a step, each as in mass_spring/cloth/kernels.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.kernels import PLANES, make_settle
+from cpu_backend.mass_spring.cloth.rows import make_cloth_forces
+from cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
+from cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
+from model.formulas import cloth, motion, springs
+from model.mass_spring.cloth_parameters import C_DAMPING, C_DT, C_FIRST_STEP, C_FIRST_TIME
+
+
+@cache
+def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches).
+
+    `states` holds what that of mass_spring/grid/rk4.py holds; the rest is as in mass_spring/cloth/kernels.py. The fourth
+    pass writes a row to a stage that nothing reads any more, since colliders need to know where the mass was, and then
+    moves it to the state.
+    """
+    compiler = Compiler(cloth_variant("fused_rk4", real, math, parts), math)
+    compiled, row = compiler.compiled, compiler.row
+    forces = make_cloth_forces(compiler, real, "rk4", parts)
+    begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
+    settled = make_settle(compiler, real, parts)
+    settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
+    update = make_rk4_rows(compiler, real)
+    _, damped = springs.make(real, compiled)
+    has_wind, has_damping, a_close = "wind" in parts, "damping" in parts, forces.a_close
+    has_motion, instant, middle = (
+        "motion" in parts,
+        cloth.make(real, compiled).instant,
+        motion.make(real, compiled).middle,
+    )
+    triples, block = triples_of(parts)["count"], block_of(real)
+    zero, half, one = real(0), real(0.5), real(1)
+
+    @row
+    def damp(blocks, velocity, record, out):
+        for j in range(blocks * block):
+            out[j] = damped(out[j], velocity[j], record[C_DAMPING])
+
+    @row
+    def copy_row(blocks, source, target):
+        for j in range(blocks * block):
+            target[j] = source[j]
+
+    @compiled
+    def stage_band(
+        band, stage, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+    ):  # fmt: skip
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        size = PLANES * plane
+        base, total = row_at(states, BASE * size), row_at(states, TOTAL * size)
+        spare = row_at(states, STAGE_2 * size)
+        source, target = row_at(states, SOURCE[stage] * size), row_at(states, TARGET[stage] * size)
+        scratch = scratches[band]
+        blocks = (columns + block - 1) // block
+        offset = zero
+        if stage == 1 or stage == 2:
+            offset = half
+        elif stage == 3:
+            offset = one
+        end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
+        if has_motion:
+            clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+            end = middle(step, *clock) if stage < 2 else instant(step + 1, *clock)
+        air = (zero, zero, zero)
+        if has_wind:
+            air = air_now(record, integers, step, offset)
+        begin_walk(first, blocks, layout, source, record, air, scratch, width)
+        for i in range(first, last):
+            here = i * stride
+            sum_forces(i, step, step, blocks, layout, source, record, integers, air, scratch, width)
+            into = target
+            if has_colliders and stage == 3:
+                into = spare
+            for axis in range(AXES):
+                position, velocity = here + axis * plane, here + (AXES + axis) * plane
+                rate = row_at(scratch, place(a_close, axis, width))
+                if has_damping:
+                    damp(blocks, row_at(source, velocity), record, rate)
+                update(
+                    stage, blocks, row_at(base, position), row_at(source, velocity), record, row_at(total, position),
+                    row_at(into, position),
+                )  # fmt: skip
+                update(
+                    stage, blocks, row_at(base, velocity), rate, record, row_at(total, velocity), row_at(into, velocity)
+                )  # fmt: skip
+            if has_colliders and stage == 3:
+                collide_row(bodies, kinds, step, record, blocks, base, here, plane, spare, here, plane)
+                for axis in range(PLANES):
+                    copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
+            settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
+
+    def advance(
+        team,
+        member,
+        bands,
+        steps,
+        step,
+        states,
+        layout,
+        record,
+        integers,
+        bodies,
+        kinds,
+        pin_start,
+        pin_column,
+        scratches,
+    ):
+        for k in range(4 * steps):
+            for band in shares(team, member, bands):
+                stage_band(
+                    np.int64(band), k % 4, step + k // 4, states, layout, record, integers, bodies, kinds, pin_start,
+                    pin_column, scratches,
+                )  # fmt: skip
+
+    return compiler.team(advance)

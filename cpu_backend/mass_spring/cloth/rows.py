@@ -1,0 +1,287 @@
+"""The accelerations of a row of a cloth, for the kernel `fused`: each spring and each triangle once, along the row.
+
+A walk goes down the rows. The springs that lead from a row to the right and down, and the triangles between it and the
+next row, are computed into rows of scratch of their own; a mass adds its own entry and those of the masses on the springs'
+other ends (of this row and of one or two above), with the other sign. Springs that would lead out of the sheet leave a 0
+there, so that the loops have no case for the edges; what they compute for the spare columns behind a row is never read.
+Sums are taken in one fixed order, see make_sums; flags are closure constants: an absent part leaves no code.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
+from cpu_backend.mass_spring.cloth.wind import make_winds
+from model.formulas import cloth_springs, random
+from model.mass_spring.cloth_parameters import (
+    C_BENDING,
+    C_BENDING_DAMPING,
+    C_BENDING_REST,
+    C_EXTERNAL,
+    C_GRAVITY,
+    C_POKE_X,
+    C_SHEAR,
+    C_SHEAR_DAMPING,
+    C_SHEAR_REST,
+    C_STRUCTURAL,
+    C_STRUCTURAL_DAMPING,
+    C_STRUCTURAL_REST,
+)  # fmt: skip
+
+CONSTANTS = {
+    "structural": (C_STRUCTURAL, C_STRUCTURAL_REST, C_STRUCTURAL_DAMPING),
+    "shear": (C_SHEAR, C_SHEAR_REST, C_SHEAR_DAMPING),
+    "bending": (C_BENDING, C_BENDING_REST, C_BENDING_DAMPING),
+}
+
+
+def make_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+    """pulls(blocks, source, plane, here, there, record, scratch, triple, width): on the masses from `here` on, by springs
+    of a kind that lead to those from `there` on."""
+    block, has_damper = block_of(real), f"{kind}-damping" in parts
+    formulas = cloth_springs.make(real, compiler.compiled)
+    spring_pull_3d, damped_pull_3d = formulas.spring_pull_3d, formulas.damped_pull_3d
+    k_stiffness, k_rest, k_damping = CONSTANTS[kind]
+
+    def pull_row(blocks, x, y, z, far_x, far_y, far_z, stiffness, rest, out_x, out_y, out_z):
+        for j in range(blocks * block):
+            px, py, pz = spring_pull_3d(far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], stiffness, rest)
+            out_x[j] = px
+            out_y[j] = py
+            out_z[j] = pz
+
+    def damped_row(
+        blocks, x, y, z, vx, vy, vz, far_x, far_y, far_z, far_vx, far_vy, far_vz, stiffness, rest, damping, out_x, out_y,
+        out_z,
+    ):  # fmt: skip
+        for j in range(blocks * block):
+            px, py, pz = damped_pull_3d(
+                far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], far_vx[j] - vx[j], far_vy[j] - vy[j],
+                far_vz[j] - vz[j], stiffness, rest, damping,
+            )  # fmt: skip
+            out_x[j] = px
+            out_y[j] = py
+            out_z[j] = pz
+
+    pull_row.__name__, damped_row.__name__ = f"{kind}_pull_row", f"{kind}_damped_row"
+    pull_row, damped_row = compiler.row(pull_row), compiler.row(damped_row)
+
+    def pulls(blocks, source, plane, here, there, record, scratch, triple, width):
+        x, y, z = row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane)
+        far_x, far_y, far_z = row_at(source, there), row_at(source, there + plane), row_at(source, there + 2 * plane)
+        out_x, out_y = row_at(scratch, place(triple, 0, width)), row_at(scratch, place(triple, 1, width))
+        out_z = row_at(scratch, place(triple, 2, width))
+        stiffness, rest = record[k_stiffness], record[k_rest]
+        if has_damper:
+            vx, vy, vz = (
+                row_at(source, here + 3 * plane),
+                row_at(source, here + 4 * plane),
+                row_at(source, here + 5 * plane),
+            )
+            far_vx, far_vy = row_at(source, there + 3 * plane), row_at(source, there + 4 * plane)
+            far_vz = row_at(source, there + 5 * plane)
+            damped_row(
+                blocks, x, y, z, vx, vy, vz, far_x, far_y, far_z, far_vx, far_vy, far_vz, stiffness, rest,
+                record[k_damping], out_x, out_y, out_z,
+            )  # fmt: skip
+        else:
+            pull_row(blocks, x, y, z, far_x, far_y, far_z, stiffness, rest, out_x, out_y, out_z)
+
+    pulls.__name__ = f"{kind}_pulls"
+    return compiler.compiled(pulls)
+
+
+def make_reach(
+    compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_pulls
+) -> Any:
+    """reach(i, across, blocks, layout, source, record, scratch, width): the pulls of the springs that lead from row `i`
+    down and, if `across`, to the right. Those that would lead out of the sheet are 0. `make`: of what pulls."""
+    at = triples_of(parts)
+    forget, place = scratches.forget, scratches.place
+    structural, shear, bending = (make(compiler, real, parts, kind, place) for kind in CONSTANTS)
+    has_structural, has_shear, has_bending = (kind in parts for kind in CONSTANTS)
+    a_across, a_down, a_right = at.get("across", 0), at.get("down", 0), at.get("right", 0)
+    a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)
+
+    @compiler.compiled
+    def reach(i, across, blocks, layout, source, record, scratch, width):
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        here, below_right, below_left = i * stride, i * stride, i * stride  # coincident masses do not pull
+        below, beyond = here, here
+        if i + 1 < rows:
+            below = here + stride
+            below_right, below_left = below + 1, below - 1
+        if i + 2 < rows:
+            beyond = here + 2 * stride
+        if has_structural:
+            if across:
+                structural(blocks, source, plane, here, here + 1, record, scratch, a_across, width)
+                forget(scratch, a_across, columns - 1, width)
+            structural(blocks, source, plane, here, below, record, scratch, a_down + i % 2, width)
+        if has_shear:
+            right, left = a_right + i % 2, a_left + i % 2
+            shear(blocks, source, plane, here, below_right, record, scratch, right, width)
+            forget(scratch, right, columns - 1, width)
+            shear(blocks, source, plane, here, below_left, record, scratch, left, width)
+            forget(scratch, left, 0, width)
+            forget(scratch, left, columns, width)
+        if has_bending:
+            if across:
+                bending(blocks, source, plane, here, here + 2, record, scratch, a_far_across, width)
+                forget(scratch, a_far_across, columns - 2, width)
+                forget(scratch, a_far_across, columns - 1, width)
+            bending(blocks, source, plane, here, beyond, record, scratch, a_far_down + i % 3, width)
+
+    return reach
+
+
+def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
+    """sum_pulls(i, blocks, record, scratch, width): the springs' pulls and gravity on row `i` into `close`.
+
+    A kind's four springs in pairs, then (structural + shear) + bending, then gravity.
+    """
+    at, block, zero = triples_of(parts), block_of(real), real(0)
+    edge, place, a_close = scratches.edge, scratches.place, at["close"]
+    has_structural, has_shear, has_bending = (kind in parts for kind in CONSTANTS)
+    a_across, a_down, a_right = at.get("across", 0), at.get("down", 0), at.get("right", 0)
+    a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)
+
+    def make_loop(has_gravity: bool) -> Any:
+        def sum_row(
+            blocks, across, down, above, right, right_above, left, left_above, far_across, far_down, far_above, gravity, out
+        ):  # fmt: skip
+            for k in range(REACH, blocks * block + REACH):
+                a = zero
+                if has_structural:
+                    a = (across[k] - across[k - 1]) + (down[k] - above[k])
+                if has_shear:
+                    h = (right[k] - right_above[k - 1]) + (left[k] - left_above[k + 1])
+                    a = a + h if has_structural else h
+                if has_bending:
+                    b = (far_across[k] - far_across[k - 2]) + (far_down[k] - far_above[k])
+                    a = a + b if has_structural or has_shear else b
+                if has_gravity:
+                    a = a + gravity
+                out[k - REACH] = a
+
+        sum_row.__name__ = "sum_row_with_gravity" if has_gravity else "sum_row"
+        return compiler.row(sum_row)
+
+    plain_sum, vertical_sum = make_loop(False), make_loop("gravity" in parts)
+
+    @compiler.compiled
+    def sum_pulls(i, blocks, record, scratch, width):
+        now, before = i % 2, (i + 1) % 2
+        far_now, far_before = i % 3, (i + 1) % 3
+        for axis in range(AXES):
+            pulls = (
+                row_at(scratch, edge(a_across, axis, width)), row_at(scratch, edge(a_down + now, axis, width)),
+                row_at(scratch, edge(a_down + before, axis, width)), row_at(scratch, edge(a_right + now, axis, width)),
+                row_at(scratch, edge(a_right + before, axis, width)), row_at(scratch, edge(a_left + now, axis, width)),
+                row_at(scratch, edge(a_left + before, axis, width)), row_at(scratch, edge(a_far_across, axis, width)),
+                row_at(scratch, edge(a_far_down + far_now, axis, width)),
+                row_at(scratch, edge(a_far_down + far_before, axis, width)),
+            )  # fmt: skip
+            out = row_at(scratch, place(a_close, axis, width))
+            if axis == 1:
+                vertical_sum(blocks, *pulls, record[C_GRAVITY], out)
+            else:
+                plain_sum(blocks, *pulls, zero, out)
+
+    return sum_pulls
+
+
+def make_random_and_poke(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
+    """add(i, closing, opening, layout, record, integers, scratch, width): external force and poke onto row `i`'s sums.
+
+    `closing`: the number of the step whose random force the sum `close` gets; `opening`: the one of `open`, if `two_sums`.
+    """
+    compiled = compiler.compiled
+    philox, external = random.make_philox(compiled), random.make(real, compiled).add_external
+    has_external, has_poke = "external" in parts, "poke" in parts
+    a_close, a_open = (triples_of(parts)[name] for name in ("close", "open"))
+
+    @compiled
+    def add_external(i, step, columns, record, integers, scratch, triple, width):
+        x, y, z = (
+            row_at(scratch, place(triple, 0, width)),
+            row_at(scratch, place(triple, 1, width)),
+            row_at(scratch, place(triple, 2, width)),
+        )
+        for j in range(columns):
+            word_x, word_y, word_z, _ = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
+            x[j] = external(x[j], record[C_EXTERNAL], word_x)
+            y[j] = external(y[j], record[C_EXTERNAL], word_y)
+            z[j] = external(z[j], record[C_EXTERNAL], word_z)
+
+    @compiled
+    def add(i, closing, opening, layout, record, integers, scratch, width):
+        columns = layout[L_COLUMNS]
+        if two_sums:
+            for axis in range(AXES):
+                close, also = row_at(scratch, place(a_close, axis, width)), row_at(scratch, place(a_open, axis, width))
+                for j in range(columns):
+                    also[j] = close[j]
+            add_external(i, opening, columns, record, integers, scratch, a_open, width)
+        if has_external:
+            add_external(i, closing, columns, record, integers, scratch, a_close, width)
+        if has_poke:
+            poked = np.int64(integers[1]) - 1  # -1: none
+            if poked >= 0 and poked // columns == i:
+                for axis in range(AXES):
+                    close, also = (
+                        row_at(scratch, place(a_close, axis, width)),
+                        row_at(scratch, place(a_open, axis, width)),
+                    )
+                    close[poked % columns] += record[C_POKE_X + axis]
+                    if two_sums:
+                        also[poked % columns] += record[C_POKE_X + axis]
+
+    return add
+
+
+def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`begin_walk(first, step, offset, ...)` before a band's first row, then `sum_forces(i, ...)` row by row: the
+    accelerations of row `i`, but for the damper, into `close` (and `open`, if `two_sums`). `air_now`: see
+    mass_spring/cloth/wind.py.
+    """
+    scratches, at = make_scratch(compiler, real), triples_of(parts)
+    reach, sum_pulls = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))
+    winds = make_winds(compiler, real, parts, scratches.place, scratches.edge, scratches.forget, scratches.clear, at)
+    add_wind, wind_cells, has_wind = winds.add_wind, winds.wind_cells, "wind" in parts
+    two_sums = integrator == "velocity-verlet" and "external" in parts
+    add_random_and_poke = make_random_and_poke(compiler, real, two_sums, parts, scratches.place)
+    later_parts = bool(parts & {"external", "poke"})
+    clear, count = scratches.clear, at["count"]
+
+    @compiler.compiled
+    def begin_walk(first, blocks, layout, source, record, air, scratch, width):
+        """The springs and triangles that lead down from the two rows above `first`, where there are any."""
+        if first < REACH:
+            for triple in range(count):
+                clear(scratch, np.int64(triple), width)
+        for i in range(max(first - REACH, 0), first):
+            reach(i, False, blocks, layout, source, record, scratch, width)
+        if has_wind and first > 0:
+            wind_cells(first - 1, blocks, layout, source, record, air, scratch, width)
+
+    @compiler.compiled
+    def sum_forces(i, closing, opening, blocks, layout, source, record, integers, air, scratch, width):
+        reach(i, True, blocks, layout, source, record, scratch, width)
+        sum_pulls(i, blocks, record, scratch, width)
+        if has_wind:
+            wind_cells(i, blocks, layout, source, record, air, scratch, width)
+            add_wind(i, blocks, scratch, width)
+        if later_parts:
+            add_random_and_poke(i, closing, opening, layout, record, integers, scratch, width)
+
+    return SimpleNamespace(
+        begin_walk=begin_walk, sum_forces=sum_forces, air_now=winds.air_now, two_sums=two_sums, place=scratches.place,
+        a_close=at["close"], a_open=at["open"],
+    )  # fmt: skip

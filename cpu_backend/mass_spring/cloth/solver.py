@@ -1,0 +1,129 @@
+"""The mass-spring cloth on CPU threads: `stages` (stage by stage over the whole sheet, the teaching version) and `fused`
+(one pass over the sheet for each force). In `exact` math both give the same bits, for any number of threads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from cpu_backend.core.layout import aligned_zeros, padded, plain
+from cpu_backend.core.simulation import CpuSimulation
+from cpu_backend.core.threads import thread_count
+from cpu_backend.mass_spring.cloth.implicit import ImplicitSteps
+from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make_cloth_advance
+from cpu_backend.mass_spring.cloth.normals import make_normals
+from cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
+from cpu_backend.mass_spring.cloth.scratch import AXES, scratch_width, triples_of
+from cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
+from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from cpu_backend.mass_spring.grid.solver import processor_name
+from model.core.errors import SceneError
+from model.core.integrators import IMPLICIT
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.mass_spring.cloth_parameters import body_rows, pin_velocity
+from model.mass_spring.cloth_plan import cloth_plan, kicks_meet
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
+
+KERNELS = ("fused", "stages")
+
+
+def choose_kernel(wanted: str | None, integrator: str = "") -> str:
+    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    if wanted == "stages" and integrator in IMPLICIT:
+        raise SceneError("--kernel", wanted, f"must be fused for {integrator}, whose stages repeat until they are done")
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a cloth on the cpu")
+    return wanted or "fused"
+
+
+class ClothMassSpring(CpuSimulation):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number. `implicit`: what implicit Euler
+    needs besides, else None."""
+
+    implicit: ImplicitSteps | None = None
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads = thread_count(threads)
+        self.device = processor_name()
+        self.kernel = choose_kernel(options.kernel, scene.method.integrator)
+        self.plan = cloth_plan(scene, options.live)
+        rows, columns = self.body.rows, self.body.columns
+        self.record = self._record
+        seeds = (part.seed if part else 0 for part in (scene.external, scene.wind))
+        # seed of external forces; 1 + poked particle, 0 for none; seed of gusts; where the rows of pins begin
+        self.integers = np.zeros(4, np.uint64)
+        self.integers[:3:2] = list(seeds)
+        self.bodies, self.integers[PIN_ROWS] = body_rows(scene, self.body, self.real)
+        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        make_layout = plain(rows, columns, PLANES), padded(rows, columns, self.real, PLANES)
+        self._layout = make_layout[self.kernel != "stages"]
+        self._integers_of_layout = self._layout.integers()
+        self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
+        self._current = 0
+        self._kept = np.zeros(self._layout.size, self.real)
+        self._set_pins()
+        self._bands = min(self.threads, rows)
+        self._executor = self._make_executor()
+        self.reset()
+
+    def _make_executor(self) -> Executor:
+        """The kernel, compiled or from the cache, with the scratch memory that it needs."""
+        if self.kernel == "stages":
+            return Executor(self.plan, bind_cloth_stages(self))
+        scratch = AXES * triples_of(self.plan.parts)["count"] * scratch_width(self.body.columns, self.real)
+        self._scratch = aligned_zeros(self._bands * scratch, self.real).reshape(self._bands, scratch)
+        if self._is_rk4:
+            self._kernel = make_cloth_rk4(self.real, self.options.math, self.plan.parts)
+            return Executor(self.plan, {}, self._advance_rk4)
+        integrator = self.scene.method.integrator
+        if integrator in IMPLICIT:
+            self.implicit = ImplicitSteps(self)
+            return Executor(self.plan, {}, self.implicit.advance)
+        self._kernel = make_cloth_advance(self.real, self.options.math, integrator, self.plan.parts)
+        return Executor(self.plan, {}, self._advance_fused)
+
+    def _given(self) -> tuple[Any, ...]:
+        """What both kernels get last."""
+        return (
+            self._integers_of_layout, self.record, self.integers, self.bodies, self.kinds, self._pin_start,
+            self._pin_column, self._scratch,
+        )  # fmt: skip
+
+    def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
+        """The arguments of the kernel `fused`: a pass a step, and of velocity Verlet one more, or twice as many."""
+        verlet = self.scene.method.integrator == "velocity-verlet"
+        first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
+        passes = 2 * steps if verlet and not kicks_meet(self.plan.parts) else steps + verlet
+        return passes, first, last, step, self._states, self._current, *self._given()
+
+    def _advance_fused(self, step: int, steps: int) -> None:
+        arguments = self._passes(step, steps)
+        self._kernel(self._bands, *arguments)
+        self._current = (self._current + arguments[0]) % 2
+
+    def _advance_rk4(self, step: int, steps: int) -> None:
+        self._kernel(self._bands, steps, step, self._states, *self._given())
+
+    def _parameters_changed(self) -> None:
+        super()._parameters_changed()
+        if self.implicit is not None:
+            self.implicit.renew()
+
+    def _pin_velocity(self, step: int) -> Any:
+        if "motion" not in self.plan.parts:
+            return 0
+        return pin_velocity(self.bodies, int(self.integers[PIN_ROWS]), len(self.body.pinned), step, self._record)
+
+    def _read_normal(self, into: Any) -> Any:
+        out = np.empty((self.body.rows * self.body.columns, AXES), self.real)
+        numba.set_num_threads(self.threads)
+        make_normals(self.real)(self.current, out)
+        if into is None:
+            return out
+        into[...] = out
+        return into

@@ -1,0 +1,148 @@
+"""Wind on a cloth's triangles, for the CPU's kernels: each triangle once, its corners add it up.
+
+A cell (i, j) has the corners A (i, j), B (i, j + 1), C (i + 1, j), D (i + 1, j + 1) and two triangles, (A, C, D) and
+(A, D, B). Each corner is pushed alike, so a triangle's force is kept with its cell; those of cells outside the sheet are 0.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.mass_spring.cloth.scratch import AXES, REACH
+from model.formulas import cloth, manufactured, random, wind
+from model.mass_spring.cloth_parameters import (
+    C_DRAG,
+    C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    C_GUST,
+    C_GUST_TIME,
+    C_LIFT,
+    C_WIND_X,
+    C_WIND_Y,
+    C_WIND_Z,
+)  # fmt: skip
+
+
+def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """air_now(record, integers, step, offset): the air's velocity [m/s] as (x, y, z), `offset` steps into the step."""
+    compiled = compiler.compiled
+    formulas, gusty = wind.make(real, compiled), cloth.make(real, compiled).gusty
+    gust_interval, gust = formulas.gust_interval, formulas.gust
+    _, stage_time = manufactured.make(real, compiled)
+    philox, stream = random.make_philox(compiled), np.uint64(wind.GUST_STREAM)
+    has_gust = "gust" in parts
+
+    @compiled
+    def air_now(record, integers, step, offset):
+        x, y, z = record[C_WIND_X], record[C_WIND_Y], record[C_WIND_Z]
+        if has_gust:
+            time = stage_time(step, offset, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+            interval, passed = gust_interval(time, record[C_GUST_TIME])
+            before, _, _, _ = philox(integers[2], np.uint64(interval), stream)
+            after, _, _, _ = philox(integers[2], np.uint64(interval + 1), stream)
+            g, most = gust(before, after, passed), record[C_GUST]
+            x, y, z = gusty(x, most, g), gusty(y, most, g), gusty(z, most, g)
+        return x, y, z
+
+    return air_now
+
+
+def make_triangle(compiler: Compiler, real: Any) -> Any:
+    """triangle(a, b, c, velocities of a, b and c, air, record): the wind over mass [m/s^2] on each corner; all three
+    numbers each, one after the other."""
+    triangle_wind = wind.make(real, compiler.compiled).triangle_wind
+    mean = cloth.make(real, compiler.compiled).mean
+
+    @compiler.compiled
+    def triangle(a, b, c, va, vb, vc, air, drag, lift):
+        return triangle_wind(
+            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
+            air[0] - mean(va[0], vb[0], vc[0]), air[1] - mean(va[1], vb[1], vc[1]), air[2] - mean(va[2], vb[2], vc[2]),
+            drag, lift,
+        )  # fmt: skip
+
+    return triangle
+
+
+def make_winds(
+    compiler: Compiler,
+    real: Any,
+    parts: frozenset[str],
+    place: Any,
+    edge: Any,
+    forget: Any,
+    clear: Any,
+    at: dict[str, int],
+) -> SimpleNamespace:
+    """`air_now`; `wind_cells(i, ...)`: the forces of the triangles between rows `i` and i + 1 into scratch;
+    `add_wind(i, blocks, scratch, width)`: the six of each mass of row `i` onto `close`."""
+    block, compiled = block_of(real), compiler.compiled
+    triangle = make_triangle(compiler, real)
+    a_first, a_second, a_close = at.get("first", 0), at.get("second", 0), at["close"]
+
+    @compiler.row
+    def cell_row(
+        blocks, x, y, z, vx, vy, vz, x_below, y_below, z_below, vx_below, vy_below, vz_below, air, drag, lift, first_x,
+        first_y, first_z, second_x, second_y, second_z,
+    ):  # fmt: skip
+        for j in range(blocks * block):
+            a, va = (x[j], y[j], z[j]), (vx[j], vy[j], vz[j])
+            b, vb = (x[j + 1], y[j + 1], z[j + 1]), (vx[j + 1], vy[j + 1], vz[j + 1])
+            c, vc = (x_below[j], y_below[j], z_below[j]), (vx_below[j], vy_below[j], vz_below[j])
+            d = x_below[j + 1], y_below[j + 1], z_below[j + 1]
+            vd = vx_below[j + 1], vy_below[j + 1], vz_below[j + 1]
+            px, py, pz = triangle(a, c, d, va, vc, vd, air, drag, lift)
+            qx, qy, qz = triangle(a, d, b, va, vd, vb, air, drag, lift)
+            first_x[j] = px
+            first_y[j] = py
+            first_z[j] = pz
+            second_x[j] = qx
+            second_y[j] = qy
+            second_z[j] = qz
+
+    @compiled
+    def wind_cells(i, blocks, layout, source, record, air, scratch, width):
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        here, below = i * stride, (i + 1) * stride
+        first, second = a_first + i % 2, a_second + i % 2
+        if i + 1 < rows:
+            cell_row(
+                blocks, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
+                row_at(source, here + 3 * plane), row_at(source, here + 4 * plane), row_at(source, here + 5 * plane),
+                row_at(source, below), row_at(source, below + plane), row_at(source, below + 2 * plane),
+                row_at(source, below + 3 * plane), row_at(source, below + 4 * plane), row_at(source, below + 5 * plane),
+                air, record[C_DRAG], record[C_LIFT], row_at(scratch, place(first, 0, width)),
+                row_at(scratch, place(first, 1, width)), row_at(scratch, place(first, 2, width)),
+                row_at(scratch, place(second, 0, width)), row_at(scratch, place(second, 1, width)),
+                row_at(scratch, place(second, 2, width)),
+            )  # fmt: skip
+            forget(scratch, first, columns - 1, width)
+            forget(scratch, second, columns - 1, width)
+        else:
+            clear(scratch, first, width)
+            clear(scratch, second, width)
+
+    @compiler.row
+    def add_row(blocks, first, second, first_above, second_above, out):
+        for k in range(REACH, blocks * block + REACH):
+            own, beside = first[k] + second[k], second[k - 1] + first_above[k]
+            opposite = first_above[k - 1] + second_above[k - 1]
+            out[k - REACH] = out[k - REACH] + ((own + beside) + opposite)
+
+    @compiled
+    def add_wind(i, blocks, scratch, width):
+        now, above = i % 2, (i + 1) % 2
+        for axis in range(AXES):
+            add_row(
+                blocks, row_at(scratch, edge(a_first + now, axis, width)), row_at(scratch, edge(a_second + now, axis, width)),
+                row_at(scratch, edge(a_first + above, axis, width)), row_at(scratch, edge(a_second + above, axis, width)),
+                row_at(scratch, place(a_close, axis, width)),
+            )  # fmt: skip
+
+    return SimpleNamespace(air_now=make_air(compiler, real, parts), wind_cells=wind_cells, add_wind=add_wind)

@@ -1,0 +1,60 @@
+"""The springs of a row where every second one is stiffer (the part `alternating`): what mass_spring/grid/rows.py has for
+equal springs.
+
+A spring's stiffness follows from its lower end: odd columns along a row, odd rows down a column. Parts of a row begin at
+whole blocks of columns, an even number, so that a column is as odd as its place in the part.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of
+from model.core.parameters import K_STIFF, K_STIFF_REST, K_STIFFNESS, K_STIFFNESS_REST
+
+
+def make_alternating_rows(
+    compiler: Compiler, real: Any, spring_pull_2d: Any, sum_pulls: Any, with_gravity: Any
+) -> SimpleNamespace:
+    """`spring_constants`, `pull_from_below`, `sum_row`: see their docstrings; the functions given are those of
+    mass_spring/grid/rows.py."""
+    block = block_of(real)
+
+    @compiler.compiled
+    def spring_constants(lower, record):
+        """(stiffness, stiffness * rest length), both over mass, of a spring from row or column `lower` to the next."""
+        if lower & 1:
+            return record[K_STIFF], record[K_STIFF_REST]
+        return record[K_STIFFNESS], record[K_STIFFNESS_REST]
+
+    @compiler.row
+    def pull_from_below(i, blocks, x, y, x_below, y_below, record, out_x, out_y):
+        """Pulls on the masses of row `i` from those below; also what the row below is pulled up by, with the other sign."""
+        stiffness, rest = spring_constants(i, record)
+        for j in range(blocks * block):
+            pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
+            out_x[j] = pull_x
+            out_y[j] = pull_y
+
+    @compiler.row
+    def sum_row(i, blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, record, close_x, close_y):
+        """Springs and gravity of row `i` into `close`; otherwise as rows.sum_row."""
+        soft, soft_rest = spring_constants(0, record)
+        stiff, stiff_rest = spring_constants(1, record)
+        down, down_rest = spring_constants(i, record)
+        for j in range(blocks * block):
+            odd = j & 1
+            across, across_rest = stiff if odd else soft, stiff_rest if odd else soft_rest
+            right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], across, across_rest)
+            below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], down, down_rest)
+            ax = sum_pulls(right_x, left_x, below_x, above_x[j])
+            ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+            left_x, left_y = right_x, right_y
+            above_x[j] = below_x
+            above_y[j] = below_y
+            close_x[j] = ax
+            close_y[j] = with_gravity(ay, record)
+
+    return SimpleNamespace(spring_constants=spring_constants, pull_from_below=pull_from_below, sum_row=sum_row)

@@ -1,0 +1,72 @@
+"""The kernel `fused` of the mass-spring grid: a team of one thread a band of rows (core/progress.py).
+
+A band walks down its rows; mass_spring/grid/row_step.py does one of them. No mass is written by two threads, none is read
+from the state being written, so there is nothing to lock: the end of the parallel loop is the only synchronisation, and the
+result does not depend on the number of bands. mass_spring/grid/persistent.py saves the regions, mass_spring/grid/tiled.py
+the ways to memory; mass_spring/grid/rk4.py holds the Runge-Kutta method, which has stages.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
+from cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+
+ABOVE_ROWS = 2  # of a walk: carried pulls along x and y
+SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
+
+
+@cache
+def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+    """The kernel of a variant, for one-force integrators and velocity Verlet:
+
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    scratches) does `passes` passes over the grid, ping-pong between the two states that the flat array `states` holds one
+    after the other (see core/layout.py), the first reading from number `current`. `scratches`: SCRATCH_ROWS rows a band.
+    """
+    compiler = Compiler(variant_name("fused", real, math, integrator, parts), math)
+    begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
+    kind_of = compiler.compiled(pass_kind)
+    block = block_of(real)
+
+    @compiler.compiled
+    def advance_band(
+        band, kind, step, states, current, layout, record, integers, pin_start, pin_column, scratches
+    ):  # fmt: skip
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+        above = scratches[band]
+        sums = row_at(above, ABOVE_ROWS * width)
+        blocks = (columns + block - 1) // block
+        given = (layout, record, integers, pin_start, pin_column)
+        begin_walk(first, blocks, source, first * stride, stride, plane, record, above, width)
+        for i in range(first, last):
+            here = i * stride
+            below = here + stride if i < rows - 1 else here
+            step_row(
+                kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
+                given,
+            )  # fmt: skip
+
+    def advance(
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        pin_column, scratches,
+    ):  # fmt: skip
+        for k in range(passes):
+            kind = kind_of(k, passes, first_kind, last_kind)
+            for band in shares(team, member, bands):
+                advance_band(
+                    np.int64(band), kind, step + k, states, (current + k) % 2, layout, record, integers, pin_start,
+                    pin_column, scratches,
+                )  # fmt: skip
+
+    return compiler.team(advance)

@@ -1,0 +1,136 @@
+"""The kernel `team`: one parallel region for all the passes of a call, and bands that wait for their neighbours alone.
+
+Each thread keeps its band of rows from the first pass to the last. Before a pass it waits for its two neighbours alone,
+and for no more than their rows at its border: a band does its border rows first, says so, and then its inner rows, while
+what it said travels. The flag BORDER at k means: the border rows of state k are there, and those of state k - 1, which pass
+k overwrites, are no longer read. DONE at k: so are all its rows. The band's first flag counts the passes that were begun.
+
+A thread that has waited for a while does a pass of any band that could begin and was not begun, so that none holds up the
+others for being kept from the processor, and nothing is lost where a threading layer runs one after the other.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from cpu_backend.core.progress import SPINS, bide, exchange, load_acquire, store_release
+from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
+from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
+from cpu_backend.mass_spring.grid.rows import variant_name
+
+
+@cache
+def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    scratches, progress): as the kernel `fused` (mass_spring/grid/kernels.py). `progress`: TEAM_FLAGS flags a band, all 0;
+    `scratches`: TEAM_SCRATCH_ROWS rows a band."""
+    compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
+    begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
+    kind_of = compiler.compiled(pass_kind)
+    block = block_of(real)
+
+    @compiler.compiled
+    def walk(
+        start, end, kind, step, states, current, layout, record, integers, pin_start, pin_column, above, sums, width
+    ):
+        """Rows from `start` to before `end`, their walk begun."""
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+        blocks = (columns + block - 1) // block
+        given = (layout, record, integers, pin_start, pin_column)
+        for i in range(start, end):
+            here = i * stride
+            below = here + stride if i < rows - 1 else here
+            step_row(
+                kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
+                given,
+            )  # fmt: skip
+
+    @compiler.compiled
+    def begin(i, states, current, layout, record, above, width):
+        columns, stride, plane = layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        source = row_at(states, current * PLANES * plane)
+        begin_walk(i, (columns + block - 1) // block, source, i * stride, stride, plane, record, above, width)
+
+    @compiler.compiled
+    def pass_band(
+        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        pin_column, scratches, progress,
+    ):  # fmt: skip
+        rows = layout[L_ROWS]
+        width = np.int64(scratches.shape[1]) // TEAM_SCRATCH_ROWS
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        above = scratches[band]
+        sums = row_at(above, ABOVE_ROWS * width)
+        above_border = row_at(above, SCRATCH_ROWS * width)
+        kind, now, source = kind_of(k, passes, first_kind, last_kind), step + k, (current + k) % 2
+        inner_first, inner_last = first, last
+        begin(first, states, source, layout, record, above, width)
+        if band > 0:
+            inner_first = first + 1
+            walk(
+                first, inner_first, kind, now, states, source, layout, record, integers, pin_start, pin_column, above,
+                sums, width,
+            )  # fmt: skip
+        if band < bands - 1 and inner_first < last:
+            inner_last = last - 1
+            begin(inner_last, states, source, layout, record, above_border, width)
+            walk(
+                inner_last, last, kind, now, states, source, layout, record, integers, pin_start, pin_column,
+                above_border, sums, width,
+            )  # fmt: skip
+        store_release(progress, BORDER * bands + band, k + 1)
+        walk(
+            inner_first, inner_last, kind, now, states, source, layout, record, integers, pin_start, pin_column, above,
+            sums, width,
+        )  # fmt: skip
+        store_release(progress, DONE * bands + band, k + 1)
+
+    @compiler.compiled
+    def taken(band, bands, k, progress):
+        """Whether the band's pass k may begin, nobody has begun it, and now the caller has."""
+        border = BORDER * bands + band
+        if load_acquire(progress, band) != k or (band > 0 and load_acquire(progress, border - 1) < k):
+            return False
+        if band < bands - 1 and load_acquire(progress, border + 1) < k:
+            return False
+        return exchange(progress, band, k, k + 1)
+
+    def advance(
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        pin_column, scratches, progress,
+    ):  # fmt: skip
+        patience, looks, left, stepped_in = np.int64(SPINS), 0, True, False
+        while left:
+            left, worked = False, False
+            for n in range(bands):
+                band = (member + n) % bands
+                k = load_acquire(progress, DONE * bands + band)
+                left = left or k < passes
+                if k < passes and (n == 0 or looks >= patience) and taken(band, bands, k, progress):
+                    pass_band(
+                        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, record, integers,
+                        pin_start, pin_column, scratches, progress,
+                    )  # fmt: skip
+                    if n > 0:
+                        patience, stepped_in = patience // 2, True
+                    else:
+                        patience, stepped_in = patience if stepped_in else np.int64(SPINS), False
+                    worked = True
+                    break
+            if worked:
+                looks = 0
+            elif left:
+                bide(looks, SPINS)
+                looks += 1
+
+    return compiler.team(advance)
+
+
+TEAM_FLAGS, BORDER, DONE = 3, 1, 2
+TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row

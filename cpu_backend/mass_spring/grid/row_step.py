@@ -1,0 +1,256 @@
+"""One time step of one row: what the kernels `fused`, `team` and `tiled` share, so that they cannot differ.
+
+Where a scene has equal springs, gravity and damping alone, forces and integration are one loop that reads every number
+once and writes every number once. With other parts (random, manufactured, poke) and with alternating springs
+accelerations go through rows of sums.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of, row_at
+from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
+from model.core.parameters import (
+    K_DAMPING,
+    K_DT,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INVERSE_DAMPING,
+    K_STIFFNESS,
+    K_STIFFNESS_REST,
+)  # fmt: skip
+from model.formulas import integrators
+
+OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators know MIDDLE alone
+
+
+def pass_kind(k, passes, first_kind, last_kind):
+    """The kind of pass `k` of `passes`. (Compiled by the kernels.)"""
+    kind = MIDDLE
+    if k == passes - 1:
+        kind = last_kind
+    if k == 0:
+        kind = first_kind
+    return kind
+
+
+def make_finishes(
+    compiler: Compiler,
+    real: Any,
+    integrator: str,
+    has_damping: bool,
+    damped: Any,
+    places: tuple[int, int] = (K_DAMPING, K_INVERSE_DAMPING),
+) -> dict[str, Any]:
+    """How an axis of a mass ends a pass, by the pass's name: finish(p, v, closing, opening, record) -> (p', v').
+
+    `places`: of the damping rate and of 1 / (1 + dt rate / 2) in the record.
+    """
+    k_rate, k_inverse = places
+    compiled = compiler.compiled
+    formulas = integrators.make(real, compiled, has_damping)
+    if integrator != "velocity-verlet":
+        one_force = getattr(formulas, integrator.replace("-", "_"))
+
+        @compiled
+        def step(position, velocity, closing, opening, record):
+            if has_damping:
+                closing = damped(closing, velocity, record[k_rate])
+            return one_force(position, velocity, closing, record[K_DT], record[K_HALF_DT_SQUARED])
+
+        return {"middle": step}
+
+    first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
+
+    @compiled
+    def opening_kick(position, velocity, closing, opening, record):
+        return first_half(position, velocity, opening, record[K_DT], record[K_HALF_DT], record[k_rate])
+
+    @compiled
+    def both_kicks(position, velocity, closing, opening, record):
+        whole = second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])
+        return first_half(position, whole, opening, record[K_DT], record[K_HALF_DT], record[k_rate])
+
+    @compiled
+    def closing_kick(position, velocity, closing, opening, record):
+        return position, second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])
+
+    return {"opening": opening_kick, "middle": both_kicks, "closing": closing_kick}
+
+
+def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> tuple[Any, Any]:
+    """(begin_walk, step_row) of a variant; begin_walk: see mass_spring/grid/rows.py.
+
+    step_row(kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums,
+    width, given) takes row `i` of the grid, `blocks` blocks from `column` on, one pass further. `here` and `below`:
+    where that part of the row, and of the row below it, begins in the flat array `source`, its planes `source_plane`
+    apart; it is written to `target` from `there` on. For the grid's last row `below` is `here`. `above`: the walk's
+    carried pulls, two rows of `width`. `sums`: scratch of SUM_ROWS such rows. `given`: (layout, record, integers,
+    pin_start, pin_column).
+    """
+    forces = make_row_forces(compiler, real, integrator, parts)
+    finishes = make_finishes(compiler, real, integrator, "damping" in parts, forces.damped)
+    through_sums = forces.later_parts or forces.alternating
+    advance_row = (_make_row_through_sums if through_sums else _make_row_in_one_loop)(compiler, forces, real, finishes)
+    has_pins = "pins" in parts
+    hold_pins, place_ghosts, pull_from_left = forces.hold_pins, forces.place_ghosts, forces.pull_from_left
+
+    @compiler.inlined
+    def step_row(
+        kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums, width,
+        given,
+    ):  # fmt: skip
+        layout, record, integers, pin_start, pin_column = given
+        left = pull_from_left(source, here, source_plane, column, record)
+        old = (
+            row_at(source, here), row_at(source, here + source_plane), row_at(source, here + 2 * source_plane),
+            row_at(source, here + 3 * source_plane), row_at(source, below), row_at(source, below + source_plane),
+        )  # fmt: skip
+        new = (
+            row_at(target, there), row_at(target, there + target_plane), row_at(target, there + 2 * target_plane),
+            row_at(target, there + 3 * target_plane),
+        )  # fmt: skip
+        advance_row(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers)
+        if has_pins and pin_start[i] < pin_start[i + 1]:
+            hold_pins(
+                i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column
+            )  # fmt: skip
+        place_ghosts(column, blocks, layout, target, there, target_plane)
+
+    return forces.begin_walk, step_row
+
+
+def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
+    block, zero, has_springs, verlet = forces.block, real(0), forces.has_springs, len(finishes) > 1
+    spring_pull_2d, sum_pulls, with_gravity = forces.spring_pull_2d, forces.sum_pulls, forces.with_gravity
+
+    def make_loop(name: str) -> Any:
+        finish = finishes.get(name, finishes["middle"])
+
+        def whole_row(
+            blocks,
+            x,
+            y,
+            vx,
+            vy,
+            x_below,
+            y_below,
+            left_x,
+            left_y,
+            above_x,
+            above_y,
+            record,
+            new_x,
+            new_y,
+            new_vx,
+            new_vy,
+        ):
+            stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+            for j in range(blocks * block):
+                ax, ay = zero, zero
+                if has_springs:
+                    right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
+                    below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
+                    ax = sum_pulls(right_x, left_x, below_x, above_x[j])
+                    ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+                    left_x, left_y = right_x, right_y
+                    above_x[j] = below_x
+                    above_y[j] = below_y
+                ay = with_gravity(ay, record)
+                px, qx = finish(x[j], vx[j], ax, ax, record)
+                py, qy = finish(y[j], vy[j], ay, ay, record)
+                new_x[j] = px
+                new_y[j] = py
+                new_vx[j] = qx
+                new_vy[j] = qy
+
+        whole_row.__name__ = f"{name}_whole_row"
+        return compiler.row(whole_row)
+
+    opening, middle, closing = make_loop("opening"), make_loop("middle"), make_loop("closing")
+
+    @compiler.inlined
+    def in_one_loop(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers):
+        x, y, vx, vy, x_below, y_below = old
+        new_x, new_y, new_vx, new_vy = new
+        above_x, above_y = row_at(above, 0), row_at(above, width)
+        if verlet and kind == OPENING:
+            opening(
+                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, record, new_x, new_y, new_vx,
+                new_vy,
+            )  # fmt: skip
+        elif verlet and kind == CLOSING:
+            closing(
+                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, record, new_x, new_y, new_vx,
+                new_vy,
+            )  # fmt: skip
+        else:
+            middle(
+                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, record, new_x, new_y, new_vx,
+                new_vy,
+            )  # fmt: skip
+
+    return in_one_loop
+
+
+def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) -> Any:
+    """finish_axis(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity): one axis of a row
+    from its sums of accelerations to its new state, as `finishes` (of `make_finishes`) say."""
+    block, verlet = block_of(real), len(finishes) > 1
+
+    def make_loop(name: str) -> Any:
+        finish = finishes.get(name, finishes["middle"])
+
+        def finish_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity):
+            for j in range(blocks * block):
+                p, v = finish(position[j], velocity[j], closing[j], opening[j], record)
+                new_position[j] = p
+                new_velocity[j] = v
+
+        finish_row.__name__ = f"{name}_finish_row"
+        return compiler.row(finish_row)
+
+    opening, middle, closing = make_loop("opening"), make_loop("middle"), make_loop("closing")
+
+    @compiler.compiled
+    def finish_axis(kind, blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity):
+        if verlet and kind == OPENING:
+            opening(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+        elif verlet and kind == CLOSING:
+            closing(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+        else:
+            middle(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+
+    return finish_axis
+
+
+def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
+    zero, two_sums = real(0), forces.two_sums
+    sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
+    alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
+
+    finish_axis = make_finish_axis(compiler, real, finishes)
+
+    @compiler.inlined
+    def through_sums(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers):
+        x, y, vx, vy, x_below, y_below = old
+        new_x, new_y, new_vx, new_vy = new
+        close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
+        open_x, open_y = close_x, close_y
+        if two_sums:
+            open_x, open_y = row_at(sums, OPEN_X * width), row_at(sums, OPEN_Y * width)
+        above_x, above_y = row_at(above, 0), row_at(above, width)
+        if alternating:
+            sum_uneven_row(
+                i, blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, record, close_x, close_y
+            )  # fmt: skip
+        else:
+            sum_row(blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, record, close_x, close_y)
+        add_later_parts(i, column, blocks, layout, record, integers, step, zero, sums, width)
+        finish_axis(kind, blocks, x, vx, close_x, open_x, record, new_x, new_vx)
+        finish_axis(kind, blocks, y, vy, close_y, open_y, record, new_y, new_vy)
+
+    return through_sums

@@ -1,0 +1,215 @@
+"""The accelerations of a row of masses, for all kernels but `stages`: each spring once, vectorised along the row.
+
+Storage is that of core/layout.py. A walk goes down the rows: the pull along a row is carried from mass to mass, the pull of
+the row below is carried to the next row, where it is minus the pull up. Sums are taken in one fixed order,
+(right + left) + (below + above), then gravity, external, manufactured, poke, damping. Flags are closure constants: a
+part that a scene lacks leaves no code.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_ROWS, block_of, row_at
+from cpu_backend.mass_spring.grid.alternating import make_alternating_rows
+from model.core.parameters import (
+    K_AMPLITUDE,
+    K_DAMPING,
+    K_DT,
+    K_EXTERNAL,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
+    K_GRAVITY,
+    K_INERTIA,
+    K_POKE_X,
+    K_POKE_Y,
+    K_SPACING,
+    K_STIFFNESS,
+    K_STIFFNESS_REST,
+)  # fmt: skip
+from model.formulas import manufactured, random, springs
+
+# rows of accelerations of a band: two sums that belong to the step, and two to the step before (velocity Verlet)
+CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
+SUM_ROWS = 4
+
+
+def variant_name(kernel: str, real: Any, math: str, integrator: str, parts: frozenset[str]) -> str:
+    """A name, fit for a symbol, that tells every variant of a kernel apart."""
+    words = [kernel, np.dtype(real).name, math, integrator.replace("-", "_"), *sorted(parts)]
+    return "_".join(words)
+
+
+def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """What the kernels of a variant build their rows from; see the attributes' docstrings.
+
+    `two_sums`: whether velocity Verlet's two kicks need accelerations of their own, since their random forces belong to
+    different steps. `later_parts`: whether there are parts that are added after the springs and gravity, row by row.
+    """
+    compiled = compiler.compiled
+    block = block_of(real)
+    spring_pull_2d, damped = springs.make(real, compiled)
+    philox = random.make_philox(compiled)
+    external = random.make(real, compiled).add_external
+    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
+    has_springs, has_gravity, alternating = "springs" in parts, "gravity" in parts, "alternating" in parts
+    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
+    two_sums = has_external and integrator == "velocity-verlet"
+    zero = real(0)
+
+    @compiled
+    def sum_pulls(right, left, below, above):
+        return (right - left) + (below - above)
+
+    @compiled
+    def with_gravity(acceleration, record):
+        if has_gravity:
+            return acceleration + record[K_GRAVITY]
+        return acceleration
+
+    uneven = make_alternating_rows(compiler, real, spring_pull_2d, sum_pulls, with_gravity)
+    spring_constants, uneven_pull_from_below = uneven.spring_constants, uneven.pull_from_below
+
+    @compiler.row
+    def pull_from_below(blocks, x, y, x_below, y_below, record, out_x, out_y):
+        """Pulls on the masses of a row from those below; also what the row below is pulled up by, with the other sign."""
+        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        for j in range(blocks * block):
+            pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
+            out_x[j] = pull_x
+            out_y[j] = pull_y
+
+    @compiled
+    def pull_from_left(source, here, plane, column, record):
+        """The pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's edge."""
+        if alternating and column > 0:
+            stiffness, rest = spring_constants(column - 1, record)
+            return spring_pull_2d(
+                source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], stiffness, rest
+            )  # fmt: skip
+        if has_springs and column > 0:
+            return spring_pull_2d(
+                source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], record[K_STIFFNESS],
+                record[K_STIFFNESS_REST],
+            )  # fmt: skip
+        return zero, zero
+
+    @compiler.row
+    def sum_row(blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, record, close_x, close_y):
+        """Springs and gravity of a row into `close`. `above` comes in as the pulls between this row and the one above,
+        and leaves as those between it and the one below; the last row is its own row below, which does not pull."""
+        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        for j in range(blocks * block):
+            ax, ay = zero, zero
+            if has_springs:
+                right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
+                below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
+                ax = sum_pulls(right_x, left_x, below_x, above_x[j])
+                ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+                left_x, left_y = right_x, right_y
+                above_x[j] = below_x
+                above_y[j] = below_y
+            close_x[j] = ax
+            close_y[j] = with_gravity(ay, record)
+
+    @compiled
+    def add_external(out_x, out_y, count, first, step, seed, magnitude):
+        for j in range(count):
+            word_x, word_y, _, _ = philox(seed, np.uint64(step), np.uint64(first + j))
+            out_x[j] = external(out_x[j], magnitude, word_x)
+            out_y[j] = external(out_y[j], magnitude, word_y)
+
+    @compiled
+    def add_later_parts(i, column, blocks, layout, record, integers, step, offset, sums, width):
+        """External, manufactured and poke forces onto the sums of row `i` from `column` on, in this order."""
+        rows, columns = layout[L_ROWS], layout[L_COLUMNS]
+        count = min(blocks * block, columns - column)
+        close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
+        open_x, open_y = row_at(sums, OPEN_X * width), row_at(sums, OPEN_Y * width)
+        if two_sums:
+            for j in range(count):
+                open_x[j] = close_x[j]
+                open_y[j] = close_y[j]
+            add_external(open_x, open_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
+            add_external(close_x, close_y, count, i * columns + column, step - 1, integers[0], record[K_EXTERNAL])
+        elif has_external:
+            add_external(close_x, close_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
+        if has_manufactured:
+            time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
+            for j in range(count):
+                force_x, force_y = manufactured_acceleration(
+                    i, column + j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
+                    record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
+                )  # fmt: skip
+                close_x[j] += force_x
+                close_y[j] += force_y
+                if two_sums:
+                    open_x[j] += force_x
+                    open_y[j] += force_y
+        if has_poke:
+            poked = np.int64(integers[1]) - 1  # -1: none
+            j = poked - i * columns - column
+            if poked >= 0 and poked // columns == i and j >= 0 and j < count:
+                close_x[j] += record[K_POKE_X]
+                close_y[j] += record[K_POKE_Y]
+                if two_sums:
+                    open_x[j] += record[K_POKE_X]
+                    open_y[j] += record[K_POKE_Y]
+
+    @compiled
+    def begin_walk(i, blocks, source, here, stride, plane, record, above, width):
+        """The pulls between row `i`, where a walk begins, and the row above it; `here`: where row i begins."""
+        if has_springs:
+            above_x, above_y = row_at(above, 0), row_at(above, width)
+            if i > 0:
+                up = here - stride
+                both = (
+                    row_at(source, up), row_at(source, up + plane), row_at(source, here), row_at(source, here + plane),
+                )  # fmt: skip
+                if alternating:
+                    uneven_pull_from_below(i - 1, blocks, *both, record, above_x, above_y)
+                else:
+                    pull_from_below(blocks, *both, record, above_x, above_y)
+            else:
+                for j in range(blocks * block):
+                    above_x[j] = zero
+                    above_y[j] = zero
+
+    @compiled
+    def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
+        """Pinned masses of row `i` stay where `source` has them, at rest."""
+        for k in range(pin_start[i], pin_start[i + 1]):
+            j = pin_column[k] - column
+            if j >= 0 and j < blocks * block:
+                for axis in range(2):
+                    target[there + axis * target_plane + j] = source[here + axis * source_plane + j]
+                    target[there + (2 + axis) * target_plane + j] = zero
+
+    @compiler.row
+    def ghosts_of(x, y, last_x, last_y, spare):
+        """The last `spare` columns of a block take the place of the mass before them."""
+        for j in range(block):
+            x[j] = last_x if j >= block - spare else x[j]
+            y[j] = last_y if j >= block - spare else y[j]
+
+    @compiled
+    def place_ghosts(column, blocks, layout, target, there, target_plane):
+        """Where a row that was written reaches the grid's edge, its ghosts follow its last mass."""
+        first = layout[L_COLUMNS] - column
+        if has_springs and first <= blocks * block:
+            spare = block - first % block
+            start = there + first + spare - block
+            last_x, last_y = row_at(target, there + first - 1)[0], row_at(target, there + target_plane + first - 1)[0]
+            ghosts_of(row_at(target, start), row_at(target, start + target_plane), last_x, last_y, spare)
+
+    return SimpleNamespace(
+        block=block, two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke,
+        has_springs=has_springs, has_gravity=has_gravity, has_pins="pins" in parts, has_damping="damping" in parts,
+        spring_pull_2d=spring_pull_2d, damped=damped, sum_pulls=sum_pulls, with_gravity=with_gravity,
+        alternating=alternating, pull_from_left=pull_from_left, sum_row=sum_row, sum_uneven_row=uneven.sum_row,
+        add_later_parts=add_later_parts, begin_walk=begin_walk, hold_pins=hold_pins, place_ghosts=place_ghosts,
+    )  # fmt: skip

@@ -1,0 +1,126 @@
+"""The mass-spring grid on CPU threads.
+
+Four kernels, the rungs of a ladder: `stages` (stage by stage over the whole grid, the teaching version), `fused` (one
+pass over the grid a step), `team` (no parallel region a step) and `tiled` (several steps a pass), each in a file of its
+own; mass_spring/grid/choice.py says which is taken when. In `exact` math all give the same bits, for any number of threads.
+"""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.layout import aligned_zeros, padded, plain
+from cpu_backend.core.progress import new_flags
+from cpu_backend.core.simulation import CpuSimulation
+from cpu_backend.core.threads import thread_count
+from cpu_backend.mass_spring.grid.choice import choose_kernel, tiling
+from cpu_backend.mass_spring.grid.kernels import SCRATCH_ROWS, make_advance
+from cpu_backend.mass_spring.grid.persistent import TEAM_FLAGS, TEAM_SCRATCH_ROWS, make_team_advance
+from cpu_backend.mass_spring.grid.rk4 import make_advance_rk4
+from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
+from cpu_backend.mass_spring.grid.stages import bind_stages
+from cpu_backend.mass_spring.grid.tiled import make_tiled_advance
+from model.core.plan import Executor, mass_spring_plan
+from model.core.simulation import Options
+from model.scene.scene import Scene
+
+
+@cache
+def processor_name() -> str:
+    """The processor as it calls itself."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            for line in file:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+class MassSpring(CpuSimulation):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads = thread_count(threads)
+        self.device = processor_name()
+        self.kernel = choose_kernel(scene, self.real, options.kernel)
+        self.plan = mass_spring_plan(scene, options.live)
+        rows, columns = self.body.rows, self.body.columns
+        self.record = self._record
+        self.integers = np.zeros(2, np.uint64)  # seed of the external force; 1 + poked particle, 0 for none
+        self.integers[0] = scene.external.seed if scene.external else 0
+        self._layout = plain(rows, columns) if self.kernel == "stages" else padded(rows, columns, self.real)
+        self._integers_of_layout = self._layout.integers()
+        self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
+        self._current = 0
+        self._kept = np.zeros(self._layout.size, self.real)
+        self._set_pins()
+        self._bands = min(self.threads, rows)
+        self._executor = self._make_executor()
+        self.reset()
+
+    def _make_executor(self) -> Executor:
+        """The kernel, compiled or from the cache, with the scratch memory that it needs."""
+        if self.kernel == "stages":
+            return Executor(self.plan, bind_stages(self))
+        bands, width = self._bands, self._layout.stride
+        make: Any = {"fused": make_advance, "team": make_team_advance, "tiled": make_tiled_advance}[self.kernel]
+        variant = self.real, self.options.math, self.scene.method.integrator, self.plan.parts
+        scratch = bands * width * (TEAM_SCRATCH_ROWS if self.kernel == "team" else SCRATCH_ROWS)
+        if self.kernel == "team":
+            self._progress = new_flags(TEAM_FLAGS * bands)
+        elif self.kernel == "tiled":
+            self._tiling = tiling(self.real, self._layout.columns)
+            scratch = bands * self._tiling.scratch
+        self._scratch = aligned_zeros(scratch, self.real).reshape(bands, -1)
+        if self._is_rk4:
+            self._kernel = make_advance_rk4(self.real, self.options.math, self.plan.parts)
+            return Executor(self.plan, {}, self._advance_rk4)
+        self._kernel = make(*variant)
+        run = {"fused": self._advance_fused, "team": self._advance_team, "tiled": self._advance_tiled}[self.kernel]
+        return Executor(self.plan, {}, run)
+
+    def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
+        """What every kernel of one-force integrators and velocity Verlet gets first."""
+        verlet = self.scene.method.integrator == "velocity-verlet"
+        first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
+        return (
+            steps + verlet, first, last, step, self._states, self._current, self._integers_of_layout, self.record,
+            self.integers, self._pin_start, self._pin_column, self._scratch,
+        )  # fmt: skip
+
+    def _advance_fused(self, step: int, steps: int) -> None:
+        arguments = self._passes(step, steps)
+        self._kernel(self._bands, *arguments)
+        self._current = (self._current + arguments[0]) % 2
+
+    def _advance_team(self, step: int, steps: int) -> None:
+        arguments = self._passes(step, steps)
+        self._progress.fill(0)
+        self._kernel(self._bands, *arguments, self._progress)
+        self._current = (self._current + arguments[0]) % 2
+
+    def _advance_tiled(self, step: int, steps: int) -> None:
+        arguments, tiles = self._passes(step, steps), self._tiling
+        self._kernel(self._bands, *arguments, tiles.levels, tiles.tile, tiles.halo, tiles.width)
+        self._current = (self._current - -arguments[0] // tiles.levels) % 2  # the states changed places once a way
+
+    def _advance_rk4(self, step: int, steps: int) -> None:
+        self._kernel(
+            self._bands, steps, step, self._states, self._integers_of_layout, self.record, self.integers, self._pin_start,
+            self._pin_column, self._scratch,
+        )  # fmt: skip
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        super()._upload(position, velocity)
+        current = self.current
+        columns, stride = self._layout.columns, self._layout.stride
+        spare = self._layout.view(self._flat, stride)[:, :, columns:]
+        spare[:2] = current[:2, :, columns - 1 :]  # ghosts, see core/layout.py
+        spare[2:] = 0

@@ -1,0 +1,130 @@
+"""The kernel `tiled`: several passes for one way through memory, for grids that no cache holds.
+
+A band of rows is taken in tiles of columns. A tile's walk goes down the rows with `levels` passes in flight: level k is
+one row behind level k - 1, whose last two rows it reads from a small ring; level 1 reads the state, the last level writes
+the other state. So a row is read once and written once for all the levels, and what lies between stays in the second
+cache. Nothing is exchanged: what a band or tile needs of its neighbours it computes as well. In rows exactly that much;
+in columns a halo of whole blocks on both sides, whose outer columns go bad by one column a level and are never used.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS
+from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
+from cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+
+RING = 2 * PLANES  # rows of a level's ring: two, of four planes
+LEVEL_ROWS = RING + ABOVE_ROWS
+
+
+def halo(levels: int, real: Any) -> int:
+    """Columns on each side of a tile that are computed besides: whole blocks, at least one a level but the last."""
+    block = block_of(real)
+    return -(-max(levels - 1, 1) // block) * block
+
+
+def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
+    """(width, size): scalars of a row of a tile's buffer, and of the whole buffer, a band's scratch.
+
+    A block before the rows and one after them is never computed, but may be read.
+    """
+    width = tile + 2 * halo(levels, real) + block_of(real)
+    return width, (levels * LEVEL_ROWS + SUM_ROWS) * width + 2 * block_of(real)
+
+
+@cache
+def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    scratches, levels, tile, halo, width): as the kernel `fused` (mass_spring/grid/kernels.py), but the states change places
+    only once for `levels` passes. `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
+    """
+    compiler = Compiler(variant_name("tiled", real, math, integrator, parts), math)
+    begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
+    kind_of = compiler.compiled(pass_kind)
+    block = np.int64(block_of(real))
+
+    @compiler.compiled
+    def walk_tile(
+        first, last, start, tile, halo, width, buffer, first_pass, levels, passes, first_kind, last_kind, step, source,
+        target, layout, record, integers, pin_start, pin_column,
+    ):  # fmt: skip
+        """`levels` passes of rows `first` to before `last`, columns `start` to before `start + tile`."""
+        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+        given = (layout, record, integers, pin_start, pin_column)
+        left = max(start - halo, 0)
+        all_blocks = (min(start + tile + halo, columns) - left + block - 1) // block
+        last_blocks = (min(start + tile, columns) - start + block - 1) // block
+        sums = row_at(buffer, levels * LEVEL_ROWS * width + block)
+        for front in range(max(first - levels, 0), last + levels - 1):  # the row of level 1
+            for level in range(1, levels + 1):
+                i, more = front - (level - 1), levels - level
+                top, bottom = max(first - more, 0), min(last + more, rows)
+                if i < top - 1 or i < 0 or i >= bottom:
+                    continue
+                column, blocks = left, all_blocks
+                if level == levels:
+                    column, blocks = start, last_blocks
+                ring = (level - 1) * LEVEL_ROWS * width + block  # of the level before
+                above = row_at(buffer, ring + RING * width)
+                if level == 1:
+                    level_source, source_plane = source, plane
+                    here, below = i * stride + column, (i + 1) * stride + column
+                else:
+                    level_source, source_plane = buffer, width
+                    here = ring + (i % 2) * PLANES * width + column - left
+                    below = ring + ((i + 1) % 2) * PLANES * width + column - left
+                if i < top:  # all that is wanted of this row is how it pulls the next
+                    begin_walk(i + 1, blocks, level_source, below, below - here, source_plane, record, above, width)
+                    continue
+                if i == 0:
+                    begin_walk(i, blocks, level_source, here, below - here, source_plane, record, above, width)
+                if i == rows - 1:
+                    below = here
+                if level == levels:
+                    level_target, there, target_plane = target, i * stride + column, plane
+                else:
+                    level_target, target_plane = buffer, width
+                    there = ring + LEVEL_ROWS * width + (i % 2) * PLANES * width
+                k = first_pass + level - 1
+                step_row(
+                    kind_of(k, passes, first_kind, last_kind), step + k, i, column, blocks, level_source, here, below,
+                    source_plane, level_target, there, target_plane, above, sums, width, given,
+                )  # fmt: skip
+
+    @compiler.compiled
+    def walk_band(
+        band, tile, halo, width, scratches, first_pass, levels, passes, first_kind, last_kind, step, states, current,
+        layout, record, integers, pin_start, pin_column,
+    ):  # fmt: skip
+        rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
+        bands = np.int64(scratches.shape[0])
+        first, last = rows * band // bands, rows * (band + 1) // bands
+        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+        for start in range(0, columns, tile):
+            walk_tile(
+                first, last, np.int64(start), tile, halo, width, scratches[band], first_pass, levels, passes, first_kind,
+                last_kind, step, source, target, layout, record, integers, pin_start, pin_column,
+            )  # fmt: skip
+
+    def advance(
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        pin_column, scratches, levels, tile, halo, width,
+    ):  # fmt: skip
+        for way in range((passes + levels - 1) // levels):
+            first_pass = way * levels
+            for band in shares(team, member, bands):
+                walk_band(
+                    np.int64(band), tile, halo, width, scratches, first_pass, min(levels, passes - first_pass), passes,
+                    first_kind, last_kind, step, states, (current + way) % 2, layout, record, integers, pin_start,
+                    pin_column,
+                )  # fmt: skip
+
+    return compiler.team(advance)

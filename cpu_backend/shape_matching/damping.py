@@ -1,0 +1,145 @@
+"""Damping of the motion inside clusters on CPU threads: clusters gather momenta, particles the clusters' rigid motions."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.shape_matching.shapes import AT_SHAPES
+from model.formulas import cluster, pace
+from model.formulas.cluster import LANES
+from model.formulas.pace import MOMENTA, MOTION
+from model.shape_matching.cluster_tables import shaping
+
+
+def at_damping(parts: frozenset[str]) -> int:
+    """Where in the clusters' arrays those of damping lie."""
+    return AT_SHAPES + 3 * bool(shaping(parts))
+
+
+def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> SimpleNamespace:
+    """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c; `slow(first, last, position,
+    velocity, count, arrays)`: particles towards those of their clusters. Arrays from `place` on: starts and clusters of
+    particles, factors, motions, flat. Nothing is done unless `damped`. `scratch`: MOMENTA * LANES numbers."""
+    if not damped:
+        return _undamped(compiler)
+    formulas, total = pace.make(real, compiler.compiled), cluster.make(real, compiler.compiled).total
+    weighted, added, turned = formulas.weighted, formulas.added, formulas.turned
+    motion, slowed = formulas.motion, formulas.slowed
+    at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
+    zero = real(0)
+
+    @compiler.row
+    def momenta_rows(blocks, x0, y0, z0, u0, v0, w0, slots, x, y, z, vx, vy, vz, mass, lanes):
+        for n in range(MOMENTA * LANES):
+            lanes[n] = zero
+        for block in range(blocks):
+            for lane in range(LANES):
+                e = block * LANES + lane
+                k, m = slots[e], mass[e]
+                dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
+                wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
+                ux, uy, uz = weighted(m, vx[k], u0), weighted(m, vy[k], v0), weighted(m, vz[k], w0)
+                lanes[lane] = lanes[lane] + wx
+                lanes[LANES + lane] = lanes[LANES + lane] + wy
+                lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
+                lanes[3 * LANES + lane] = lanes[3 * LANES + lane] + ux
+                lanes[4 * LANES + lane] = lanes[4 * LANES + lane] + uy
+                lanes[5 * LANES + lane] = lanes[5 * LANES + lane] + uz
+                lanes[6 * LANES + lane] = turned(lanes[6 * LANES + lane], dy, uz, dz, uy)
+                lanes[7 * LANES + lane] = turned(lanes[7 * LANES + lane], dz, ux, dx, uz)
+                lanes[8 * LANES + lane] = turned(lanes[8 * LANES + lane], dx, uy, dy, ux)
+                lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dx)
+                lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wy, dy)
+                lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, dz)
+                lanes[12 * LANES + lane] = added(lanes[12 * LANES + lane], wx, dy)
+                lanes[13 * LANES + lane] = added(lanes[13 * LANES + lane], wx, dz)
+                lanes[14 * LANES + lane] = added(lanes[14 * LANES + lane], wy, dz)
+
+    @compiler.compiled
+    def sum_of(lanes, n):
+        k = n * LANES
+        return total(
+            lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6], lanes[k + 7],
+            lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13], lanes[k + 14],
+            lanes[k + 15],
+        )  # fmt: skip
+
+    @compiler.compiled
+    def gather(c, position, velocity, count, arrays, scratch):
+        starts, firsts, slots, members, leans = arrays[0], arrays[1], arrays[3], arrays[4], arrays[5]
+        start, entries, k = starts[c], members.size // 4, np.int64(firsts[c])
+        x, y, z = position[k], position[count + k], position[2 * count + k]
+        u, v, w = velocity[k], velocity[count + k], velocity[2 * count + k]
+        momenta_rows(
+            (starts[c + 1] - start) // LANES, x, y, z, u, v, w, row_at(slots, start), position, row_at(position, count),
+            row_at(position, 2 * count), velocity, row_at(velocity, count), row_at(velocity, 2 * count),
+            row_at(members, 3 * entries + start), scratch,
+        )  # fmt: skip
+        motions, n = arrays[at_motions], MOTION * c
+        (
+            motions[n], motions[n + 1], motions[n + 2], motions[n + 3], motions[n + 4], motions[n + 5], motions[n + 6],
+            motions[n + 7], motions[n + 8],
+        ) = motion(
+            sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2), sum_of(scratch, 3), sum_of(scratch, 4),
+            sum_of(scratch, 5), sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9),
+            sum_of(scratch, 10), sum_of(scratch, 11), sum_of(scratch, 12), sum_of(scratch, 13), sum_of(scratch, 14),
+            leans[4 * c + 3], x, y, z, u, v, w,
+        )  # fmt: skip
+
+    @compiler.compiled
+    def slow(first, last, position, velocity, count, arrays):
+        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        for k in range(first, last):
+            px, py, pz = position[k], position[count + k], position[2 * count + k]
+            vx, vy, vz = velocity[k], velocity[count + k], velocity[2 * count + k]
+            x, y, z = zero, zero, zero
+            for n in range(starts[k], starts[k + 1]):
+                g, factor = row_at(motions, np.int64(MOTION) * clusters[n]), factors[n]
+                dx, dy, dz = px - g[0], py - g[1], pz - g[2]
+                x = slowed(x, factor, g[3], g[7], dz, g[8], dy, vx)
+                y = slowed(y, factor, g[4], g[8], dx, g[6], dz, vy)
+                z = slowed(z, factor, g[5], g[6], dy, g[7], dx, vz)
+            velocity[k] = vx + x
+            velocity[count + k] = vy + y
+            velocity[2 * count + k] = vz + z
+
+    return SimpleNamespace(gather=gather, slow=slow)
+
+
+def _undamped(compiler: Compiler) -> SimpleNamespace:
+    @compiler.compiled
+    def gather(c, position, velocity, count, arrays, scratch):
+        pass
+
+    @compiler.compiled
+    def slow(first, last, position, velocity, count, arrays):
+        pass
+
+    return SimpleNamespace(gather=gather, slow=slow)
+
+
+@cache
+def make_damping_stage(real: Any, math: str, place: int) -> Any:
+    """damp(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, a parallel loop each;
+    `pitch`: numbers of a band's scratch."""
+    compiler = Compiler(f"bodies_damping_{np.dtype(real).name}_{math}_{place}", math)
+    made = make_damping(compiler, real, True, place)
+    gather, slow = made.gather, made.slow
+
+    def damp(team, member, bands, position, velocity, count, arrays, scratch, pitch):
+        clusters = arrays[5].size // 4
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                gather(c, position, velocity, count, arrays, room)
+        for band in shares(team, member, bands):
+            slow(count * band // bands, count * (band + 1) // bands, position, velocity, count, arrays)
+
+    return compiler.team(damp)

@@ -1,0 +1,120 @@
+"""Shape matching of a grid on CPU threads: the lab's third solver, with the forces and the loop of the position-based ones.
+
+Kernels: `fused` (many steps in one call, one pass over the grid an iteration) and `stages`; see shape_matching/matching.py.
+In `exact` math both give the same bits, for any number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
+from cpu_backend.core.simulation import CpuSimulation
+from cpu_backend.core.threads import thread_count
+from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.shape_matching.matching import STATES, make_matching_advance, make_matching_stages, scratch_rows
+from cpu_backend.shape_matching.matching_rows import CLUSTER
+from cpu_backend.xpbd.solver import choose_kernel
+from cpu_backend.xpbd.stages import make_point_stages
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.scene.scene import Scene
+from model.shape_matching.lattice import TABLE, matching_axis
+from model.xpbd.plan import xpbd_plan
+
+
+def aligned(rows: int, columns: int, real: Any) -> Layout:
+    """Rows that begin at cache lines, an odd number of them apart; planes without a gap."""
+    block = block_of(real)
+    stride = -(-columns // block) * block
+    stride += block * (stride // block % 2 == 0)
+    return Layout(rows, columns, stride, rows * stride)
+
+
+class ShapeMatching(CpuSimulation):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads = thread_count(threads)
+        self.device = processor_name()
+        self.kernel = choose_kernel(options.kernel)
+        self.plan = xpbd_plan(scene, options.live)
+        self.record = self._record
+        self.integers = np.zeros(2, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none
+        self.integers[0] = scene.external.seed if scene.external else 0
+        rows, columns, region = self.body.rows, self.body.columns, scene.method.region
+        self._tables = tuple(matching_axis(count, region).table(self.real) for count in (rows, columns))
+        self._weights = (self.body.inverse_mass > 0).astype(self.real).reshape(rows, columns)
+        self._layout = plain(rows, columns) if self.kernel == "stages" else aligned(rows, columns, self.real)
+        self._bands = min(self.threads, rows)
+        self._current = 0
+        self._set_pins()
+        self._states = aligned_zeros((1 if self.kernel == "stages" else STATES) * self._layout.size, self.real)
+        self._kept = np.zeros(self._layout.size, self.real)
+        self._executor = self._staged() if self.kernel == "stages" else self._fused()
+        self.reset()
+
+    # ------------------------------------------------------------------ the kernels
+
+    def _staged(self) -> Executor:
+        return Executor(self.plan, self._stages())
+
+    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+        real, math, region = self.real, self.options.math, self.scene.method.region
+        parts = self.plan.parts & {"damping"}
+        compiler = Compiler(f"matching_point_{np.dtype(real).name}_{math}_{''.join(parts)}", math)
+        point = make_point_stages(compiler, real, parts)
+        matching = make_matching_stages(real, math, region)
+        position, velocity, weights = self.current[:2], self.current[2:], self._weights
+        before, acceleration = np.zeros_like(position), np.zeros_like(position)
+        clusters, aside = np.zeros((CLUSTER, *weights.shape), real), np.zeros_like(position)
+
+        def predict(step: int, offset: float) -> None:
+            point.predict(position, velocity, before, acceleration, weights, self.record)
+            acceleration[...] = 0
+
+        def move(step: int, offset: float) -> None:
+            matching.move(position, clusters, *self._tables, weights, self.record, aside)
+            position[...] = aside
+
+        return {
+            "gravity": lambda step, offset: point.gravity(acceleration, self.record),
+            "external force": lambda step, offset: point.external(
+                acceleration, weights, self.record, self.integers, step
+            ),
+            "poke": lambda step, offset: point.poke(acceleration, weights, self.record, self.integers),
+            "predict": predict,
+            "match clusters": lambda step, offset: matching.match(position, *self._tables, clusters),
+            "move to goals": move,
+            "update velocity": lambda step, offset: point.update_velocity(
+                position, velocity, before, weights, self.record
+            ),
+        }  # fmt: skip
+
+    def _fused(self) -> Executor:
+        rows, region, layout = self.body.rows, self.scene.method.region, self._layout
+        self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
+        self._room, self._place_after = scratch_rows(region) * layout.stride, np.zeros(1, np.int64)
+        self._scratch = aligned_zeros(self._bands * self._room, self.real)
+        wide = np.zeros((TABLE, layout.stride), self.real)
+        wide[:, : layout.columns] = self._tables[1]
+        self._wide_table = wide.reshape(-1)
+        weights = np.zeros((rows, layout.stride), self.real)
+        weights[:, : layout.columns] = self._weights
+        self._wide_weights = weights.reshape(-1)
+        return Executor(self.plan, {}, self._advance)
+
+    def _advance(self, step: int, steps: int) -> None:
+        method, layout = self.scene.method, self._layout
+        advance = make_matching_advance(self.real, self.options.math, method.region, self.plan.parts)
+        advance(
+            self._bands, steps, step, method.substeps, method.iterations, self._bounds, layout.rows, layout.columns,
+            layout.stride, self._states, self._current, self._tables[0], self._wide_table, self._wide_weights, self.record,
+            self.integers, self._scratch, self._room, self._place_after,
+        )  # fmt: skip
+        self._current = int(self._place_after[0])

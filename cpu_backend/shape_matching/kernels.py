@@ -1,0 +1,323 @@
+"""Clusters of particles on CPU threads: whole blocks of LANES particles, and of LANES clusters, a vector operation each.
+
+Positions and velocities are three planes each, an axis a plane. A body's particles begin at a multiple of LANES, and what
+is left of its last block are *ghosts*, which weigh nothing and belong to no one; so do the entries of a cluster. A body of
+one cluster, which holds its particles in their order (`lone`), is summed up and moved without an index; others gather.
+Which thread does which part, and in how many parts, changes no bit.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import make_collide_mass
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
+from model.formulas import cluster, distance, rotation
+from model.formulas.cluster import LANES, MOMENTS
+from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY, C_POKE_X
+from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP
+
+AXES = 3
+FRAME = 12  # numbers of a cluster that particles go by: its rotation, by rows, and its centre
+QUATERNION = 4
+# rows of a band's scratch, LANES numbers each: the lanes of a cluster's moments, the moments of LANES clusters, their
+# leans, their rotations of before, the new ones and whether those are reached, their linear maps
+AT_SUMS, AT_LEAN = MOMENTS, 2 * MOMENTS
+AT_OLD = AT_LEAN + AXES
+AT_NEW = AT_OLD + QUATERNION
+AT_MAPS = AT_NEW + QUATERNION + 1
+SCRATCH = AT_MAPS + ENTRIES
+
+
+def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities; `collide`."""
+    formulas = distance.make(real, compiler.compiled)
+    kicked, kept, predicted, added, rate_of = (
+        formulas.kicked, formulas.kept, formulas.predicted, formulas.added, formulas.rate
+    )  # fmt: skip
+    touch = make_collide_mass(compiler, real, parts)
+    has_gravity, has_poke, has_damping = "gravity" in parts, "poke" in parts, "damping" in parts
+    has_spare, zero, one = "spare" in parts, real(0), real(1)
+
+    @compiler.row
+    def predict_rows(blocks, poked, record, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
+        """`poked`: which of them is, or one that is not there."""
+        h = record[C_DT]
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                w = weights[k]
+                ax, ay, az = zero, zero, zero
+                if has_gravity:
+                    ay = ay + record[C_GRAVITY]
+                if has_poke:
+                    here = one if k == poked else zero
+                    ax = added(ax, w, here * record[C_POKE_X])
+                    ay = added(ay, w, here * record[C_POKE_X + 1])
+                    az = added(az, w, here * record[C_POKE_X + 2])
+                keep = kept(record[X_DRAG], w) if has_damping else one
+                px = predicted(x[k], h, kicked(vx[k], keep, h, ax))
+                py = predicted(y[k], h, kicked(vy[k], keep, h, ay))
+                pz = predicted(z[k], h, kicked(vz[k], keep, h, az))
+                to_x[k] = px if not has_spare or w > zero else x[k]
+                to_y[k] = py if not has_spare or w > zero else y[k]
+                to_z[k] = pz if not has_spare or w > zero else z[k]
+
+    @compiler.compiled
+    def begin(first, last, count, before, after, velocity, weights, record, poked):
+        """The particles from `first` to before `last`, of `count` of a plane."""
+        predict_rows(
+            (last - first) // LANES, poked - first, record, row_at(weights, first), row_at(before, first),
+            row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
+            row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
+            row_at(after, count + first), row_at(after, 2 * count + first),
+        )  # fmt: skip
+
+    @compiler.row
+    def rate_rows(blocks, record, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz):
+        inverse = record[X_INVERSE_SUBSTEP]
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                goes = not has_spare or weights[k] > zero
+                vx[k] = rate_of(to_x[k], x[k], inverse) if goes else zero
+                vy[k] = rate_of(to_y[k], y[k], inverse) if goes else zero
+                vz[k] = rate_of(to_z[k], z[k], inverse) if goes else zero
+
+    @compiler.compiled
+    def rate(first, last, count, before, after, velocity, weights, record):
+        rate_rows(
+            (last - first) // LANES, record, row_at(weights, first), row_at(before, first), row_at(before, count + first),
+            row_at(before, 2 * count + first), row_at(after, first), row_at(after, count + first),
+            row_at(after, 2 * count + first), row_at(velocity, first), row_at(velocity, count + first),
+            row_at(velocity, 2 * count + first),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds):
+        for k in range(first, last):
+            if has_spare and weights[k] == zero:
+                continue  # also of ghosts
+            px, py, pz, vx, vy, vz = touch(
+                bodies, kinds, number, record, before[k], before[count + k], before[2 * count + k], after[k],
+                after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
+            )  # fmt: skip
+            after[k] = px
+            after[count + k] = py
+            after[2 * count + k] = pz
+            velocity[k] = vx
+            velocity[count + k] = vy
+            velocity[2 * count + k] = vz
+
+    return SimpleNamespace(begin=begin, rate=rate, collide=collide)
+
+
+def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
+    """`match(first, last, position, count, arrays, rotation, turned, frames, scratch)`: clusters, at most LANES of them:
+    `sum_up(c, place, position, count, arrays, scratch)`, the moments of cluster c into place `place` of the scratch, and
+    `turn`, their rotations, from `rotation` into `turned` and, with their centres, into `frames`."""
+    formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
+    weighted, added, total = formulas.weighted, formulas.added, formulas.total
+    upright, centre = formulas.upright, formulas.centre
+    near, far, matrix_of = (
+        turns.rotation_3d_near,
+        rotation.make(real, compiler.compiled).rotation_3d_far,
+        turns.matrix_of,
+    )
+    shapes = make_shapes(compiler, real, shaping, AXES)
+    prepare, finish = shapes.prepare, shapes.finish
+    zero, one = real(0), real(1)
+
+    def make_sum(gathers: bool) -> Any:
+        def sum_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_y, rest_z, mass, lanes):
+            for row in range(MOMENTS * LANES):
+                lanes[row] = zero
+            for block in range(blocks):
+                for lane in range(LANES):
+                    e = block * LANES + lane
+                    k = slots[e] if gathers else e
+                    wx, wy = weighted(mass[e], x[k], first_x), weighted(mass[e], y[k], first_y)
+                    wz = weighted(mass[e], z[k], first_z)
+                    lanes[lane] = lanes[lane] + wx
+                    lanes[LANES + lane] = lanes[LANES + lane] + wy
+                    lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
+                    lanes[3 * LANES + lane] = added(lanes[3 * LANES + lane], wx, rest_x[e])
+                    lanes[4 * LANES + lane] = added(lanes[4 * LANES + lane], wx, rest_y[e])
+                    lanes[5 * LANES + lane] = added(lanes[5 * LANES + lane], wx, rest_z[e])
+                    lanes[6 * LANES + lane] = added(lanes[6 * LANES + lane], wy, rest_x[e])
+                    lanes[7 * LANES + lane] = added(lanes[7 * LANES + lane], wy, rest_y[e])
+                    lanes[8 * LANES + lane] = added(lanes[8 * LANES + lane], wy, rest_z[e])
+                    lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wz, rest_x[e])
+                    lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wz, rest_y[e])
+                    lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, rest_z[e])
+
+        sum_rows.__name__ = "gather_rows" if gathers else "sum_rows"
+        return compiler.row(sum_rows)
+
+    sum_rows, gather_rows = make_sum(False), make_sum(True)
+
+    @compiler.row
+    def add_lanes(lanes, sums):
+        for n in range(MOMENTS):
+            k = n * LANES
+            sums[k] = total(
+                lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6],
+                lanes[k + 7], lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13],
+                lanes[k + 14], lanes[k + 15],
+            )  # fmt: skip
+
+    @compiler.compiled
+    def sum_up(c, place, position, count, arrays, scratch):
+        starts, firsts, straight, slots, members = arrays[0], arrays[1], arrays[2], arrays[3], arrays[4]
+        start, blocks, entries = starts[c], (starts[c + 1] - starts[c]) // LANES, members.size // 4
+        first = np.int64(firsts[c])
+        x, y, z = position[first], position[count + first], position[2 * count + first]
+        rest_x, rest_y = row_at(members, start), row_at(members, entries + start)
+        rest_z, mass = row_at(members, 2 * entries + start), row_at(members, 3 * entries + start)
+        if straight[c]:
+            sum_rows(
+                blocks, x, y, z, row_at(slots, start), row_at(position, first), row_at(position, count + first),
+                row_at(position, 2 * count + first), rest_x, rest_y, rest_z, mass, scratch,
+            )  # fmt: skip
+        else:
+            gather_rows(
+                blocks, x, y, z, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count), rest_x,
+                rest_y, rest_z, mass, scratch,
+            )  # fmt: skip
+        add_lanes(scratch, row_at(scratch, np.int64(AT_SUMS * LANES + place)))
+
+    @compiler.row
+    def raise_rows(lean, sums):
+        for axis in range(AXES):
+            for other in range(AXES):
+                k = (AXES + AXES * axis + other) * LANES
+                for lane in range(LANES):
+                    sums[k + lane] = upright(sums[k + lane], sums[axis * LANES + lane], lean[other * LANES + lane])
+
+    @compiler.row
+    def near_rows(sums, old, new):
+        for lane in range(LANES):
+            w, x, y, z, reached = near(
+                sums[3 * LANES + lane], sums[4 * LANES + lane], sums[5 * LANES + lane], sums[6 * LANES + lane],
+                sums[7 * LANES + lane], sums[8 * LANES + lane], sums[9 * LANES + lane], sums[10 * LANES + lane],
+                sums[11 * LANES + lane], old[lane], old[LANES + lane], old[2 * LANES + lane], old[3 * LANES + lane],
+            )  # fmt: skip
+            new[lane] = w
+            new[LANES + lane] = x
+            new[2 * LANES + lane] = y
+            new[3 * LANES + lane] = z
+            new[4 * LANES + lane] = one if reached else zero
+
+    @compiler.compiled
+    def turn(first, last, position, count, arrays, rotation, turned, frames, scratch):
+        firsts, leans = arrays[1], arrays[5]
+        clusters = leans.size // 4
+        lean = row_at(scratch, np.int64(AT_LEAN * LANES))
+        sums, old = row_at(scratch, np.int64(AT_SUMS * LANES)), row_at(scratch, np.int64(AT_OLD * LANES))
+        new = row_at(scratch, np.int64(AT_NEW * LANES))
+        for n in range(last - first):
+            for part in range(QUATERNION):
+                old[part * LANES + n] = rotation[part * clusters + first + n]
+            for axis in range(AXES):
+                lean[axis * LANES + n] = leans[4 * (first + n) + axis]
+        raise_rows(lean, sums)
+        maps = row_at(scratch, np.int64(AT_MAPS * LANES))
+        for n in range(last - first):
+            prepare(first + n, n, arrays, sums, maps)
+        near_rows(sums, old, new)
+        for n in range(last - first):
+            c, k = first + n, np.int64(firsts[first + n])
+            w, x, y, z = new[n], new[LANES + n], new[2 * LANES + n], new[3 * LANES + n]
+            if new[4 * LANES + n] == zero:
+                w, x, y, z = far(
+                    sums[3 * LANES + n], sums[4 * LANES + n], sums[5 * LANES + n], sums[6 * LANES + n],
+                    sums[7 * LANES + n], sums[8 * LANES + n], sums[9 * LANES + n], sums[10 * LANES + n],
+                    sums[11 * LANES + n], w, x, y, z,
+                )  # fmt: skip
+            turned[c] = w
+            turned[clusters + c] = x
+            turned[2 * clusters + c] = y
+            turned[3 * clusters + c] = z
+            frame = row_at(frames, np.int64(FRAME * c))
+            (frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8]) = finish(
+                c, n, arrays, maps, *matrix_of(w, x, y, z)
+            )
+            for axis in range(AXES):
+                frame[9 + axis] = centre(
+                    position[axis * count + k], sums[axis * LANES + n], leans[4 * c + 3], frame[3 * axis],
+                    frame[3 * axis + 1], frame[3 * axis + 2], leans[4 * c], leans[4 * c + 1], leans[4 * c + 2],
+                )  # fmt: skip
+
+    @compiler.compiled
+    def match(first, last, position, count, arrays, rotation, turned, frames, scratch):
+        for c in range(first, last):
+            sum_up(c, c - first, position, count, arrays, scratch)
+        turn(first, last, position, count, arrays, rotation, turned, frames, scratch)
+
+    return SimpleNamespace(match=match, sum_up=sum_up, turn=turn)
+
+
+def make_goals(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`move_lone(c, position, count, arrays, factors, frames)`: the particles of a lone cluster towards their goals;
+    `move(first, last, position, count, own, own_factors, frames)`: those of any clusters, which they gather."""
+    formulas = cluster.make(real, compiler.compiled)
+    goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
+    zero = real(0)
+
+    @compiler.row
+    def move_rows(blocks, frame, factor, rest_x, rest_y, rest_z, x, y, z):
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                a, b, c = rest_x[k], rest_y[k], rest_z[k]
+                x[k] = arrived(
+                    x[k], added_way(zero, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), x[k])
+                )
+                y[k] = arrived(
+                    y[k], added_way(zero, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), y[k])
+                )
+                z[k] = arrived(
+                    z[k], added_way(zero, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), z[k])
+                )
+
+    @compiler.compiled
+    def move_lone(c, position, count, arrays, factors, frames):
+        starts, firsts, members = arrays[0], arrays[1], arrays[4]
+        start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
+        move_rows(
+            (starts[c + 1] - start) // LANES, row_at(frames, np.int64(FRAME * c)), factors[start], row_at(members, start),
+            row_at(members, entries + start), row_at(members, 2 * entries + start), row_at(position, first),
+            row_at(position, count + first), row_at(position, 2 * count + first),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def move(first, last, position, count, own, own_factors, frames):
+        starts, clusters, rests = own
+        for k in range(first, last):
+            px, py, pz = position[k], position[count + k], position[2 * count + k]
+            x, y, z = zero, zero, zero
+            for n in range(starts[k], starts[k + 1]):
+                frame, factor = row_at(frames, np.int64(FRAME) * clusters[n]), own_factors[n]
+                a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
+                x = added_way(x, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), px)
+                y = added_way(y, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), py)
+                z = added_way(z, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), pz)
+            position[k] = arrived(px, x)
+            position[count + k] = arrived(py, y)
+            position[2 * count + k] = arrived(pz, z)
+
+    return SimpleNamespace(move_lone=move_lone, move=move)
+
+
+@cache
+def make_matching(real: Any, math: str, shaping: frozenset[str] = frozenset()) -> SimpleNamespace:
+    """What hangs on no other parts of a scene than `shaping`, compiled once for all of them: `make_clusters` and
+    `make_goals`."""
+    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping)]), math)
+    return SimpleNamespace(**vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real)))

@@ -1,0 +1,70 @@
+"""Where the lattices of a crowd lie in memory, and how they are shared out among CPU threads; see
+shape_matching/lattice.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.layout import aligned_zeros
+from cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
+from model.scene.parts import Method
+from model.shape_matching.crowd import Crowd
+from model.shape_matching.lattice import T_INVERSE, T_MASS, VALUES
+
+NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three tables begin, and that of a slice
+PENCIL = 5  # numbers of a pencil
+PARTS = 4  # that each thread gets of what is shared out, at least
+LONG = 128  # masses along a pencil's rows, if it can be: calls cost as much as short rows
+QUATERNION, FRAME = 4, 12
+
+
+class Lattices:
+    """What kernels get of a crowd's lattices, `slots` being where its particles lie in planes of `count`: `arrays` (numbers,
+    slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster, first y and the one
+    behind the last; tables, values, work, rotation, scratch, room), `rotation` (4, clusters) flat, `frames` as those of
+    other clusters."""
+
+    def __init__(self, crowd: Crowd, slots: np.ndarray, count: int, bands: int, real: Any):
+        self.copies, self.real = crowd.lattices, real
+        loose = min((one.first_cluster for one in self.copies), default=0)
+        numbers, slices, pencils, tables = [], [], [], [np.zeros(0)]
+        room = begin = 0
+        for n, one in enumerate(self.copies):
+            nx, ny, nz = one.lattice.counts
+            places = [begin]
+            for axis in one.lattice.axes:
+                tables.append(axis.table(real).reshape(-1))
+                places.append(places[-1] + tables[-1].size)
+            x, y = (axis.table(real) for axis in one.lattice.axes[:2])
+            tables += [(y[row][:, None] * x[row]).reshape(-1) for row in (T_MASS, T_INVERSE)]
+            numbers.append((nx, ny, nz, one.lattice.region, *places))
+            begin = places[-1] + 2 * nx * ny
+            width = 2 * one.lattice.region + 1
+            rows = max(1, min(LONG // nx, ny * one.copies // (PARTS * bands)))
+            room = max(
+                room, nx * ((LINE + SLICE) * max(ny, width) + SLICE + 3),
+                nx * min(rows, ny) * WINDOW * (nz + max(1, min(nz, width)) + 1),
+            )  # fmt: skip
+            for copy in range(one.copies):
+                first = int(slots[one.first_particle + copy * one.lattice.size])
+                cluster = one.first_cluster - loose + copy * one.lattice.size
+                slices += [(n, first, z) for z in range(nz)]
+                pencils += [(n, first, cluster, low, min(low + rows, ny)) for low in range(0, ny, rows)]
+        self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
+        self.values = np.zeros(VALUES * len(self.copies), real)
+        self.rotation = np.zeros(QUATERNION * self.clusters, real)
+        self.turned = np.zeros_like(self.rotation)
+        self.frames = np.zeros(FRAME * self.clusters, real)
+        room = -(-room // 16) * 16
+        self.arrays = (
+            np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),
+            np.array(pencils, np.int64).reshape(-1, PENCIL), np.concatenate(tables).astype(real), self.values,
+            aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, aligned_zeros(room * bands, real), room,
+        )  # fmt: skip
+
+    def change(self, method: Method) -> None:
+        """Follow a step that has changed."""
+        for values, one in zip(self.values.reshape(-1, VALUES), self.copies, strict=True):
+            values[:] = one.values(method.dt / method.substeps, method.iterations)

@@ -1,0 +1,121 @@
+"""Where the particles, entries and clusters of a crowd lie in memory, in whole blocks of LANES; see
+shape_matching/kernels.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from model.formulas.cluster import LANES
+from model.shape_matching.cluster_tables import first_particles, leans
+from model.shape_matching.clusters import Clusters
+
+Bounds = tuple[np.ndarray, np.ndarray]  # first particles and first clusters of bodies, and the ends of the last one
+
+
+def blocks_of(sizes: np.ndarray) -> np.ndarray:
+    """`sizes` in whole blocks, as places where each begins; the last one is the end."""
+    found: np.ndarray = np.concatenate([[0], np.cumsum(-(-sizes // LANES) * LANES)]).astype(np.int64)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """`slots` (particles,): where each particle lies in a plane of `count`; `groups` and `work` (groups,), what they cost in
+    particles and entries: see bodies_loops.make_bodies_apart; `arrays` (starts, firsts, straight, slots of entries,
+    members, leans), `own` (starts, clusters, rest offsets), `of_entry` and `of_own`: the entry whose factor goes
+    there, -1 of a ghost."""
+
+    slots: np.ndarray
+    count: int
+    groups: np.ndarray
+    work: np.ndarray
+    arrays: tuple[np.ndarray, ...]
+    own: tuple[np.ndarray, ...]
+    of_entry: np.ndarray
+    of_own: np.ndarray
+
+    def bands(self, threads: int) -> np.ndarray:
+        """(threads + 1,): the first group of each thread, so that they have as much to do as groups allow."""
+        ends = np.concatenate([[0], np.cumsum(self.work)])
+        inner = np.searchsorted(ends, ends[-1] * np.arange(1, threads) / threads - 0.5 * self.work.mean())
+        return np.array([0, *inner, len(self.work)], np.int64)
+
+    def evenness(self, threads: int) -> float:
+        """What the busiest thread has to do, over its fair part."""
+        ends = np.concatenate([[0], np.cumsum(self.work)])[self.bands(threads)]
+        return float(np.diff(ends).max() * threads / max(1, ends[-1]))
+
+
+def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> Layout:
+    """Of bodies that are particles and clusters one after the other. Groups are made so that `threads` threads share them."""
+    first_particle, first_cluster = bounds
+    particles, begins = np.diff(first_particle), blocks_of(np.diff(first_particle))
+    count = int(begins[-1])
+    slots = np.arange(first_particle[-1]) + np.repeat(begins[:-1] - first_particle[:-1], particles)
+    sizes = np.diff(clusters.offsets)
+    starts = blocks_of(sizes)
+    place = np.arange(len(clusters.indices)) + np.repeat(starts[:-1] - clusters.offsets[:-1], sizes)
+    body_end = np.repeat(begins[1:], np.diff(first_cluster))  # of each cluster's body
+    firsts = np.zeros(clusters.count, np.int32) if not len(slots) else slots[first_particles(clusters)].astype(np.int32)
+
+    entry_slots = np.repeat(firsts, np.diff(starts))
+    entry_slots[place] = slots[clusters.indices]
+    steady = entry_slots[place] == np.repeat(firsts - clusters.offsets[:-1], sizes) + np.arange(len(place))
+    straight = np.bincount(clusters.owner, ~steady, clusters.count) == 0
+    straight &= firsts + np.diff(starts) <= body_end
+    members = np.zeros((4, int(starts[-1])))
+    members[:3, place], members[3, place] = clusters.rest.T, clusters.masses
+    of_entry = np.full(int(starts[-1]), -1)
+    of_entry[place] = np.arange(len(place))
+
+    own_offsets, own_entries = clusters.of_particle
+    own_count = np.zeros(count, np.int64)
+    own_count[slots] = np.diff(own_offsets)
+    own = (
+        np.concatenate([[0], np.cumsum(own_count)]).astype(np.int32),
+        clusters.owner[own_entries],
+        np.ascontiguousarray(clusters.rest[own_entries], real).reshape(-1),
+    )
+    arrays = (
+        starts, firsts, straight.astype(np.uint8), entry_slots.astype(np.int32), members.astype(real).reshape(-1),
+        leans(clusters, real).reshape(-1),
+    )  # fmt: skip
+
+    one = (np.diff(first_cluster) == 1) & (particles > 0)
+    lone = np.zeros(len(particles), bool)
+    own_cluster = first_cluster[:-1][one]
+    lone[one] = straight[own_cluster] & (sizes[own_cluster] == particles[one])
+    lone[one] &= np.bincount(clusters.owner, clusters.shares != 1, clusters.count)[own_cluster] == 0
+    work = particles + np.diff(clusters.offsets[first_cluster])
+    groups, costs = [], []
+    for first, last in _runs(lone, work, threads):
+        groups.append((begins[first], begins[last], first_cluster[first], first_cluster[last], int(lone[first])))
+        costs.append(work[first:last].sum())
+    return Layout(
+        slots, count, np.array(groups, np.int64).reshape(-1, 5), np.array(costs, np.int64), arrays, own, of_entry,
+        own_entries.astype(np.int64),
+    )  # fmt: skip
+
+
+def _runs(lone: np.ndarray, work: np.ndarray, threads: int) -> list[tuple[int, int]]:
+    """(first, behind the last) body of each group: lone ones up to LANES together, others by themselves, none over the
+    border of two threads' parts."""
+    thread = (np.cumsum(work) - work / 2) * threads // max(1, work.sum())
+    found: list[tuple[int, int]] = []
+    first = 0
+    while first < len(lone):
+        last = first + 1
+        if lone[first]:
+            while last < len(lone) and lone[last] and thread[last] == thread[first]:
+                last += 1
+            parts = -(-(last - first) // LANES)
+            edges = first + (last - first) * np.arange(parts + 1) // parts
+            found += [(int(a), int(b)) for a, b in pairwise(edges)]
+        else:
+            found.append((first, last))
+        first = last
+    return found

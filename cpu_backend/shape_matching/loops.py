@@ -1,0 +1,194 @@
+"""The loops of bodies over many steps, and stage by stage: which thread does which particles and clusters when.
+
+In `exact` math all give the same bits, for any number of threads. See shape_matching/kernels.py for what is done to them.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.shape_matching.damping import at_damping, make_damping
+from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching, make_particles
+from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from model.formulas import distance
+from model.formulas.cluster import LANES
+from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY, C_POKE_X
+from model.scene.cloth import COLLIDER_KINDS
+from model.shape_matching.cluster_tables import shaping
+from model.xpbd.parameters import X_DRAG
+
+
+@cache
+def make_matching_stages(real: Any, math: str, shaping: frozenset[str] = frozenset()) -> SimpleNamespace:
+    """`match(bands, position, count, arrays, rotation, turned, frames, scratch)`, all clusters, and `move(bands, position,
+    count, own, own_factors, frames)`, all particles: a parallel loop each, over `bands` parts. `count`: particles and
+    ghosts; `scratch`: flat, SCRATCH * LANES a band."""
+    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping)]), math)
+    made = make_matching(real, math, shaping)
+    match_some, move_some = made.match, made.move
+
+    def match(band, bands, position, count, arrays, rotation, turned, frames, scratch):
+        clusters = arrays[5].size // 4
+        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+        stop = clusters * (band + 1) // bands
+        for first in range(clusters * band // bands, stop, LANES):
+            match_some(first, min(first + LANES, stop), position, count, arrays, rotation, turned, frames, room)
+
+    def move(band, bands, position, count, own, own_factors, frames):
+        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, own_factors, frames)
+
+    return SimpleNamespace(match=compiler.banded(match), move=compiler.banded(move))
+
+
+@cache
+def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that look at one particle, a parallel loop each: `gravity`, `poke`, `predict`, `update`, `collide`. `count`:
+    particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
+    compiler = Compiler(cloth_variant("bodies_stages", real, math, parts), math)
+    made = make_particles(compiler, real, parts)
+    rate_some, collide_some = made.rate, made.collide
+
+    formulas = distance.make(real, compiler.compiled)
+    kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
+    has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
+
+    def gravity(count, record, a):
+        for k in prange(count):
+            a[count + k] = a[count + k] + record[C_GRAVITY]
+
+    def poke(count, weights, record, poked, a):
+        for axis in prange(AXES):
+            if poked >= 0:
+                a[axis * count + poked] = added(a[axis * count + poked], weights[poked], record[C_POKE_X + axis])
+
+    def predict(count, before, position, velocity, weights, record, a):
+        h = record[C_DT]
+        for k in prange(AXES * count):
+            before[k] = position[k]
+            keep = kept(record[X_DRAG], weights[k % count]) if has_damping else one
+            goes = not has_spare or weights[k % count] > zero
+            position[k] = predicted(before[k], h, kicked(velocity[k], keep, h, a[k])) if goes else before[k]
+            a[k] = zero
+
+    def update(band, bands, before, position, velocity, weights, count, record):
+        first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
+        rate_some(first, last, count, before, position, velocity, weights, record)
+
+    def collide(band, bands, number, before, position, velocity, weights, count, record, bodies, kinds):
+        first, last = count * band // bands, count * (band + 1) // bands
+        collide_some(first, last, count, number, before, position, velocity, weights, record, bodies, kinds)
+
+    return SimpleNamespace(
+        gravity=compiler.kernel(gravity), poke=compiler.kernel(poke), predict=compiler.kernel(predict),
+        update=compiler.banded(update), collide=compiler.banded(collide),
+    )  # fmt: skip
+
+
+@cache
+def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
+    own_factors, rotation, frames, scratch, record, poked, bodies, kinds): many steps in one call. Groups of bodies know
+    nothing of each other, so that a thread takes a group, which its second cache holds, through all steps.
+
+    `bounds` (bands + 1,): the bands' first groups; `groups` (groups, 5) int64: first and last particle, first and last
+    cluster, whether they are lone; `even`: positions when it begins, and after every other substep.
+    """
+    compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
+    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
+    damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
+    gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
+    begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
+    sum_up, turn, move_lone = made.sum_up, made.turn, made.move_lone
+    has_bodies, rebounds = bool(parts & set(COLLIDER_KINDS)), "rigid-rebound" in parts
+    whole = make_rebound(compiler, real, rebounds, at_rebound(parts))
+    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+
+    @compiler.compiled
+    def pass_lone(
+        low, high, number, iterations, before, after, velocity, weights, arrays, factors, rotation, frames, room, record,
+        poked, bodies, kinds,
+    ):  # fmt: skip
+        starts, firsts, count = arrays[0], arrays[1], weights.size
+        for iteration in range(iterations):
+            for c in range(low, high):
+                first = np.int64(firsts[c])
+                if iteration == 0:
+                    last = first + (starts[c + 1] - starts[c])
+                    begin(first, last, count, before, after, velocity, weights, record, poked)
+                sum_up(c, c - low, after, count, arrays, room)
+            turn(low, high, after, count, arrays, rotation, rotation, frames, room)
+            for c in range(low, high):
+                move_lone(c, after, count, arrays, factors, frames)
+                if iteration == iterations - 1:
+                    first = np.int64(firsts[c])
+                    last = first + (starts[c + 1] - starts[c])
+                    rate(first, last, count, before, after, velocity, weights, record)
+                    if has_damping:
+                        gather(c, after, velocity, count, arrays, room)
+                        slow(first, last, after, velocity, count, arrays)
+                    if rebounds:
+                        note(first, last, velocity, count, arrays)
+                    if has_bodies:
+                        collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+                    if rebounds:
+                        strike(first, last, velocity, count, arrays)
+                        answer(c, after, count, arrays, room)
+                        go(first, last, after, velocity, count, arrays)
+
+    @compiler.compiled
+    def pass_any(
+        first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own, own_factors, rotation,
+        frames, room, record, poked, bodies, kinds,
+    ):  # fmt: skip
+        count = weights.size
+        begin(first, last, count, before, after, velocity, weights, record, poked)
+        for _ in range(iterations):
+            for c in range(low, high, LANES):
+                match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
+            move(first, last, after, count, own, own_factors, frames)
+        rate(first, last, count, before, after, velocity, weights, record)
+        if has_damping:
+            for c in range(low, high):
+                gather(c, after, velocity, count, arrays, room)
+            slow(first, last, after, velocity, count, arrays)
+        if rebounds:
+            note(first, last, velocity, count, arrays)
+        if has_bodies:
+            collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+        if rebounds:
+            strike(first, last, velocity, count, arrays)
+            for c in range(low, high):
+                answer(c, after, count, arrays, room)
+            go(first, last, after, velocity, count, arrays)
+
+    def advance(
+        band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
+        own_factors, rotation, frames, scratch, record, poked, bodies, kinds,
+    ):  # fmt: skip
+        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+        for g in range(bounds[band], bounds[band + 1]):
+            first, last, low, high, lone = groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3], groups[g, 4]
+            for n in range(steps * substeps):
+                number = step * substeps + n
+                before, after = (odd, even) if n % 2 else (even, odd)
+                if lone:
+                    for c in range(low, high, LANES):
+                        pass_lone(
+                            c, min(c + LANES, high), number, iterations, before, after, velocity, weights, arrays,
+                            factors, rotation, frames, room, record, poked, bodies, kinds,
+                        )  # fmt: skip
+                else:
+                    pass_any(
+                        first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own,
+                        own_factors, rotation, frames, room, record, poked, bodies, kinds,
+                    )  # fmt: skip
+
+    return compiler.banded(advance)

@@ -1,0 +1,144 @@
+"""Shape matching of a grid, row by row: the clusters around a row's masses, and the ways from masses to their goals.
+
+Windows are `region` masses wide to either side; formulas/shape_matching.py says in which order they are summed. Rows are
+arrays of unchecked length (`row_at`), none of which overlap, but for the same one read at another place: a loop goes along
+the row for one member of all its windows at a time, and is vectorised. What belongs together (SUMS of a window, and so on)
+are so many rows `stride` apart.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from model.formulas import shape_matching
+from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
+
+LINE = 4  # sums along a row of masses
+SUMS = 6  # of a window
+CLUSTER = 4  # centre (x, y), cosine, sine
+GOALS = 6  # sums along a row of clusters
+
+
+def make_matching_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
+    """Of rows of `columns` masses; (x, y): their positions; `table`: of the columns.
+
+    `window(i, rows)`: (first, behind the last) row of the window of row i. `clear(columns, row)`. `sum_line(columns, stride,
+    x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y, here_x, here_y, table, share, offset,
+    sums)`: onto those of the windows around a row (here_x, here_y) those of the row (x, y), of that `share`, that `offset`
+    [spacings] below their centres. `finish(columns, stride, sums, here_x, here_y, inverse, table, cluster)`: the clusters.
+    `sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns, stride,
+    goals, cluster, x, y, table, down, way_x, way_y)`: onto the ways of the masses (x, y) those to the goals of a row of
+    clusters, `down` [m] below whose centres they lie at rest.
+    """
+    compiled, inlined, row = compiler.compiled, compiler.inlined, compiler.row
+    formulas = shape_matching.make(real, inlined)
+    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
+    rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
+    zero = real(0)
+
+    @compiled
+    def window(i, rows):
+        return max(0, i - region), min(rows, i + region + 1)
+
+    @row
+    def clear(columns, out):
+        for j in range(columns):
+            out[j] = zero
+
+    @row
+    def add_members(count, step, x, y, shares, middle_x, middle_y, centres, l0, l1, l2, l3):
+        for j in range(count):  # from 0: numba takes an index that may be negative for one from the end
+            l0[j], l1[j], l2[j], l3[j] = added_member(
+                l0[j], l1[j], l2[j], l3[j], x[j], y[j], middle_x[j], middle_y[j], shares[j], step, centres[j]
+            )
+
+    @compiled
+    def sum_line(columns, stride, x, y, table, line):
+        for k in range(LINE):
+            clear(columns, row_at(line, k * stride))
+        for place in range(-region, region + 1):
+            first = max(0, -place)
+            if place != 0:
+                add_members(
+                    columns - abs(place), real(place), row_at(x, first + place), row_at(y, first + place),
+                    row_at(table, T_SHARE * stride + first + place), row_at(x, first), row_at(y, first),
+                    row_at(table, T_CENTRE * stride + first), row_at(line, first), row_at(line, stride + first),
+                    row_at(line, 2 * stride + first), row_at(line, 3 * stride + first),
+                )  # fmt: skip
+
+    @row
+    def add_row(columns, l0, l1, l2, l3, x, y, here_x, here_y, mass, share, offset, s0, s1, s2, s3, s4, s5):
+        for j in range(columns):
+            now = s0[j], s1[j], s2[j], s3[j], s4[j], s5[j]
+            s0[j], s1[j], s2[j], s3[j], s4[j], s5[j] = added_row(
+                now, l0[j], l1[j], l2[j], l3[j], x[j], y[j], here_x[j], here_y[j], mass[j], share, offset
+            )
+
+    @compiled
+    def add_window(columns, stride, line, x, y, here_x, here_y, table, share, offset, sums):
+        add_row(
+            columns, line, row_at(line, stride), row_at(line, 2 * stride), row_at(line, 3 * stride), x, y, here_x, here_y,
+            row_at(table, T_MASS * stride), share, offset, sums, row_at(sums, stride), row_at(sums, 2 * stride),
+            row_at(sums, 3 * stride), row_at(sums, 4 * stride), row_at(sums, 5 * stride),
+        )  # fmt: skip
+
+    @row
+    def finish_row(columns, s0, s1, s2, s3, s4, s5, here_x, here_y, inverse, inverses, x, y, cosine, sine):
+        for j in range(columns):
+            sums = s0[j], s1[j], s2[j], s3[j], s4[j], s5[j]
+            x[j], y[j], cosine[j], sine[j] = found(sums, here_x[j], here_y[j], inverse, inverses[j])
+
+    @compiled
+    def finish(columns, stride, sums, here_x, here_y, inverse, table, cluster):
+        finish_row(
+            columns, sums, row_at(sums, stride), row_at(sums, 2 * stride), row_at(sums, 3 * stride),
+            row_at(sums, 4 * stride), row_at(sums, 5 * stride), here_x, here_y, inverse, row_at(table, T_INVERSE * stride),
+            cluster, row_at(cluster, stride), row_at(cluster, 2 * stride), row_at(cluster, 3 * stride),
+        )  # fmt: skip
+
+    @row
+    def add_clusters(count, step, c0, c1, c2, c3, middle_x, middle_y, centres, rest, g0, g1, g2, g3, g4, g5):
+        for j in range(count):
+            now = g0[j], g1[j], g2[j], g3[j], g4[j], g5[j]
+            along = rest_offset(step, centres[j], rest)
+            g0[j], g1[j], g2[j], g3[j], g4[j], g5[j] = added_goal(
+                now, c0[j], c1[j], middle_x[j], middle_y[j], c2[j], c3[j], along
+            )
+
+    @compiled
+    def sum_goals(columns, stride, cluster, table, rest, goals):
+        for k in range(GOALS):
+            clear(columns, row_at(goals, k * stride))
+        for number in range(2 * region + 1):
+            place = 0 if number == 0 else number - 1 - region + (number > region)  # the middle one first
+            first = max(0, -place)
+            there = first + place
+            add_clusters(
+                columns - abs(place), real(-place), row_at(cluster, there), row_at(cluster, stride + there),
+                row_at(cluster, 2 * stride + there), row_at(cluster, 3 * stride + there), row_at(cluster, first),
+                row_at(cluster, stride + first), row_at(table, T_CENTRE * stride + there), rest, row_at(goals, first),
+                row_at(goals, stride + first), row_at(goals, 2 * stride + first), row_at(goals, 3 * stride + first),
+                row_at(goals, 4 * stride + first), row_at(goals, 5 * stride + first),
+            )  # fmt: skip
+
+    @row
+    def add_goal_rows(columns, g0, g1, g2, g3, g4, g5, c0, c1, x, y, counts, down, way_x, way_y):
+        for j in range(columns):
+            sums = g0[j], g1[j], g2[j], g3[j], g4[j], g5[j]
+            way_x[j], way_y[j] = added_goal_row(way_x[j], way_y[j], sums, x[j], y[j], c0[j], c1[j], counts[j], down)
+
+    @compiled
+    def add_goals(columns, stride, goals, cluster, x, y, table, down, way_x, way_y):
+        add_goal_rows(
+            columns, goals, row_at(goals, stride), row_at(goals, 2 * stride), row_at(goals, 3 * stride),
+            row_at(goals, 4 * stride), row_at(goals, 5 * stride), cluster, row_at(cluster, stride), x, y,
+            row_at(table, T_COUNT * stride), down, way_x, way_y,
+        )  # fmt: skip
+
+    return SimpleNamespace(
+        window=window, clear=clear, sum_line=sum_line, add_window=add_window, finish=finish, sum_goals=sum_goals,
+        add_goals=add_goals,
+    )  # fmt: skip

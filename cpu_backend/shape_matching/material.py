@@ -1,0 +1,51 @@
+"""What the clusters' material adds to their arrays on the CPU: shape tables, plastic strain, damping."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.shape_matching.layout import Layout
+from cpu_backend.shape_matching.shapes import ENTRIES
+from model.formulas.deformation import SHAPE
+from model.formulas.pace import MOTION
+from model.scene.parts import Method
+from model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
+
+
+class ClusterArrays:
+    """`steps`, the clusters' arrays of the kernels with those that the scene's `parts` need; `look`: the same for a look at
+    the state, whose strain then goes nowhere; `plastic`: the state's, flat, ENTRIES a cluster, none where nothing is."""
+
+    def __init__(self, clusters: Clusters, layout: Layout, parts: frozenset[str], real: Any):
+        self._clusters, self._of_own, self._parts = clusters, layout.of_own, parts
+        self.plastic = np.zeros(ENTRIES * clusters.count if "plastic" in parts else 0, real)
+        self._shapes = np.zeros(SHAPE * clusters.count if shaping(parts) else 0, real)
+        self._slowing = np.zeros(len(layout.of_own) if "cluster_damping" in parts else 0, real)
+        steps: tuple[Any, ...] = layout.arrays
+        look: tuple[Any, ...] = layout.arrays
+        if shaping(parts):
+            steps = (*steps, self._shapes, self.plastic, self.plastic)
+            look = (*look, self._shapes, self.plastic, np.zeros_like(self.plastic))
+        if "cluster_damping" in parts:
+            damping = (*layout.own[:2], self._slowing, np.zeros(MOTION * clusters.count, real))
+            steps, look = (*steps, *damping), (*look, *damping)
+        if parts & {"rigid-rebound", "rigid-bounce"}:
+            whole = whole_clusters(clusters)
+            factors = whole[clusters.owner][layout.of_own].astype(real)
+            limits, struck = rebound_limits(clusters).astype(real), np.zeros(3 * layout.count, real)
+            scales = np.ones(layout.count, real)
+            rebounds = (*layout.own[:2], factors, np.zeros(MOTION * clusters.count, real), limits, struck, scales)
+            steps, look = (*steps, *rebounds), (*look, *rebounds)
+        self.steps, self.look = steps, look
+
+    def change(self, method: Method) -> None:
+        """What hangs on the length of a substep."""
+        h = method.dt / method.substeps
+        if len(self._shapes):
+            self._shapes[:] = shape_table(self._clusters, h, method.iterations).reshape(-1)
+        if len(self._slowing):
+            self._slowing[:] = damping_factors(self._clusters, h, "rigid-rebound" in self._parts)[self._of_own]

@@ -1,0 +1,93 @@
+"""Clusters that do more than turn, on CPU threads: what is done to one of them before and after its rotation is found."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from model.formulas import deformation
+from model.formulas.cluster import LANES
+from model.formulas.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+
+# where the clusters' arrays have tables, plastic strains, and those after this iteration, all flat
+AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8
+ENTRIES = 9
+
+
+def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int) -> SimpleNamespace:
+    """`prepare(c, place, arrays, sums, maps)`: of cluster c, in lane `place`: its linear map into the 9 rows of `maps`, and
+    its moments, from `row` of `sums`, bent where it is plastic; `finish(c, place, arrays, maps, xx ... zz)`: the matrix of
+    its goals, of that of its rotation, and its strain afterwards. Nothing is done, and the rotation handed back, where
+    `shaping` (model/shape_matching/cluster_tables.py) is empty."""
+    if not shaping:
+        return _turning(compiler)
+    has_linear, has_plastic = "linear" in shaping, "plastic" in shaping
+    formulas = deformation.make(real, compiler.compiled)
+    bent, gradient, undone, product = formulas.bent, formulas.gradient, formulas.undone, formulas.product
+    blended, strain, crept = formulas.blended, formulas.strain, formulas.crept
+
+    @compiler.compiled
+    def nine(rows, place):
+        return (
+            rows[place], rows[LANES + place], rows[2 * LANES + place], rows[3 * LANES + place], rows[4 * LANES + place],
+            rows[5 * LANES + place], rows[6 * LANES + place], rows[7 * LANES + place], rows[8 * LANES + place],
+        )  # fmt: skip
+
+    @compiler.compiled
+    def into(rows, place, values):
+        (
+            rows[place], rows[LANES + place], rows[2 * LANES + place], rows[3 * LANES + place], rows[4 * LANES + place],
+            rows[5 * LANES + place], rows[6 * LANES + place], rows[7 * LANES + place], rows[8 * LANES + place],
+        ) = values  # fmt: skip
+
+    @compiler.compiled
+    def entries(array, k):
+        return (
+            array[k], array[k + 1], array[k + 2], array[k + 3], array[k + 4], array[k + 5], array[k + 6], array[k + 7],
+            array[k + 8],
+        )  # fmt: skip
+
+    @compiler.compiled
+    def prepare(c, place, arrays, sums, maps):
+        table, plastic = arrays[AT_SHAPES], arrays[AT_PLASTIC]
+        moments, k = row_at(sums, row * LANES), SHAPE * c + S_INVERSE
+        a = nine(moments, place)
+        f = gradient(*a, table[k], table[k + 1], table[k + 2], table[k + 3], table[k + 4], table[k + 5])
+        if has_plastic:
+            p = entries(plastic, ENTRIES * c)
+            f = undone(*f, *p)
+            into(moments, place, bent(*a, *p))
+        into(maps, place, f)
+
+    @compiler.compiled
+    def finish(c, place, arrays, maps, xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        table, plastic, after = arrays[AT_SHAPES], arrays[AT_PLASTIC], arrays[AT_BENT]
+        f, r, k = nine(maps, place), (xx, xy, xz, yx, yy, yz, zx, zy, zz), SHAPE * c
+        goal = r
+        if has_linear:
+            goal = blended(*f, *r, table[k + S_LINEAR])
+        if has_plastic:
+            p, n = entries(plastic, ENTRIES * c), ENTRIES * c
+            goal = product(*goal, *p)
+            e = strain(*f, *r)
+            (
+                after[n], after[n + 1], after[n + 2], after[n + 3], after[n + 4], after[n + 5], after[n + 6], after[n + 7],
+                after[n + 8],
+            ) = crept(*e, *p, table[k + S_THRESHOLD], table[k + S_CREEP], table[k + S_LIMIT])  # fmt: skip
+        return goal
+
+    return SimpleNamespace(prepare=prepare, finish=finish)
+
+
+def _turning(compiler: Compiler) -> SimpleNamespace:
+    @compiler.compiled
+    def prepare(c, place, arrays, sums, maps):
+        pass
+
+    @compiler.compiled
+    def finish(c, place, arrays, maps, xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        return xx, xy, xz, yx, yy, yz, zx, zy, zz
+
+    return SimpleNamespace(prepare=prepare, finish=finish)

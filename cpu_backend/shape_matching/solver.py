@@ -1,0 +1,356 @@
+"""Soft and rigid bodies by shape matching on CPU threads: clusters in compressed form, any number a particle.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses split among
+clusters; see model/shape_matching/clusters.py. Kernels: `fused`, many steps in one call, and `stages`, a parallel loop a
+stage. In `exact` math both give the same bits, for any number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+from numba import prange
+
+from cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
+from cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
+from cpu_backend.contact.particles_project import PACES, make_settle_stage
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import aligned_zeros
+from cpu_backend.core.threads import thread_count
+from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.shape_matching.damping import at_damping, make_damping_stage
+from cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
+from cpu_backend.shape_matching.lattice import make_lattice_stages
+from cpu_backend.shape_matching.lattice_layout import Lattices
+from cpu_backend.shape_matching.layout import layout_of
+from cpu_backend.shape_matching.links import make_link_stage
+from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
+from cpu_backend.shape_matching.material import ClusterArrays
+from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
+from cpu_backend.shape_matching.together import make_bodies_together
+from model.core.errors import SceneError
+from model.core.plan import Executor
+from model.core.simulation import Options, Simulation
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
+from model.shape_matching.cluster_tables import matching_factors, shaping
+from model.shape_matching.crowd import Crowd
+from model.xpbd.plan import xpbd_plan
+
+KERNELS = ("fused", "stages")
+UNEVEN = 1.3  # the busiest thread's work over its fair part, from where on threads share bodies
+
+
+def choose_kernel(wanted: str | None) -> str:
+    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for bodies on the cpu")
+    return wanted or "fused"
+
+
+@cache
+def make_first_bad(real: Any) -> Any:
+    """first_bad(position, velocity, slots, count, bound, bands, bad): of each band the first bad particle, or -1. No fast
+    math: NaN must be seen."""
+
+    def first_bad(position, velocity, slots, count, bound, bands, bad):
+        zero, particles = bound - bound, slots.size
+        for band in prange(bands):
+            bad[band] = -1
+            for k in range(particles * band // bands, particles * (band + 1) // bands):
+                good = True
+                for axis in range(AXES):
+                    place = axis * count + slots[k]
+                    good = good and abs(position[place]) <= bound  # false for NaN
+                    good = good and velocity[place] - velocity[place] == zero
+                if not good:
+                    bad[band] = k
+                    break
+
+    return Compiler(f"bodies_{np.dtype(real).name}", "exact").kernel(first_bad)
+
+
+def _bounds(crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
+    """The first particle and the first loose cluster of each copy, and the ends of the last one."""
+    first_particle = np.array([*(copy.first_particle for copy in crowd.copies), crowd.particle_count])
+    firsts = np.array([*(copy.first_cluster for copy in crowd.copies), crowd.loose.count])
+    firsts = np.minimum(firsts, crowd.loose.count)  # those of lattices come last, ...
+    return first_particle, np.minimum.accumulate(firsts[::-1])[::-1]  # ... and none of theirs are loose
+
+
+def _quaternions(*planes: np.ndarray) -> np.ndarray:
+    """(clusters, 4) of flat arrays of four planes each."""
+    return np.ascontiguousarray(np.concatenate([one.reshape(QUATERNION, -1) for one in planes], axis=1).T)
+
+
+class Bodies(Simulation):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    backend = "cpu"
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads, self.device = thread_count(threads), processor_name()
+        self.kernel, self.plan = choose_kernel(options.kernel), xpbd_plan(scene, options.live)
+        self.record, real = self._record, self.real
+        crowd = scene.crowd
+        self.clusters = crowd.loose
+        self.layout = layout_of(self.clusters, _bounds(crowd), real, self.threads)
+        count, clusters = self.layout.count, self.clusters.count
+        self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
+        self._weights = aligned_zeros(count, real)
+        self._weights_changed()
+        self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
+        self._frames = aligned_zeros(FRAME * clusters, real)
+        self._factors = np.zeros(len(self.layout.of_entry), real)
+        self._own_factors = np.zeros(len(self.layout.of_own), real)
+        self._poked = -1
+        self.bodies = collider_numbers(scene, real)
+        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        self._bands = max(1, min(self.threads, count // LANES))
+        self._scratch = aligned_zeros(SCRATCH * LANES * self._bands, real)
+        self._bad = np.zeros(self._bands, np.int64)
+        self._bounds = self.layout.bands(self._bands)
+        self._apart = not self.plan.parts & {"links", "contacts"} and self.layout.evenness(self._bands) <= UNEVEN
+        links = crowd.links
+        ends = self.layout.slots[links.ends].astype(np.int32)
+        self._lattices = Lattices(crowd, self.layout.slots, count, self._bands, real)
+        self._apart = self._apart and not crowd.lattices
+        self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
+        self._kept = [np.zeros_like(array) for array in self._state()]
+        self._links = ends, np.zeros((links.count, 2), real), np.zeros(links.count, real), links.starts
+        self.contacts: ParticleContacts | None = None
+        if scene.contact:
+            place = self.layout.slots, count, self._bands
+            self.contacts = ParticleContacts(scene, real, options.math, self.plan.parts, *place)
+        self._set_factors()
+        staged = self.kernel == "stages"
+        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
+        self.reset()
+
+    def _set_factors(self) -> None:
+        method = self.scene.method
+        self._material.change(method)
+        self._lattices.change(method)
+        found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
+        self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
+        self._own_factors[:] = found[self.layout.of_own]
+        crowd = self.scene.crowd
+        self._links[1][:] = crowd.links.values(method.dt / method.substeps, crowd.mass)
+
+    def _advance(self, step: int, steps: int) -> None:
+        method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
+        middle = self._velocity, self._weights, self._material.steps
+        own = self.layout.own, self._own_factors, self._rotation, self._frames, self._scratch
+        last = self.record, self._poked, self.bodies, self.kinds
+        times = steps, step, method.substeps, method.iterations
+        if self._apart:
+            make_bodies_apart(*variant)(
+                self._bands, self._bounds, self.layout.groups, *times, self._even, self._odd, *middle, self._factors, *own,
+                *last,
+            )  # fmt: skip
+        else:
+            make_bodies_together(*variant)(
+                self._bands, *times, self._even, self._odd, *middle, self._links, *own, *last,
+                self.contacts.arrays if self.contacts else NO_CONTACTS,
+                *(self._lattices.arrays, self._lattices.frames) if self._lattices.copies else ((), ()),
+            )  # fmt: skip
+        if steps * method.substeps % 2:
+            self._even, self._odd = self._odd, self._even
+
+    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself."""
+        stage = make_bodies_stages(self.real, self.options.math, self.plan.parts)
+        goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts))
+        bands, substeps, count = self._bands, self.scene.method.substeps, self.layout.count
+        position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
+        ends, values, multipliers, starts = self._links
+        contacts: Any = self.contacts
+        settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
+        bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math, at_rebound(self.plan.parts))
+        whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
+        project_links = make_link_stage(self.real, self.options.math)
+        now = {
+            "substep": -1,
+            "step": -1,
+            "links": 0,
+        }  # set by `predict`; links: colours projected so far in the substep
+
+        def predict(step: int, offset: float) -> None:
+            again = now["step"] == step and now["substep"] < substeps - 1
+            now.update(step=step, substep=now["substep"] + 1 if again else 0, links=0)
+            stage.predict(count, before, position, velocity, self._weights, self.record, a)
+
+        def move(step: int, offset: float) -> None:
+            goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
+            if self._lattices.copies:
+                make_lattice_stages(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
+
+        def collide(step: int, offset: float) -> None:
+            number = step * substeps + now["substep"]
+            if "rigid-rebound" in self.plan.parts:
+                whole.note(bands, velocity, count, self._material.steps)
+            stage.collide(
+                bands, number, before, position, velocity, self._weights, count, self.record, self.bodies, self.kinds
+            )
+
+        def rebound(step: int, offset: float) -> None:
+            whole.rebound(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+
+        def update(step: int, offset: float) -> None:
+            if self.plan.parts & PACES:
+                settle(bands, count, before, position, contacts.record)
+            if "bouncing" in self.plan.parts:
+                contacts.old[:] = velocity
+            stage.update(bands, before, position, velocity, self._weights, count, self.record)
+
+        def damp(step: int, offset: float) -> None:
+            run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
+            run(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+
+        def bounce(step: int, offset: float) -> None:
+            if "rigid-bounce" not in self.plan.parts:
+                contacts.bounce(position, velocity, self._weights)
+                return
+            (record, *_), _, _, _, neighbours, touching, (old,) = contacts.arrays
+            bounce_bodies(
+                bands, position, old, velocity, self._weights, record, neighbours, touching, self._material.steps,
+                self._scratch, SCRATCH * LANES,
+            )  # fmt: skip
+
+        def link(number: int) -> Callable[[int, float], None]:
+            def run(step: int, offset: float) -> None:
+                colour, fresh = starts[number : number + 2], now["links"] < len(starts) - 1
+                project_links(bands, *colour, position, self._weights, ends, values, multipliers, fresh)
+                now["links"] += 1
+
+            return run
+
+        return {f"project links {number}": link(number) for number in range(len(starts) - 1)} | {
+            "gravity": lambda step, offset: stage.gravity(count, self.record, a),
+            "poke": lambda step, offset: stage.poke(count, self._weights, self.record, self._poked, a),
+            "predict": predict,
+            "match clusters": lambda step, offset: self._match(
+                self._rotation, self._lattices.rotation, self._material.steps
+            ),
+            "move to goals": move,
+            "update velocity": update,
+            "damp clusters": damp,
+            "collide": collide,
+            "rebound": rebound,
+            "find neighbours": lambda step, offset: contacts.find(position, self._weights),
+            "project contacts": lambda step, offset: contacts.project(before, position, self._weights),
+            "bounce": bounce,
+        }
+
+    @property
+    def contacts_lost(self) -> int:
+        """Neighbours of particles beyond the MOST_NEIGHBOURS of each, since the simulation was opened."""
+        return self.contacts.lost if self.contacts else 0
+
+    def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: tuple[Any, ...], look: bool = False) -> None:
+        """The clusters' rotations where particles are now, into `turned` and `of_lattices`, and with their centres into the
+        frames; those of lattices only in a `look`."""
+        make_matching_stages(self.real, self.options.math, shaping(self.plan.parts)).match(
+            self._bands, self._even, self.layout.count, arrays, self._rotation, turned, self._frames,
+            self._scratch,
+        )  # fmt: skip
+        if self._lattices.copies:
+            make_lattice_stages(self.real, self.options.math).match(
+                self._bands,
+                self._even,
+                self.layout.count,
+                self._lattices.arrays,
+                of_lattices,
+                self._lattices.frames,
+                look,
+            )
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        numba.set_num_threads(self.threads)
+        self._executor.run(self.step, steps)
+
+    def _state(self) -> tuple[np.ndarray, ...]:
+        return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic
+
+    def _keep(self) -> None:
+        for kept, array in zip(self._kept, self._state(), strict=True):
+            kept[:] = array
+
+    def _restore(self) -> None:
+        for kept, array in zip(self._kept, self._state(), strict=True):
+            array[:] = kept
+
+    def _first_bad(self) -> int:
+        numba.set_num_threads(self.threads)
+        place = self.layout.slots, self.layout.count
+        make_first_bad(self.real)(self._even, self._velocity, *place, self.real(self._bound), self._bands, self._bad)
+        bad = self._bad[self._bad >= 0]
+        return int(bad[0]) if len(bad) else -1
+
+    def _parameters_changed(self) -> None:
+        self.record = self._record
+        self._poked = int(self.layout.slots[self._poke_particle]) if self._poke_particle >= 0 else -1
+        if self.contacts:
+            self.contacts.change(self.scene)
+        self._set_factors()
+
+    def _weights_changed(self) -> None:
+        self._weights[self.layout.slots] = self.body.inverse_mass * self.scene.crowd.mass
+
+    def _planes(self, array: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(array.reshape(AXES, -1)[:, self.layout.slots].T)
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._planes(self._even), self._planes(self._velocity)
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        for array, values in ((self._even, position), (self._velocity, velocity)):
+            array[:] = 0
+            array.reshape(AXES, -1)[:, self.layout.slots] = values.T
+
+    def _download_rotation(self) -> np.ndarray:
+        return _quaternions(self._rotation, self._lattices.rotation)
+
+    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
+        planes, others = (array.reshape(QUATERNION, -1) for array in (self._rotation, self._lattices.rotation))
+        if rotation is not None:
+            planes[:], others[:] = rotation[: planes.shape[1]].T, rotation[planes.shape[1] :].T
+            return
+        planes[:], others[:] = np.eye(QUATERNION, 1), np.eye(QUATERNION, 1)
+        numba.set_num_threads(self.threads)
+        self._match(self._rotation, self._lattices.rotation, self._material.look, True)
+
+    def _download_plastic(self) -> np.ndarray | None:
+        plastic = self._material.plastic
+        return plastic.reshape(-1, AXES, AXES).copy() if len(plastic) else None
+
+    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
+        self._material.plastic.reshape(-1, AXES, AXES)[:] = np.eye(AXES) if plastic is None else plastic
+
+    def _look(self) -> np.ndarray:
+        """(clusters, 12): rotations, by rows, and centres of all clusters where particles are now."""
+        numba.set_num_threads(self.threads)
+        self._match(self._turned, self._lattices.turned, self._material.look, True)
+        return np.concatenate([self._frames, self._lattices.frames]).reshape(-1, FRAME)
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        centre = self._look()[:, 9:].copy()
+        return _quaternions(self._turned, self._lattices.turned), centre
+
+    def _read_deformation(self) -> np.ndarray:
+        return self._look()[:, :9].reshape(-1, AXES, AXES).copy()
+
+    def synchronize(self) -> None:
+        """Nothing to wait for: a call returns when its steps are done."""
+
+    def close(self) -> None:
+        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        self.__dict__.pop("_executor", None)

@@ -1,0 +1,156 @@
+"""The steps of bodies on CPU threads that share every body: few or large ones, and such as meet; one team for all
+passes (core/progress.py)."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.bodies_bounce import make_bodies_bounce
+from cpu_backend.contact.particles_bounce import make_bounce
+from cpu_backend.contact.particles_find import make_find
+from cpu_backend.contact.particles_project import PACES, make_project, make_settle
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.shape_matching.damping import at_damping, make_damping
+from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching, make_particles
+from cpu_backend.shape_matching.lattice import make_lattice_matching
+from cpu_backend.shape_matching.links import make_link_projection
+from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from model.formulas.cluster import LANES
+from model.scene.cloth import COLLIDER_KINDS
+from model.shape_matching.cluster_tables import shaping
+
+
+@cache
+def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
+    rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames): as
+    bodies_loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
+    of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
+    compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
+    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
+    damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
+    gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
+    begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
+    has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
+    project = make_link_projection(compiler, real)
+    has_contacts, has_pace = "contacts" in parts, bool(parts & PACES)
+    find, settle = make_find(real, math), make_settle(compiler, real, parts)
+    take_out = make_project(real, math, "rubbing" in parts, "sticking" in parts)
+    bounce, bounces = make_bounce(real, math), "bouncing" in parts
+    bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
+    rebounds = "rigid-rebound" in parts
+    whole = make_rebound(compiler, real, rebounds, at_rebound(parts))
+    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+    windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
+    match_windows, move_windows = windows.match, windows.move
+    rates_apart = has_pace or bounces or has_rigid or has_damping  # of what others look at before colliders
+    at_once = not (has_contacts or has_damping or has_lattices)  # particles end with the last way to their goals
+
+    def advance(
+        team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
+        own_factors, rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames,
+    ):  # fmt: skip
+        numbers, of_particle, tables, in_order, neighbours, touching, olds = contacts
+        count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
+        blocks = count // LANES
+        for band in shares(team, member, bands):
+            first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+            begin(first, last, count, even, odd, velocity, weights, record, poked)
+        for n in range(passes):
+            before, after = (odd, even) if n % 2 else (even, odd)
+            if has_contacts:
+                constants, reach, many, sweeps = numbers
+                find(
+                    team, member, bands, after, weights, constants, reach, many, of_particle, tables, in_order, neighbours
+                )  # fmt: skip
+            for iteration in range(iterations):
+                if has_links:
+                    ends, values, multipliers, starts = links
+                    for colour in range(starts.size - 1):
+                        begins, size = starts[colour], starts[colour + 1] - starts[colour]
+                        for band in shares(team, member, bands):
+                            low, high = begins + size * band // bands, begins + size * (band + 1) // bands
+                            project(low, high, after, weights, ends, values, multipliers, iteration == 0)
+                if clusters > 0:
+                    for band in shares(team, member, bands):
+                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                        stop = clusters * (band + 1) // bands
+                        for c in range(clusters * band // bands, stop, LANES):
+                            match(c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, room)
+                if has_lattices:
+                    match_windows(
+                        team, member, bands, after, count, lattices, lattices[6], lattice_frames, False
+                    )  # fmt: skip
+                if clusters > 0 or at_once:
+                    for band in shares(team, member, bands):
+                        first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                        move(first, last, after, count, own, own_factors, frames)
+                        if at_once and iteration == iterations - 1:
+                            rate(first, last, count, before, after, velocity, weights, record)
+                            if has_bodies:
+                                number = step * substeps + n
+                                collide(
+                                    first, last, count, number, before, after, velocity, weights, record, bodies, kinds
+                                )
+                            if n < passes - 1:
+                                begin(first, last, count, after, before, velocity, weights, record, poked)
+                if has_lattices:
+                    move_windows(team, member, bands, after, count, lattices)
+                if has_contacts:
+                    take_out(team, member, bands, sweeps, before, after, weights, constants, neighbours, touching)
+            if not at_once:
+                if rates_apart:
+                    for band in shares(team, member, bands):
+                        first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                        if has_pace:
+                            settle(first, last, count, before, after, constants)
+                        if bounces:
+                            for axis in range(AXES):
+                                for k in range(axis * count + first, axis * count + last):
+                                    olds[0][k] = velocity[k]
+                        rate(first, last, count, before, after, velocity, weights, record)
+                if has_rigid:
+                    bounce_bodies(
+                        team, member, bands, after, olds[0], velocity, weights, constants, neighbours, touching, arrays,
+                        scratch, SCRATCH * LANES,
+                    )  # fmt: skip
+                elif bounces:
+                    bounce(team, member, bands, after, olds[0], velocity, weights, constants, neighbours, touching)
+                if has_damping:
+                    for band in shares(team, member, bands):
+                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                            gather(c, after, velocity, count, arrays, room)
+                for band in shares(team, member, bands):
+                    first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                    if not rates_apart:
+                        rate(first, last, count, before, after, velocity, weights, record)
+                    if has_damping:
+                        slow(first, last, after, velocity, count, arrays)
+                    if rebounds:
+                        note(first, last, velocity, count, arrays)
+                    if has_bodies:
+                        number = step * substeps + n
+                        collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+                    if rebounds:
+                        strike(first, last, velocity, count, arrays)
+                    if n < passes - 1 and not rebounds:
+                        begin(first, last, count, after, before, velocity, weights, record, poked)
+                if rebounds:
+                    for band in shares(team, member, bands):
+                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                            answer(c, after, count, arrays, room)
+                    for band in shares(team, member, bands):
+                        first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                        go(first, last, after, velocity, count, arrays)
+                        if n < passes - 1:
+                            begin(first, last, count, after, before, velocity, weights, record, poked)
+
+    return compiler.team(advance)

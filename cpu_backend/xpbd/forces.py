@@ -1,0 +1,169 @@
+"""The accelerations of a substep that are not alike for all masses: wind, external force, poke; into planes of their own.
+
+Wind is the mass-spring cloth's (mass_spring/cloth/wind.py), whose walk goes along rows that are not combed: the sheet is
+copied for it.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
+from cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
+from cpu_backend.mass_spring.cloth.wind import make_winds
+from cpu_backend.xpbd.layout import (
+    P_ACCELERATION,
+    P_BLOCKS,
+    P_CLASS,
+    P_COLUMNS,
+    P_NATURAL,
+    P_PLANE,
+    P_SCRATCH_SIZE,
+    P_SCRATCH_WIDTH,
+    P_STRIDE,
+    P_WIND_SCRATCH,
+)
+from model.formulas import distance, random
+from model.mass_spring.cloth_parameters import C_EXTERNAL, C_GRAVITY, C_POKE_X
+
+FORCES = frozenset({"wind", "external", "poke"})
+WIND_PARTS = frozenset({"wind", "gust"})
+
+
+def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
+    """`smooth(spacing, blocks, row, out)`: a combed row with its columns in order; `comb`: the other way."""
+    block = block_of(real)
+
+    @compiler.row
+    def smooth(spacing, blocks, row, out):
+        for j in range(blocks * block):
+            for c in range(classes):
+                out[j * classes + c] = row[c * spacing + j]
+
+    @compiler.row
+    def comb(spacing, blocks, row, out):
+        for j in range(blocks * block):
+            for c in range(classes):
+                out[c * spacing + j] = row[j * classes + c]
+
+    return SimpleNamespace(smooth=smooth, comb=comb)
+
+
+def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> Any:
+    """add_forces(i, step, memory, places, record, integers, weights): the accelerations of row `i`, into its planes. Where
+    there is wind it lies there already, with gravity. `weights`: where those of the row begin."""
+    compiled, block = compiler.compiled, block_of(real)
+    added = distance.make(real, compiled).added
+    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
+    has_load, has_gravity, has_wind = "load" in parts, "gravity" in parts, "wind" in parts
+    has_external, has_poke = "external" in parts, "poke" in parts
+    zero = real(0)
+
+    @compiled
+    def weighed(acceleration, weight, force):
+        return added(acceleration, weight, force) if has_load else acceleration + force
+
+    @compiled
+    def add_external_row(i, step, here, memory, places, record, integers, weights):
+        columns, plane, spacing = places[P_COLUMNS], places[P_PLANE], places[P_CLASS]
+        for j in range(columns):
+            words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
+            lane = j % classes * spacing + j // classes
+            for axis in range(axes):
+                place = here + axis * plane + lane
+                force = add_external(zero, record[C_EXTERNAL], words[axis])
+                memory[place] = weighed(memory[place], memory[weights + lane], force)
+
+    @compiled
+    def add_forces(i, step, memory, places, record, integers, weights):
+        columns, plane, spacing = places[P_COLUMNS], places[P_PLANE], places[P_CLASS]
+        here = places[P_ACCELERATION] + i * places[P_STRIDE]
+        if not has_wind:
+            for axis in range(axes):
+                base = record[C_GRAVITY] if has_gravity and axis == 1 else zero
+                for k in range(classes):
+                    for j in range(places[P_BLOCKS] * block):
+                        memory[here + axis * plane + k * spacing + j] = base
+        if has_external:
+            add_external_row(i, step, here, memory, places, record, integers, weights)
+        if has_poke:
+            poked = np.int64(integers[1]) - 1  # -1: none
+            if poked >= 0 and poked // columns == i:
+                j = poked % columns
+                lane = j % classes * spacing + j // classes
+                for axis in range(axes):
+                    place = here + axis * plane + lane
+                    memory[place] = weighed(memory[place], memory[weights + lane], record[C_POKE_X + axis])
+
+    return add_forces
+
+
+def make_wind(compiler: Compiler, real: Any, parts: frozenset[str], classes: int) -> SimpleNamespace:
+    """Of a band's rows, from `first` to before `last`:
+
+    `copy_band(first, last, position, velocity, memory, places, natural)`: the rows, not combed, of planes that begin at
+    `position` and `velocity`; `natural`: the integers of that sheet's layout. `wind_band(first, last, band, substep, memory,
+    places, natural, record, integers, row_places)`: gravity and wind into the planes of accelerations; `substep`: counted
+    from time 0.
+    """
+    compiled, block = compiler.compiled, block_of(real)
+    combs, scratches, at = (
+        make_comb(compiler, real, classes),
+        make_scratch(compiler, real),
+        triples_of(parts & WIND_PARTS),
+    )
+    smooth, comb, clear, place = combs.smooth, combs.comb, scratches.clear, scratches.place
+    winds = make_winds(
+        compiler, real, parts & WIND_PARTS, scratches.place, scratches.edge, scratches.forget, scratches.clear, at
+    )
+    air_now, wind_cells, add_wind = winds.air_now, winds.wind_cells, winds.add_wind
+    added = distance.make(real, compiled).added
+    has_load, has_gravity = "load" in parts, "gravity" in parts
+    a_close, triples, zero = at["close"], at["count"], real(0)
+
+    @compiled
+    def copy_band(first, last, position, velocity, memory, places, natural):
+        plane = places[P_PLANE]
+        for i in range(first, last):
+            for axis in range(2 * AXES):
+                start = position if axis < AXES else velocity - AXES * plane
+                smooth(
+                    places[P_CLASS], places[P_BLOCKS], row_at(memory, start + axis * plane + i * places[P_STRIDE]),
+                    row_at(memory, places[P_NATURAL] + axis * natural[L_PLANE] + i * natural[L_STRIDE]),
+                )  # fmt: skip
+
+    @compiler.row
+    def weigh_row(count, force, weights, base, out):
+        for j in range(count):
+            out[j] = added(base, weights[j], force[j]) if has_load else base + force[j]
+
+    @compiled
+    def wind_band(first, last, band, substep, memory, places, natural, record, integers, row_places):
+        plane, width = places[P_PLANE], places[P_SCRATCH_WIDTH]
+        blocks = (places[P_COLUMNS] + block - 1) // block
+        scratch = row_at(memory, places[P_WIND_SCRATCH] + band * places[P_SCRATCH_SIZE])
+        source = row_at(memory, places[P_NATURAL])
+        air = air_now(record, integers, substep, zero)
+        for triple in range(triples):
+            clear(scratch, np.int64(triple), width)
+        if first > 0:
+            wind_cells(first - 1, blocks, natural, source, record, air, scratch, width)
+        spare = row_at(scratch, triples * AXES * width)
+        for i in range(first, last):
+            clear(scratch, np.int64(a_close), width)
+            wind_cells(i, blocks, natural, source, record, air, scratch, width)
+            add_wind(i, blocks, scratch, width)
+            here = places[P_ACCELERATION] + i * places[P_STRIDE]
+            for axis in range(AXES):
+                out = row_at(memory, here + axis * plane)
+                base = record[C_GRAVITY] if has_gravity and axis == 1 else zero
+                comb(places[P_CLASS], places[P_BLOCKS], row_at(scratch, place(a_close, axis, width)), spare)
+                weigh_row(
+                    classes * places[P_CLASS], spare, row_at(memory, row_places[0, i]), base, out
+                )  # fmt: skip
+
+    return SimpleNamespace(copy_band=copy_band, wind_band=wind_band)

@@ -1,0 +1,222 @@
+"""The kernel `fused` in the Jacobi orderings: an iteration is one way down a band of rows, from one place to another.
+
+For each row the constraints that lead from it to the right and down are computed once, their displacements kept in rows of
+scratch (as in mass_spring/cloth/rows.py); a mass adds up those of the constraints that it is the first end of, with the
+other sign, and of those it is the second end of. At a band's first row the constraints that lead down to it are computed
+once more.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of, row_at
+from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch
+from cpu_backend.xpbd.layout import (
+    P_BEFORE,
+    P_BLOCKS,
+    P_MULTIPLIERS,
+    P_PLANE,
+    P_ROWS,
+    P_SCRATCH_WIDTH,
+    P_STRIDE,
+)
+from cpu_backend.xpbd.stage_projections import make_change
+from model.formulas import distance
+from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_REST
+from model.xpbd.plan import FAMILIES, Family, families
+
+
+def displacement_triples(parts: frozenset[str]) -> dict[str, int]:
+    """Which rows of scratch a band needs: a family's name -> number of its first triple (a row for each axis), `idle`: one
+    for multipliers that nobody reads, and `count`. Rows that a later one still reads take turns."""
+    places, count = {}, 0
+    for family in families(parts):
+        places[family.name] = count
+        count += family.rows + 1
+    return places | {"idle": count, "count": count + 1}
+
+
+def reach_of(parts: frozenset[str]) -> int:
+    """Rows that a constraint leads down at most."""
+    return max([family.rows for family in families(parts)], default=0)
+
+
+def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool, alternates: bool) -> Any:
+    """displace(blocks, first, second, first_before, second_before, multipliers, later, new_multipliers, reciprocals, rest,
+    compliance, odd_compliance, damping, out): displacements of the second ends. `first` and so on: x, y, z rows."""
+    change_of = make_change(compiler, real, axes, soft, damped)
+    scaled, block, zero = distance.make(real, compiler.compiled).scaled, block_of(real), real(0)
+
+    def displace(
+        blocks, x, y, z, far_x, far_y, far_z, old_x, old_y, old_z, old_far_x, old_far_y, old_far_z, multipliers, later,
+        new_multipliers, reciprocals, rest, compliance, odd_compliance, damping, out_x, out_y, out_z,
+    ):  # fmt: skip
+        for j in range(blocks * block):
+            dx, dy = far_x[j] - x[j], far_y[j] - y[j]
+            dz = far_z[j] - z[j] if axes == 3 else zero
+            e, own = (dx, dy, dz), compliance
+            if damped:
+                ez = dz - (old_far_z[j] - old_z[j]) if axes == 3 else zero
+                e = dx - (old_far_x[j] - old_x[j]), dy - (old_far_y[j] - old_y[j]), ez
+            if alternates:
+                own = odd_compliance if j & 1 else compliance
+            multiplier = zero
+            if soft:
+                multiplier = multipliers[j] if later else zero
+            change, scale = change_of((dx, dy, dz), e, rest, own, damping, multiplier, reciprocals[j])
+            if soft:
+                new_multipliers[j] = multiplier + change
+            out_x[j] = scaled(scale, dx)
+            out_y[j] = scaled(scale, dy)
+            if axes == 3:
+                out_z[j] = scaled(scale, dz)
+
+    displace.__name__ = "displace" + "_soft" * soft + "_damped" * damped + "_alternating" * alternates
+    return compiler.row(displace)
+
+
+def make_lead(
+    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Any
+) -> Any:
+    """lead(i, keep, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at the
+    positions from `source` on. `keep`: whether their multipliers are this walk's to write; `turn` 0 or 1: which of the two
+    places of multipliers are those so far; `later`: whether there are any."""
+    number, down, right = FAMILIES.index(family), family.rows, family.columns
+    soft, damped = several and f"{family.kind}-compliance" in parts, f"{family.kind}-damping" in parts
+    stiff = family.kind == "structural" and "alternating" in parts
+    displace = make_displace_row(compiler, real, axes, soft, damped, stiff and soft and down == 0)
+    at_even = X_CONSTRAINT[family.kind]
+    at_odd = X_CONSTRAINT["stiff"] if stiff else at_even
+    at = displacement_triples(parts)
+    first_triple, idle = at[family.name], at["idle"]
+    near_lane, far_lane, planes = max(0, -right), max(0, right), len(FAMILIES)
+
+    @compiler.compiled
+    def lead(i, keep, source, turn, later, scratch, sheet):
+        memory, places, record, _, _, _, row_places, _, _ = sheet
+        stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
+        row = min(i + down, places[P_ROWS] - 1)  # below the last one there is none: reciprocals are 0
+        first, second = source + i * stride + near_lane, source + row * stride + far_lane
+        old = places[P_BEFORE] - source if damped else np.int64(0)
+        triple = first_triple + i % (down + 1)
+        here = row_at(memory, places[P_MULTIPLIERS] + (number + turn * planes) * plane + i * stride)
+        there = row_at(memory, places[P_MULTIPLIERS] + (number + (1 - turn) * planes) * plane + i * stride)
+        if not keep:
+            there = row_at(scratch, edge(idle, 0, width))
+        constants = at_odd if down > 0 and i & 1 else at_even
+        displace(
+            places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
+            row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
+            row_at(memory, old + first), row_at(memory, old + first + plane), row_at(memory, old + first + 2 * plane),
+            row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
+            here, later, there, row_at(memory, row_places[2 + number, i]), record[constants + X_REST],
+            record[constants + X_COMPLIANCE], record[at_odd + X_COMPLIANCE], record[constants + X_DAMPING],
+            row_at(scratch, edge(triple, 0, width) + REACH), row_at(scratch, edge(triple, 1, width) + REACH),
+            row_at(scratch, edge(triple, 2, width) + REACH),
+        )  # fmt: skip
+
+    return lead
+
+
+def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven: bool) -> Any:
+    """gather(blocks, position, weights, valences, displacements of ten rows, out): one axis of a row. A row of displacements
+    begins REACH columns before the sheet's first one."""
+    formulas, block = distance.make(real, compiler.compiled), block_of(real)
+    gathered, averaged = formulas.gathered, formulas.averaged
+    has_structural, has_shear, has_bending = (kind in parts for kind in ("structural", "shear", "bending"))
+    in_the_mean = "averaged-jacobi" in parts
+    zero, one = real(0), real(1)
+
+    def gather(
+        blocks, position, weights, valences, across, down, above, falling, falling_above, rising, rising_above, far_across,
+        far_down, far_above, out,
+    ):  # fmt: skip
+        for k in range(REACH, blocks * block + REACH):
+            total = zero
+            if has_structural:
+                total = (across[k - 1] - across[k]) + (above[k] - down[k])
+            if has_shear:
+                shear = (falling_above[k - 1] - falling[k]) + (rising_above[k] - rising[k - 1])
+                total = total + shear if has_structural else shear
+            if has_bending:
+                bending = (far_across[k - 2] - far_across[k]) + (far_above[k] - far_down[k])
+                total = total + bending if has_structural or has_shear else bending
+            j = k - REACH
+            weight = weights[j] if uneven else one
+            if in_the_mean:
+                out[j] = averaged(position[j], weight, total, valences[j])
+            else:
+                out[j] = gathered(position[j], weight, total)
+
+    gather.__name__ = "gather_uneven" if uneven else "gather"
+    return compiler.row(gather)
+
+
+def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> SimpleNamespace:
+    """`open_walk(first, source, turn, later, scratch, sheet)` before a band's first row, then `iterate_row(i, source, target,
+    turn, later, scratch, sheet)` row by row: from the positions at `source` to those at `target`. See make_lead."""
+    scratches, at = make_scratch(compiler, real), displacement_triples(parts)
+    edge, clear, triples, compiled = scratches.edge, scratches.clear, at["count"], compiler.compiled
+
+    @compiled
+    def nothing(i, keep, source, turn, later, scratch, sheet):
+        """A family that the scene lacks."""
+
+    leads = [
+        make_lead(compiler, real, axes, parts, family, several, edge) if family.kind in parts else nothing
+        for family in FAMILIES
+    ]
+    vertical, falling, rising, horizontal, far_vertical, far_horizontal = leads
+    gather_even = make_gather_row(compiler, real, parts, False)
+    gather_uneven = make_gather_row(compiler, real, parts, True) if parts & {"pins", "load"} else gather_even
+    a_vertical, a_falling, a_rising, a_horizontal, a_far_vertical, a_far_horizontal = (
+        at.get(family.name, at["idle"]) for family in FAMILIES
+    )
+
+    @compiled
+    def lead_down(i, keep, source, turn, later, scratch, sheet):
+        vertical(i, keep, source, turn, later, scratch, sheet)
+        falling(i, keep, source, turn, later, scratch, sheet)
+        rising(i, keep, source, turn, later, scratch, sheet)
+        far_vertical(i, keep, source, turn, later, scratch, sheet)
+
+    @compiled
+    def open_walk(first, source, turn, later, scratch, sheet):
+        if first < REACH:
+            for triple in range(triples):
+                clear(scratch, np.int64(triple), sheet[1][P_SCRATCH_WIDTH])
+        for i in range(max(first - REACH, 0), first):
+            lead_down(i, False, source, turn, later, scratch, sheet)
+
+    @compiled
+    def iterate_row(i, source, target, turn, later, scratch, sheet):
+        memory, places, _, _, _, _, row_places, row_uneven, _ = sheet
+        plane, here, width = places[P_PLANE], i * places[P_STRIDE], places[P_SCRATCH_WIDTH]
+        horizontal(i, True, source, turn, later, scratch, sheet)
+        far_horizontal(i, True, source, turn, later, scratch, sheet)
+        lead_down(i, True, source, turn, later, scratch, sheet)
+        now, before, far_now, far_before = i % 2, (i + 1) % 2, i % 3, (i + 1) % 3
+        for axis in range(axes):
+            row = axis * plane + here
+            given = (
+                places[P_BLOCKS], row_at(memory, source + row), row_at(memory, row_places[0, i]),
+                row_at(memory, row_places[1, i]), row_at(scratch, edge(a_horizontal, axis, width)),
+                row_at(scratch, edge(a_vertical + now, axis, width)), row_at(scratch, edge(a_vertical + before, axis, width)),
+                row_at(scratch, edge(a_falling + now, axis, width)), row_at(scratch, edge(a_falling + before, axis, width)),
+                row_at(scratch, edge(a_rising + now, axis, width)), row_at(scratch, edge(a_rising + before, axis, width)),
+                row_at(scratch, edge(a_far_horizontal, axis, width)),
+                row_at(scratch, edge(a_far_vertical + far_now, axis, width)),
+                row_at(scratch, edge(a_far_vertical + far_before, axis, width)), row_at(memory, target + row),
+            )  # fmt: skip
+            if row_uneven[i]:
+                gather_uneven(*given)
+            else:
+                gather_even(*given)
+
+    assert AXES == 3 and axes <= AXES
+    return SimpleNamespace(open_walk=open_walk, iterate_row=iterate_row)

@@ -1,0 +1,120 @@
+"""The parallel part of the Jacobi orderings: bands of rows, and what they wait for. The rows' part is xpbd/jacobi.py.
+
+All bands predict their border rows first, which neighbours read, and the others just ahead of the iteration's walk.
+Positions go from one place to the other and back, one an iteration: it begins when all have done the one before.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.xpbd.forces import make_wind
+from cpu_backend.xpbd.jacobi import make_iterate, reach_of
+from cpu_backend.xpbd.layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
+from cpu_backend.xpbd.walk import keeps_velocity, make_walk
+
+
+def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
+    """(open_band, iterate_band): the prediction of a band's border rows, and an iteration, a substep's first one with the
+    prediction of the other rows, its last one with their velocities."""
+    walk, iterate = make_walk(compiler, real, axes, parts, 1), make_iterate(compiler, real, axes, parts, several)
+    begin_row, end_iteration, end_row = walk.begin_row, walk.end_iteration, walk.end_row
+    open_walk, iterate_row, reach = iterate.open_walk, iterate.iterate_row, reach_of(parts)
+
+    @compiler.compiled
+    def open_band(band, bounds, step, source, sheet):
+        first, last = bounds[band], bounds[band + 1]
+        for i in range(first, min(first + reach, last)):
+            begin_row(i, step, source, sheet)
+        for i in range(max(last - reach, first + reach), last):
+            begin_row(i, step, source, sheet)
+
+    @compiler.compiled
+    def iterate_band(band, bounds, k, iterations, step, substep, source, target, sheet):
+        memory, places = sheet[0], sheet[1]
+        first, last = bounds[band], bounds[band + 1]
+        scratch = row_at(memory, places[P_SCRATCH] + band * places[P_SCRATCH_SIZE])
+        open_walk(first, source, k % 2, k > 0, scratch, sheet)
+        for i in range(first, last):
+            if k == 0 and i + reach >= first + reach and i + reach < last - reach:
+                begin_row(i + reach, step, source, sheet)
+            iterate_row(i, source, target, k % 2, k > 0, scratch, sheet)
+            end_iteration(i, target, sheet)
+            if k == iterations - 1:
+                end_row(i, substep, target, sheet)
+
+    return open_band, iterate_band
+
+
+@cache
+def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
+    """advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies, kinds,
+    row_places, row_uneven, anchors): as that of xpbd/seidel.py, bands of the rows that `bounds` tell."""
+    words = parts | ({"several"} if several else set())
+    compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
+    compiled, has_wind, apart = compiler.compiled, "wind" in parts, keeps_velocity(parts)
+    open_band, iterate_band = make_parts_of_substep(compiler, real, axes, parts, several)
+    if has_wind:
+        winds = make_wind(compiler, real, parts, 1)
+        copy_band, wind_band = winds.copy_band, winds.wind_band
+    else:
+        copy_band = wind_band = compiled(_nothing)
+
+    @compiled
+    def copy(band, bounds, source, natural, sheet):
+        velocity = source + axes * sheet[1][P_PLANE] if apart else axes * sheet[1][P_PLANE]
+        copy_band(bounds[band], bounds[band + 1], source, velocity, sheet[0], sheet[1], natural)
+
+    @compiled
+    def blow(band, bounds, natural, substep, sheet):
+        memory, places, record, integers, _, _, row_places, _, _ = sheet
+        wind_band(bounds[band], bounds[band + 1], band, substep, memory, places, natural, record, integers, row_places)
+
+    @compiled
+    def place_of(passes, places):
+        """Where positions are after so many iterations."""
+        return places[P_OTHER] if passes % 2 else np.int64(0)
+
+    @compiled
+    def bring_back(band, bounds, sheet):
+        """Positions from the other place to where a state has them, and where there are colliders velocities."""
+        memory, places = sheet[0], sheet[1]
+        for plane in range(2 * axes if apart else axes):
+            start = plane * places[P_PLANE]
+            for k in range(start + bounds[band] * places[P_STRIDE], start + bounds[band + 1] * places[P_STRIDE]):
+                memory[k] = memory[places[P_OTHER] + k]
+
+    def advance(
+        team, member, bands, count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies,
+        kinds, row_places, row_uneven, anchors,
+    ):  # fmt: skip
+        sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
+        for number in range(count * substeps):
+            now, substep, done = step + number // substeps, step * substeps + number, number * iterations
+            if has_wind:
+                for band in shares(team, member, bands):
+                    copy(band, bounds, place_of(done, places), natural, sheet)
+                for band in shares(team, member, bands):
+                    blow(band, bounds, natural, substep, sheet)
+            for band in shares(team, member, bands):
+                open_band(band, bounds, now, place_of(done, places), sheet)
+            for k in range(iterations):
+                source, target = place_of(done + k, places), place_of(done + k + 1, places)
+                for band in shares(team, member, bands):
+                    iterate_band(band, bounds, k, iterations, now, substep, source, target, sheet)
+        if count * substeps * iterations % 2 == 1:
+            for band in shares(team, member, bands):
+                bring_back(band, bounds, sheet)
+
+    return compiler.team(advance)
+
+
+def _nothing(*arguments):
+    """Wind in a scene without. (Compiled by the kernel.)"""

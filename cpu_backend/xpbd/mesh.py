@@ -1,0 +1,193 @@
+"""Position-based dynamics (XPBD, PBD) of a triangle mesh on CPU threads, constraints in index arrays sorted by colour.
+
+M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. Kernels: `fused`, many steps in one call with a parallel loop
+for each colour, and `stages`, each of those loops by itself. In `exact` math both give the same bits, for any number of
+threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.threads import thread_count
+from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
+from model.core.errors import SceneError
+from model.core.plan import Executor
+from model.core.simulation import Options, Simulation
+from model.geometry.tables import vertex_attachments, wind_lists
+from model.geometry.topology import mesh_of
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import Family, families
+from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
+
+KERNELS = ("fused", "stages")
+WIDTH = 4  # numbers a mass: x, y, z and, of positions, its weight
+
+
+def choose_kernel(wanted: str | None) -> str:
+    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a mesh on the cpu")
+    return wanted or "fused"
+
+
+@cache
+def make_first_bad(real: Any) -> Any:
+    """first_bad(position, velocity, bound, bands, bad): of each band the first bad mass, or -1. No fast math: NaN must be
+    seen."""
+
+    def first_bad(position, velocity, bound, bands, bad):
+        zero, count = bound - bound, len(position)
+        for band in prange(bands):
+            bad[band] = -1
+            for k in range(count * band // bands, count * (band + 1) // bands):
+                good = True
+                for axis in range(3):
+                    good = good and abs(position[k, axis]) <= bound  # false for NaN
+                    good = good and velocity[k, axis] - velocity[k, axis] == zero
+                if not good:
+                    bad[band] = k
+                    break
+
+    return Compiler(f"mesh_{np.dtype(real).name}", "exact").kernel(first_bad)
+
+
+class MeshPositionBased(Simulation):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    backend = "cpu"
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        assert scene.mesh is not None
+        self.threads, self.device = thread_count(threads), processor_name()
+        self.kernel, self.plan = choose_kernel(options.kernel), xpbd_mesh_plan(scene, options.live)
+        self.record, real = self._record, self.real
+        self.integers = np.zeros(3, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none; seed of gusts
+        self.integers[::2] = [part.seed if part else 0 for part in (scene.external, scene.wind)]
+        self.bodies = collider_numbers(scene, real)
+        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        count = len(self.body.position)
+        self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
+        self._position[:, 3] = self.body.inverse_mass * scene.grid.mass
+        self._kept = np.zeros((2, count, WIDTH), real)
+        self._bands = max(1, min(self.threads, count))
+        self._bad = np.zeros(self._bands, np.int64)
+        self._wind = wind_lists(mesh_of(scene.mesh), "wind" in self.plan.parts)
+        self._families = {kind: self._arrays(kind) for kind in ("structural", "bending")}
+        self._attachments = vertex_attachments(scene, self.body, real, "attachments" in self.plan.parts)
+        staged = self.kernel == "stages"
+        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
+        self.reset()
+
+    def _arrays(self, kind: str) -> tuple[np.ndarray, ...]:
+        """(corners, values, multipliers, starts) of a family, empty where there is none."""
+        found = [family for family in families(self.scene) if family.kind == kind]
+        if not found:
+            empty = np.zeros((0, 1), self.real)
+            return np.zeros((0, 4), np.int32), empty, empty, np.zeros(1, np.int32)
+        (family,) = found
+        axes = 3 if family.model == "isometric" else 1
+        rows = len(family.corners) if f"{kind}-compliance" in self.plan.parts else 0
+        return family.corners, family.values.astype(self.real), np.zeros((rows, axes), self.real), family.starts
+
+    def _variant(self) -> tuple[Any, str, frozenset[str]]:
+        return self.real, self.options.math, self.plan.parts - ALWAYS  # so that fewer variants are compiled
+
+    def _advance(self, step: int, steps: int) -> None:
+        method = self.scene.method
+        make_mesh_advance(*self._variant())(
+            self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
+            self.record, self.integers, self._wind, self._families["structural"], self._families["bending"],
+            *self._attachments, self.bodies, self.kinds,
+        )  # fmt: skip
+
+    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself."""
+        stage, bands, substeps = make_mesh_stages(*self._variant()), self._bands, self.scene.method.substeps
+        position, velocity, before = self._position, self._velocity, self._before
+        now = {"substep": -1, "step": -1}  # of the step, set by `predict`
+        seen: set[str] = set()  # stages that have run in this substep: their multipliers live on
+
+        def number(step: int) -> int:
+            return step * substeps + now["substep"]
+
+        def predict(step: int, offset: float) -> None:
+            again = now["step"] == step and now["substep"] < substeps - 1
+            now.update(step=step, substep=now["substep"] + 1 if again else 0)
+            seen.clear()
+            arguments = position, velocity, before, self.record, self.integers, self._wind
+            stage.predict(bands, step, number(step), *arguments)
+
+        def project(family: Family, colour: int, name: str) -> Callable[[int, float], None]:
+            corners, values, multipliers, _ = self._families[family.kind]
+            kernel = stage.edges if family.kind == "structural" else stage.bends
+            start, stop = int(family.starts[colour]), int(family.starts[colour + 1])
+
+            def run(step: int, offset: float) -> None:
+                fresh = name not in seen
+                seen.add(name)
+                kernel(bands, start, stop, position, before, corners, values, multipliers, fresh, self.record)
+
+            return run
+
+        def collide(step: int, offset: float) -> None:
+            stage.collide(bands, number(step), before, position, velocity, self.record, self.bodies, self.kinds)
+
+        found: dict[str, Callable[[int, float], None]] = {
+            "predict": predict,
+            "attachments": lambda step, offset: stage.attach(bands, position, *self._attachments),
+            "update velocity": lambda step, offset: stage.update(bands, before, position, velocity, self.record),
+            "collide": collide,
+        }
+        for family in families(self.scene):
+            for colour in range(family.colours):
+                name = stage_name(family, colour)
+                found[name] = project(family, colour, name)
+        return found
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        numba.set_num_threads(self.threads)
+        self._executor.run(self.step, steps)
+
+    def _keep(self) -> None:
+        self._kept[0], self._kept[1] = self._position, self._velocity
+
+    def _restore(self) -> None:
+        self._position[...], self._velocity[...] = self._kept
+
+    def _first_bad(self) -> int:
+        numba.set_num_threads(self.threads)
+        state = self._position, self._velocity
+        make_first_bad(self.real)(*state, self.real(self._bound), self._bands, self._bad)
+        bad = self._bad[self._bad >= 0]
+        return int(bad[0]) if len(bad) else -1
+
+    def _parameters_changed(self) -> None:
+        self.record = self._record
+        self.integers[1] = self._poke_particle + 1
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.ascontiguousarray(self._position[:, :3]), np.ascontiguousarray(self._velocity[:, :3])
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._position[:, :3], self._velocity[:, :3] = position, velocity
+
+    def synchronize(self) -> None:
+        """Nothing to wait for: a call returns when its steps are done."""
+
+    def close(self) -> None:
+        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        self.__dict__.pop("_executor", None)

@@ -1,0 +1,168 @@
+"""The stages of a position-based plan, one kernel each, run over the whole sheet: the teaching version.
+
+Constraints are projected in xpbd/stage_projections.py; wind and colliders are the cloth's. Each stage reads and writes
+memory of its own, and every mass has its weight there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
+from cpu_backend.mass_spring.cloth.stages import make_collide_stage
+from cpu_backend.xpbd.stage_projections import bind_projections, make_projections
+from model.formulas import distance, random
+from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
+from model.scene.cloth import COLLIDER_KINDS
+from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
+from model.xpbd.plan import FAMILIES
+
+
+def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that look at no neighbour. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
+    compiled, kernel = compiler.compiled, compiler.kernel
+    formulas = distance.make(real, compiled)
+    kicked, kept, predicted, rate, added = (
+        formulas.kicked, formulas.kept, formulas.predicted, formulas.rate, formulas.added
+    )  # fmt: skip
+    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
+    has_load, has_damping = "load" in parts, "damping" in parts
+    zero, one = real(0), real(1)
+
+    @kernel
+    def gravity(acceleration, record):
+        for i in prange(acceleration.shape[1]):
+            for j in range(acceleration.shape[2]):
+                acceleration[1, i, j] += record[C_GRAVITY]
+
+    @kernel
+    def external(acceleration, weights, record, integers, step):
+        axes, rows, columns = acceleration.shape
+        for i in prange(rows):
+            for j in range(columns):
+                words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
+                for axis in range(axes):
+                    force = add_external(zero, record[C_EXTERNAL], words[axis])
+                    now = acceleration[axis, i, j]
+                    acceleration[axis, i, j] = added(now, weights[i, j], force) if has_load else now + force
+
+    @kernel
+    def poke(acceleration, weights, record, integers):
+        poked, columns = np.int64(integers[1]) - 1, acceleration.shape[2]
+        for axis in prange(acceleration.shape[0]):
+            if poked >= 0:
+                i, j = poked // columns, poked % columns
+                now, force = acceleration[axis, i, j], record[C_POKE_X + axis]
+                acceleration[axis, i, j] = added(now, weights[i, j], force) if has_load else now + force
+
+    @kernel
+    def add_weighed(acceleration, weights, force):
+        axes, rows, columns = acceleration.shape
+        for i in prange(rows):
+            for j in range(columns):
+                for axis in range(axes):
+                    now = acceleration[axis, i, j]
+                    acceleration[axis, i, j] = added(now, weights[i, j], force[axis, i, j])
+
+    @kernel
+    def predict(position, velocity, before, acceleration, weights, record):
+        """Pinned masses stay."""
+        axes, rows, columns = position.shape
+        for i in prange(rows):
+            for j in range(columns):
+                w, keep = weights[i, j], one
+                if has_damping:
+                    keep = kept(record[X_DRAG], w) if has_load else record[X_KEEP]
+                for axis in range(axes):
+                    p = position[axis, i, j]
+                    v = kicked(velocity[axis, i, j], keep, record[C_DT], acceleration[axis, i, j])
+                    before[axis, i, j] = p
+                    position[axis, i, j] = predicted(p, record[C_DT], v) if w > zero else p
+
+    @kernel
+    def update_velocity(position, velocity, before, weights, record):
+        axes, rows, columns = position.shape
+        for i in prange(rows):
+            for j in range(columns):
+                for axis in range(axes):
+                    v = rate(position[axis, i, j], before[axis, i, j], record[X_INVERSE_SUBSTEP])
+                    velocity[axis, i, j] = v if weights[i, j] > zero else zero
+
+    return SimpleNamespace(
+        gravity=gravity, external=external, poke=poke, add_weighed=add_weighed, predict=predict,
+        update_velocity=update_velocity,
+    )  # fmt: skip
+
+
+@cache
+def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
+    """The stage kernels of a variant; each is compiled when it first runs, and knows the parts that matter to it."""
+
+    def made(make: Any, *words: str) -> Any:
+        matter = frozenset(part for part in parts if part.split("-")[0] in words)
+        return make(Compiler(cloth_variant("xpbd_stage", real, math, matter), math), real, matter)
+
+    stages = made(make_point_stages, "load", "damping")
+    stages.wind = made(make_wind_stage, "wind", "gust")
+    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
+    stages.projections = make_projections(real, math, axes, parts)
+    return stages
+
+
+def bind_position_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+    """What runs each named stage of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
+    axes, parts, substeps = sim.scene.dimensions, sim.plan.parts, sim.scene.method.substeps
+    make = make_position_stages(sim.real, sim.options.math, axes, parts)
+    tables, shape = sim.tables, (axes, sim.body.rows, sim.body.columns)
+    weights = tables.weights[tables.weight_row]
+    position, velocity = sim.current[:axes], sim.current[axes:]
+    before, acceleration, force = (np.zeros(shape, sim.real) for _ in range(3))
+    multipliers = np.zeros((len(FAMILIES), *shape[1:]), sim.real)
+    count = {"next": 0, "now": 0}  # of the substeps of a step
+
+    def number(step: int, which: str) -> int:
+        return step * substeps + count[which]
+
+    def wind(step: int, offset: float) -> None:
+        into = force if "load" in parts else acceleration
+        force[...] = 0
+        make.wind(tuple(sim.current), sim.record, sim.integers, number(step, "next"), sim.real(0), tuple(into))
+        if "load" in parts:
+            make.add_weighed(acceleration, weights, force)
+
+    def predict(step: int, offset: float) -> None:
+        make.predict(position, velocity, before, acceleration, weights, sim.record)
+        acceleration[...] = 0
+        multipliers[...] = 0
+        count.update(now=count["next"], next=(count["next"] + 1) % substeps)
+
+    def collide(step: int, offset: float) -> None:
+        make.collide(sim.bodies, sim.kinds, number(step, "now"), sim.record, tuple(before), tuple(sim.current))
+        for axis in range(axes):
+            position[axis][weights == 0] = before[axis][weights == 0]
+            velocity[axis][weights == 0] = 0
+
+    return {
+        "gravity": lambda step, offset: make.gravity(acceleration, sim.record),
+        "wind": wind,
+        "external force": lambda step, offset: make.external(
+            acceleration, weights, sim.record, sim.integers, step
+        ),
+        "poke": lambda step, offset: make.poke(acceleration, weights, sim.record, sim.integers),
+        "predict": predict,
+        "find contacts": lambda step, offset: sim.contacts.find(before, position),
+        "project contacts": lambda step, offset: sim.contacts.project(position),
+        **bind_projections(sim, make.projections, position, before, multipliers, weights),
+        "update velocity": lambda step, offset: make.update_velocity(
+            position, velocity, before, weights, sim.record
+        ),
+        "collide": collide,
+    }  # fmt: skip

@@ -1,0 +1,144 @@
+"""The masses' weights and the constraints' reciprocals, in rows. Rows of a sheet that weigh alike share one.
+
+So a constraint costs one load from a short row that stays in the first cache, whatever the pins, the edges, and what may
+change while running: a reciprocal is 0 where there is no constraint, and kernels need no case for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from model.core.build import Body
+from model.formulas import distance
+from model.scene.scene import Scene
+from model.xpbd.parameters import X_BOTH, X_COMPLIANCE, X_CONSTRAINT, X_ONE, X_STIFFENING
+from model.xpbd.plan import FAMILIES, Family, families
+
+
+def mass_weights(scene: Scene, body: Body, real: Any) -> np.ndarray:
+    """(rows, columns): 1, 0 where pinned, and what a load's inverse mass is to the sheet's."""
+    mass = scene.grid.mass
+    weights = np.where(body.inverse_mass == 1 / mass, 1.0, body.inverse_mass * mass)
+    return weights.astype(real).reshape(body.rows, body.columns)
+
+
+def constants_of(family: Family, colour: int, parts: frozenset[str]) -> int:
+    """Where the constants of a colour of a family begin in the record."""
+    stiff = family.kind == "structural" and colour == 1 and "alternating" in parts
+    return X_CONSTRAINT["stiff" if stiff else family.kind]
+
+
+def index_columns(family: Family, columns: int) -> tuple[slice, slice]:
+    """Columns of the first and of the second ends of a row's constraints, in the order of their index."""
+    count, right = max(0, columns - abs(family.columns)), family.columns
+    return slice(max(0, -right), max(0, -right) + count), slice(max(0, right), max(0, right) + count)
+
+
+def valence(family: Family, i: int, columns: int, rows: int) -> np.ndarray:
+    """(columns,): how many constraints of a family the masses of row `i` have."""
+    first, second = index_columns(family, columns)
+    count = np.zeros(columns, np.int64)
+    if i + family.rows < rows:
+        count[first] += 1
+    if i - family.rows >= 0:
+        count[second] += 1
+    return count
+
+
+@dataclass
+class _Rows:
+    """Different rows (n, columns), and which of them a sheet's rows are."""
+
+    known: dict[Any, int]
+    rows: list[np.ndarray]
+
+    def number(self, key: Any, make: Any) -> int:
+        if key not in self.known:
+            self.known[key] = len(self.rows)
+            self.rows.append(make())
+        return self.known[key]
+
+
+class Tables:
+    """Of a scene's sheet in the arithmetic `real`.
+
+    `weights` (n, columns) and `weight_row` (rows,), the number of a row's weights; `uneven` (rows,): whether a row has a
+    weight other than 1. `reciprocals` and `valences` come from functions, since the record may change.
+    """
+
+    def __init__(self, scene: Scene, body: Body, real: Any, parts: frozenset[str]):
+        self.real, self.parts, self.rows, self.columns = real, parts, body.rows, body.columns
+        self._formulas = distance.make(real)
+        found = _Rows({}, [])
+        sheet = mass_weights(scene, body, real)
+        self.weight_row = np.array([found.number(row.tobytes(), row.copy) for row in sheet], np.int64)
+        self.weights = np.array(found.rows)
+        self.uneven = (self.weights != 1).any(axis=1)[self.weight_row]
+
+    @cached_property
+    def _valence_rows(self) -> list[np.ndarray]:
+        """Of every row; those inside are one array."""
+        made: dict[tuple[int, int], np.ndarray] = {}
+        rows = []
+        for i in range(self.rows):
+            key = min(i, 2), min(self.rows - 1 - i, 2)
+            if key not in made:
+                total = np.zeros(self.columns, np.int64)
+                for family in families(self.parts):
+                    total += valence(family, i, self.columns, self.rows)
+                made[key] = total.astype(self.real)
+            rows.append(made[key])
+        return rows
+
+    def valences(self) -> tuple[np.ndarray, np.ndarray]:
+        """((n, columns) as `real`, (rows,) the number of a row's)."""
+        found = _Rows({}, [])
+        number = [found.number(id(row), lambda row=row: row) for row in self._valence_rows]
+        return np.array(found.rows), np.array(number, np.int64)
+
+    def reciprocals(self, record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """((n, columns), (len(FAMILIES), rows) the number of a row's) of the constraints by their index (i, j), 0 where there
+        is none."""
+        found = _Rows({}, [])
+        nothing = found.number(None, lambda: np.zeros(self.columns, self.real))
+        number = np.full((len(FAMILIES), self.rows), nothing, np.int64)
+        for family in families(self.parts):
+            k = FAMILIES.index(family)
+            for i in range(self.rows - family.rows):
+                colour = i % 2 if family.rows and "alternating" in self.parts else 0
+                key: tuple[Any, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
+                if "jacobi" in self.parts:
+                    key = *key, id(self._valence_rows[i]), id(self._valence_rows[i + family.rows])
+                number[k, i] = found.number(key, lambda f=family, i=i: self._row(f, i, record))
+        return np.array(found.rows), number
+
+    def _row(self, family: Family, i: int, record: np.ndarray) -> np.ndarray:
+        out = np.zeros(self.columns, self.real)
+        first, second = index_columns(family, self.columns)
+        upper, lower = self.weight_row[i], self.weight_row[i + family.rows]
+        w_first, w_second = self.weights[upper][first], self.weights[lower][second]
+        if "jacobi" in self.parts:
+            w_first = self._formulas.share(self._valence_rows[i][first], w_first)
+            w_second = self._formulas.share(self._valence_rows[i + family.rows][second], w_second)
+        total = w_first + w_second
+        for colour in (0, 1):
+            # along a row the colours that differ, if any do, are every second constraint
+            mine = slice(None) if family.rows else slice(colour, None, 2)
+            at = constants_of(family, i % 2 if family.rows else colour, self.parts)
+            out[: len(total)][mine] = self._values(total[mine], record[at:])
+        return out
+
+    def _values(self, total: np.ndarray, constants: np.ndarray) -> np.ndarray:
+        different, which = np.unique(total, return_inverse=True)
+        if self.parts & {"load", "jacobi", "averaged-jacobi"}:
+            values = [
+                self._formulas.reciprocal(weight, constants[X_STIFFENING], constants[X_COMPLIANCE])
+                for weight in different
+            ]
+        else:
+            values = [{2: constants[X_BOTH], 1: constants[X_ONE], 0: self.real(0)}[int(weight)] for weight in different]
+        return np.array(values, self.real)[which]

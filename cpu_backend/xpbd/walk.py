@@ -1,0 +1,167 @@
+"""What the kernels of both orderings do to a row before and after its constraints: prediction, attachments, velocity,
+colliders.
+
+`sheet`, which they all pass on: (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors). Memory
+and places: xpbd/layout.py; `bodies`, `kinds`: the colliders; `row_places` (2 + families, rows): where a row's weights begin,
+its valences, and the reciprocals of each family; `row_uneven` (rows,): whether a weight is other than 1; `anchors`: flat, of
+each mass, by their place among the pins.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.contact.colliders import make_collide_row
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of, row_at
+from cpu_backend.xpbd.forces import FORCES, make_forces
+from cpu_backend.xpbd.layout import (
+    P_ACCELERATION,
+    P_ANCHORS,
+    P_BEFORE,
+    P_BLOCKS,
+    P_CLASS,
+    P_PIN_COUNT,
+    P_PINS,
+    P_PLANE,
+    P_REACH,
+    P_STRIDE,
+)
+from cpu_backend.xpbd.rows import make_motion_rows
+from model.formulas import distance
+from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY
+from model.scene.cloth import COLLIDER_KINDS
+from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
+
+
+def keeps_velocity(parts: frozenset[str]) -> bool:
+    """Whether the position at the substep's beginning needs a place of its own: colliders change velocities, and by Jacobi a
+    band computes the constraints that lead down to it when the band above may have made velocities of its rows already,
+    which dampers along them must not take for positions."""
+    dampers = any(part.endswith("-damping") for part in parts)
+    return not parts.isdisjoint(COLLIDER_KINDS) or ("gauss-seidel" not in parts and dampers)
+
+
+def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+    """attach_row(i, position, sheet): the masses of row `i` that are farther from their anchors than these reach."""
+    formulas, block = distance.make(real, compiler.compiled), block_of(real)
+    tether, tethered = formulas.tether, formulas.tethered
+    squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
+    zero, one = real(0), real(1)
+
+    @compiler.row
+    def pull_back(blocks, x, y, z, weights, anchor, reach, pin_x, pin_y, pin_z):
+        for j in range(blocks * block):
+            ax, ay = pin_x[anchor[j]], pin_y[anchor[j]]
+            az = pin_z[anchor[j]] if axes == 3 else zero
+            dx, dy = x[j] - ax, y[j] - ay
+            dz = z[j] - az if axes == 3 else zero
+            squared = squared_length_2d(dx, dy) if axes == 2 else squared_length_3d(dx, dy, dz)
+            factor = tether(squared, reach[j]) if weights[j] > zero else one
+            x[j] = tethered(x[j], ax, dx, factor)
+            y[j] = tethered(y[j], ay, dy, factor)
+            if axes == 3:
+                z[j] = tethered(z[j], az, dz, factor)
+
+    @compiler.compiled
+    def attach_row(i, classes, position, sheet):
+        memory, places, _, _, _, _, row_places, _, anchors = sheet
+        plane, pins = places[P_PLANE], places[P_PIN_COUNT]
+        for c in range(classes):
+            lane = c * places[P_CLASS]
+            here = i * places[P_STRIDE] + lane
+            for k in range(places[P_ANCHORS]):
+                pull_back(
+                    places[P_BLOCKS], row_at(memory, position + here), row_at(memory, position + here + plane),
+                    row_at(memory, position + here + 2 * plane), row_at(memory, row_places[0, i] + lane),
+                    row_at(anchors, k * plane + here), row_at(memory, places[P_REACH] + k * plane + here),
+                    row_at(memory, places[P_PINS]), row_at(memory, places[P_PINS] + pins),
+                    row_at(memory, places[P_PINS] + 2 * pins),
+                )  # fmt: skip
+
+    return attach_row
+
+
+def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> SimpleNamespace:
+    """`begin_row(i, step, position, sheet)`: the row's prediction, in place; `position`: where the planes of positions begin,
+    after which come those of velocities where there are colliders. Else velocities have one place, whichever positions are.
+    `end_iteration(i, position, sheet)`: attachments. `end_row(i, substep, position, sheet)`: velocity and colliders."""
+    apart = keeps_velocity(parts)
+    has_forces, has_attachments = bool(parts & FORCES), "attachments" in parts
+    rows = make_motion_rows(compiler, real, parts, apart, has_forces)
+    predict, predict_uneven, keep_of = rows.predict, rows.predict_uneven, rows.keep_of
+    finish, hold = rows.finish, rows.hold
+    add_forces = make_forces(compiler, real, axes, parts, classes)
+    attach_row = make_attach_row(compiler, real, axes, parts)
+    collide_row = make_collide_row(compiler, real, parts)
+    zero, has_gravity = real(0), "gravity" in parts
+
+    @compiler.compiled
+    def rows_of(i, axis, c, position, places):
+        """Where a class of row `i` begins: its positions, velocities, and positions before."""
+        plane = places[P_PLANE]
+        row = i * places[P_STRIDE] + c * places[P_CLASS] + axis * plane
+        velocity = position + axes * plane if apart else axes * plane
+        return position + row, velocity + row, places[P_BEFORE] + row
+
+    @compiler.compiled
+    def begin_row(i, step, position, sheet):
+        memory, places, record, integers, _, _, row_places, row_uneven, _ = sheet
+        keep = keep_of(record[X_KEEP], record[X_DRAG])
+        if has_forces:
+            add_forces(i, step, memory, places, record, integers, row_places[0, i])
+        for axis in range(axes):
+            gravity = record[C_GRAVITY] if has_gravity and axis == 1 else zero
+            for c in range(classes):
+                p, v, before = rows_of(i, axis, c, position, places)
+                acceleration = places[P_ACCELERATION] + p - position
+                given = (
+                    places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
+                    row_at(memory, acceleration), gravity, row_at(memory, row_places[0, i] + c * places[P_CLASS]), keep,
+                    record[X_DRAG], record[C_DT],
+                )  # fmt: skip
+                if row_uneven[i]:
+                    predict_uneven(*given)
+                else:
+                    predict(*given)
+
+    @compiler.compiled
+    def end_iteration(i, position, sheet):
+        if has_attachments:
+            attach_row(i, classes, position, sheet)
+
+    @compiler.compiled
+    def touch_row(i, substep, position, sheet):
+        memory, places, record, _, bodies, kinds, row_places, row_uneven, _ = sheet
+        for c in range(classes):
+            lane = i * places[P_STRIDE] + c * places[P_CLASS]
+            collide_row(
+                bodies, kinds, substep, record, places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
+                memory, position + lane, places[P_PLANE],
+            )  # fmt: skip
+            if row_uneven[i]:
+                for axis in range(axes):
+                    p, v, before = rows_of(i, axis, c, position, places)
+                    hold(
+                        places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
+                        row_at(memory, row_places[0, i] + c * places[P_CLASS]),
+                    )  # fmt: skip
+
+    @compiler.compiled
+    def end_row(i, substep, position, sheet):
+        memory, places, record, _, _, _, _, _, _ = sheet
+        for axis in range(axes):
+            for c in range(classes):
+                p, v, before = rows_of(i, axis, c, position, places)
+                finish(
+                    places[P_BLOCKS],
+                    row_at(memory, p),
+                    row_at(memory, v),
+                    row_at(memory, before),
+                    record[X_INVERSE_SUBSTEP],
+                )
+        if apart:
+            touch_row(i, substep, position, sheet)
+
+    return SimpleNamespace(begin_row=begin_row, end_iteration=end_iteration, end_row=end_row)

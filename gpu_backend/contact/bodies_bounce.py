@@ -1,0 +1,93 @@
+"""CUDA kernels of rigid bodies that bounce off each other: their particles' impulses, enlarged for each pair by what both
+bodies would make of theirs, as in model/shape_matching/rigid_rebound.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.particles_bounce import make_lack
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.shape_matching.kernels import ROWS
+from model.contact.particle_parameters import MOST_NEIGHBOURS
+from model.formulas import particle_contact, rebound
+
+
+@cache
+def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
+    """give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, scales, struck): what they get of
+    those that they part from, into `struck`; else as `bounce` of contact/particles_bounce.py. `scaled`: times the lesser
+    one of both particles' `scales`."""
+    formulas = device_formulas(particle_contact.make, real, math)
+    split, added, moved = formulas.split, formulas.added, formulas.moved
+    factor_of = device_formulas(rebound.make, real, math).shared
+    product = device_formulas(rebound.make, real, math).scaled
+    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+
+    def give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, scales, struck):
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
+            x, y, z, weight = zero, zero, zero, zero
+            if kept > 0:
+                v = load_quad(touching, i)
+                if v[3] > zero:
+                    p, o = load_quad(position, i), load_quad(old, i)
+                    weight = p[3]
+                    for s in range(kept):
+                        j = neighbours[s * particles + i]
+                        w = load_quad(touching, j)
+                        lack, nx, ny, nz = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds)
+                        if lack > zero:
+                            share = split(v[3], one, w[3], one)
+                            if scaled:
+                                lack = product(lack, factor_of(scales[i], scales[j]))
+                            x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
+            store_quad(struck, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), zero)
+
+    name = variant_name(real, math, f"own{own:d}", f"many{many:d}", f"scaled{scaled:d}")
+    return make_kernel(give, f"bodies_bounce_{name}", **kernel_options(math))
+
+
+@cache
+def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
+    """`spread(own_starts, own_clusters, limits, motions, scales)`: each particle's scale, its body's, 1 without one;
+    `join(position, velocity, struck, own_starts, own_clusters, limits, motions)`: velocities, with what the bodies make of
+    what their particles got, and without one with that."""
+    formulas = device_formulas(rebound.make, real, math)
+    rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), np.int32(1)
+    unit = real(1)
+
+    def spread(own_starts, own_clusters, limits, motions, scales):
+        k = np.int32(cuda.grid(1))
+        if k < scales.size:
+            scale = unit
+            for n in range(own_starts[k], own_starts[k + one]):
+                if limits[own_clusters[n]] != zero:
+                    scale = load_quad(motions, np.int32(ROWS * own_clusters[n]))[3]
+            scales[k] = scale
+
+    def join(position, velocity, struck, own_starts, own_clusters, limits, motions):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(struck, k)
+            a, b, c = q[0], q[1], q[2]
+            for n in range(own_starts[k], own_starts[k + one]):
+                if limits[own_clusters[n]] != zero:
+                    row = np.int32(ROWS * own_clusters[n])
+                    o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+                    dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+                    a = rigid(t[0], s[1], dz, s[2], dy)
+                    b = rigid(t[1], s[2], dx, s[0], dz)
+                    c = rigid(t[2], s[0], dy, s[1], dx)
+            store_quad(velocity, k, joined(v[0], a), joined(v[1], b), joined(v[2], c), zero)
+
+    name, options = f"bodies_bounce_{variant_name(real, math)}", kernel_options(math)
+    return SimpleNamespace(spread=make_kernel(spread, name, **options), join=make_kernel(join, name, **options))

@@ -1,0 +1,181 @@
+"""What a mass of a cloth does that meets the colliders, as a device function: one after the other, in the scene's order."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.mass_spring.cloth.point import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.formulas import cloth, colliders, distance_field, triangle_tree
+from model.mass_spring.cloth_parameters import (
+    B_DYNAMIC,
+    B_RADIUS,
+    B_RESTITUTION,
+    B_SPIN,
+    B_STATIC,
+    B_THICKNESS,
+    B_TREE,
+    B_TURNS,
+    B_U,
+    B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
+    B_W,
+    B_X,
+    B_Y,
+    B_Z,
+    C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    C_GRAVITY,
+    COLLIDER_FIELDS,
+)  # fmt: skip
+
+
+@cache
+def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
+
+    `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
+    model/mass_spring/cloth_parameters.py one after the other, then trees and fields; how many of each kind says `integers`.
+    """
+    formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
+    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
+    sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
+    settling_speed, bounces = formulas.settling_speed, "restitution" in parts
+    instant, moved, between, pushed = sums.instant, sums.moved, sums.between, sums.pushed
+    inline = inlined(math)
+    has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
+    has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
+    has_friction, has_colliders = "friction" in parts, bool(parts & COLLIDERS)
+    zero, one, next_one = real(0), real(1), np.int64(1)
+
+    @inline
+    def place_of(bodies, at, time):
+        """The collider's point at `time`."""
+        return (
+            moved(bodies[at + B_X], bodies[at + B_VX], time),
+            moved(bodies[at + B_Y], bodies[at + B_VY], time),
+            moved(bodies[at + B_Z], bodies[at + B_VZ], time),
+        )
+
+    @inline
+    def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):
+        static, dynamic = zero, zero
+        if has_friction:
+            static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
+        ux, uy, uz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
+        if bounces:
+            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, bodies[at + B_RESTITUTION], slow)
+        return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
+
+    @inline
+    def push(px, py, pz, vx, vy, vz, surface, slow, bodies, at):
+        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz); `slow`: speed up to which nothing bounces."""
+        distance, nx, ny, nz = surface
+        thickness = bodies[at + B_THICKNESS]
+        if distance < thickness:
+            depth = thickness - distance
+            px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
+            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+        return px, py, pz, vx, vy, vz
+
+    @inline
+    def meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+        x, y, z = place_of(bodies, at, end)
+        dx, dy, dz = px - x, py - y, pz - z
+        old_x, old_y, old_z = place_of(bodies, at, begin)
+        ax, ay, az = before[0] - old_x, before[1] - old_y, before[2] - old_z
+        radius = bodies[at + B_RADIUS]
+        part = sphere_entry(ax, ay, az, dx, dy, dz, radius + bodies[at + B_THICKNESS])
+        if part < one:
+            dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
+            px, py, pz = x + dx, y + dy, z + dz
+            _, nx, ny, nz = sphere(dx, dy, dz, radius)
+            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            return px, py, pz, vx, vy, vz
+        return push(px, py, pz, vx, vy, vz, sphere(dx, dy, dz, radius), slow, bodies, at)
+
+    @inline
+    def meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+        x, y, z = place_of(bodies, at, end)
+        surface = plane(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
+
+    @inline
+    def meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+        x, y, z = place_of(bodies, at, end)
+        surface = capsule(
+            px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
+        )
+        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
+
+    @inline
+    def meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+        x, y, z = place_of(bodies, at, end)
+        surface = box(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+        return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
+
+    def of_surface(topic: Any) -> Any:
+        """In the collider's own frame: see model/formulas/frame.py."""
+        meet = device_formulas(topic.make, real, math, bounces=bounces).touch
+
+        @inline
+        def meet_surface(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+            static, dynamic, restitution = zero, zero, zero
+            if has_friction:
+                static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
+            if bounces:
+                restitution = bodies[at + B_RESTITUTION]
+            return meet(
+                bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
+                bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY],
+                bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN],
+                bodies[at + B_TURNS], begin, end, before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
+            )  # fmt: skip
+
+        return meet_surface
+
+    meet_mesh, meet_field = of_surface(triangle_tree), of_surface(distance_field)
+
+    @inline
+    def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
+        if has_colliders:
+            clock, at = (record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]), np.int32(0)
+            end = instant(step + next_one, *clock)
+            slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
+            if has_planes:
+                for _ in range(np.int32(integers[PLANES])):
+                    px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_spheres:
+                begin = instant(step, *clock)
+                for _ in range(np.int32(integers[SPHERES])):
+                    px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_capsules:
+                for _ in range(np.int32(integers[CAPSULES])):
+                    px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_boxes:
+                for _ in range(np.int32(integers[BOXES])):
+                    px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_meshes:
+                begin = instant(step, *clock)
+                for _ in range(np.int32(integers[MESHES])):
+                    px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+            if has_fields:
+                begin = instant(step, *clock)
+                for _ in range(np.int32(integers[FIELDS])):
+                    px, py, pz, vx, vy, vz = meet_field(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    at = np.int32(at + COLLIDER_FIELDS)
+        return px, py, pz, vx, vy, vz
+
+    return collide

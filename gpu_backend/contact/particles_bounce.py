@@ -1,0 +1,97 @@
+"""Particles that bounce off each other, on CUDA, once their velocities are known: a thread for each counts with whom it must
+part faster, then speeds itself up. All from one state, as in contact/particles_project.py: who has neighbours copies its
+velocity while it counts."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.particles_find import make_pairs
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MOST_NEIGHBOURS
+from model.formulas import particle_contact
+
+
+@cache
+def make_lack(real: Any, math: str, own: bool, many: bool) -> Any:
+    """lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds): see the inner function."""
+    formulas = device_formulas(particle_contact.make, real, math)
+    squared, touches = formulas.squared, formulas.touching
+    direction, lacking = formulas.direction, formulas.lacking
+    pair_of, zero = make_pairs(own, many), real(0)
+
+    @inlined(math)
+    def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds):
+        """(how much faster particle i, at p and at o and v, must part from j, at w, the unit normal from j)."""
+        q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
+        distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
+        dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+        lack, nx, ny, nz = zero, zero, zero, zero
+        if touches(squared(dx, dy, dz), distance):
+            u = load_quad(old, j)
+            _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
+            lack = lacking(
+                o[0] - u[0], o[1] - u[1], o[2] - u[2], v[0] - w[0], v[1] - w[1], v[2] - w[2], nx, ny, nz,
+                record[H_RESTITUTION], record[H_SETTLING],
+            )  # fmt: skip
+        return lack, nx, ny, nz
+
+    return lack_of
+
+
+@cache
+def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
+    """`count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has
+    neighbours a quad of its velocity and of its weight times the pairs that are to part faster; `bounce(position, old,
+    velocity, found, neighbours, record, body, kind, kinds, touching)`: velocities, in place. `old`: with which the substep
+    began; `own`, `many`: as in `make_pairs`."""
+    formulas = device_formulas(particle_contact.make, real, math)
+    split, added, moved = formulas.split, formulas.added, formulas.moved
+    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+
+    def count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
+            if kept > 0:
+                p, o, v, pairs = load_quad(position, i), load_quad(old, i), load_quad(velocity, i), np.int32(0)
+                for s in range(kept):
+                    j = neighbours[s * particles + i]
+                    w = load_quad(velocity, j)
+                    lack, _, _, _ = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds)
+                    if lack > zero:
+                        pairs = np.int32(pairs + 1)
+                store_quad(touching, i, v[0], v[1], v[2], p[3] * real(pairs))
+
+    def bounce(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
+            if kept > 0:
+                v = load_quad(touching, i)
+                if v[3] > zero:
+                    p, o, x, y, z = load_quad(position, i), load_quad(old, i), zero, zero, zero
+                    for s in range(kept):
+                        j = neighbours[s * particles + i]
+                        w = load_quad(touching, j)
+                        lack, nx, ny, nz = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds)
+                        if lack > zero:
+                            share = split(v[3], one, w[3], one)
+                            x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
+                    weight = p[3]
+                    store_quad(
+                        velocity, i, moved(v[0], weight, x), moved(v[1], weight, y), moved(v[2], weight, z), zero
+                    )
+
+    variant = f"particle_contacts_{variant_name(real, math, f'own{own:d}', f'many{many:d}')}"
+    options = kernel_options(math)
+    return SimpleNamespace(count=make_kernel(count, variant, **options), bounce=make_kernel(bounce, variant, **options))

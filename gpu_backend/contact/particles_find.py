@@ -1,0 +1,169 @@
+"""Which particles of bodies may meet within a substep, on CUDA: a thread for each hashes it, brings it into its place in the
+order of cells, and looks around.
+
+Buckets are numbered along x: a row of cells lies side by side in the table, and so do its particles, whose order goes round
+where the table ends. So the 27 cells around a particle are nine runs. Only rows are hashed, after M. Teschner et al.,
+"Optimized Spatial Hashing for Collision Detection of Deformable Objects", VMV 2003. Nothing here is compiled in fast math,
+where a cell might not be the same one in two kernels: a NaN or what has left the world is in none.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from model.contact.particle_parameters import (
+    G_DISTANCE,
+    G_NEIGHBOURS,
+    G_OWN,
+    G_REACH,
+    H_INVERSE_CELL,
+    MOST_NEIGHBOURS,
+    PAIR_FIELDS,
+    PAIRS,
+)
+from model.formulas import contact, particle_contact
+
+FARTHEST = 2**30  # cells from the origin
+LEAST_TABLE = 8  # buckets: a row's three cells are three buckets, and no fourth one is among them
+
+
+@cache
+def make_pairs(own: bool, many: bool) -> Any:
+    """pair_of(i, j, body, kind, kinds) -> (where the row of particles i and j begins in the record, whether they are of one
+    body). `own`: some body meets itself; `many`: the scene has more kinds of bodies than one."""
+    pairs, fields = np.int32(PAIRS), np.int32(PAIR_FIELDS)
+
+    @cuda.jit(device=True)
+    def pair_of(i, j, body, kind, kinds):
+        row, same = pairs, False
+        if own or many:
+            one, other = body[i], body[j]
+            if own:
+                same = one == other
+            if many:
+                row = np.int32(pairs + fields * (kind[one] * kinds + kind[other]))
+        return row, same
+
+    return pair_of
+
+
+@cache
+def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
+    """`hash_particles(position, record, buckets, counts)`: which bucket each is in, and how many a bucket holds;
+    `fill_buckets(buckets, starts, counts, filled)`: a bucket's particles in any order, and counts 0 again;
+    `arrange(position, buckets, starts, filled, body, sorted_position, sorted_particles, sorted_bodies)`: in ascending order;
+    `find_neighbours(position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body, kind, kinds,
+    rest, neighbours, found, lost)`. `starts` has one number more than there are buckets, `record` one more than elsewhere:
+    the longest reach. Neighbour s of particle i is neighbours[s * particles + i]."""
+    device = cuda.jit(device=True, **kernel_options("exact"))
+    formulas = device_formulas(particle_contact.make, real, "exact")
+    squared, scaled, within = formulas.squared, formulas.scaled, formulas.within
+    pair_of = make_pairs(own, many)
+    _, prime_y, prime_z = contact.PRIMES
+    zero, farthest, one, three, most = real(0), real(FARTHEST), np.int32(1), np.int32(3), np.int32(MOST_NEIGHBOURS)
+
+    @device
+    def cell_of(x, inverse_cell):
+        place = scaled(x, inverse_cell)
+        whole = np.int32(place)
+        return np.int32(whole - one) if place < real(whole) else whole
+
+    @device
+    def is_near(x, inverse_cell):
+        """Whether a coordinate has a number among cells; false for NaN."""
+        return abs(scaled(x, inverse_cell)) <= farthest
+
+    @device
+    def bucket_of(x, y, z, mask):
+        return np.int32((((y * prime_y) ^ (z * prime_z)) + x) & mask)
+
+    def hash_particles(position, record, buckets, counts):
+        i = np.int32(cuda.grid(1))
+        if i < buckets.size:
+            p, inverse, bucket = load_quad(position, i), record[H_INVERSE_CELL], np.int32(-1)
+            if p[3] > zero and is_near(p[0], inverse) and is_near(p[1], inverse) and is_near(p[2], inverse):
+                x, y, z = cell_of(p[0], inverse), cell_of(p[1], inverse), cell_of(p[2], inverse)
+                bucket = bucket_of(x, y, z, np.int64(counts.size - 2))
+                cuda.atomic.add(counts, bucket, one)
+            buckets[i] = bucket
+
+    def fill_buckets(buckets, starts, counts, filled):
+        i = np.int32(cuda.grid(1))
+        if i < buckets.size:
+            bucket = buckets[i]
+            if bucket >= 0:
+                filled[starts[bucket] + cuda.atomic.sub(counts, bucket, one) - one] = i
+
+    def arrange(position, buckets, starts, filled, body, sorted_position, sorted_particles, sorted_bodies):
+        i = np.int32(cuda.grid(1))
+        if i < buckets.size:
+            bucket = buckets[i]
+            if bucket >= 0:
+                place = starts[bucket]
+                for e in range(starts[bucket], starts[bucket + one]):
+                    if filled[e] < i:
+                        place = np.int32(place + one)
+                p = load_quad(position, i)
+                store_quad(sorted_position, place, p[0], p[1], p[2], zero)
+                sorted_particles[place], sorted_bodies[place] = i, body[i]
+
+    @device
+    def take(i, j, p, q, record, body, kind, kinds, rest):
+        """Whether particle i at p keeps particle j at q in mind, which is in a cell beside its own."""
+        row, same = pair_of(i, j, body, kind, kinds)
+        if not within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), record[row + G_REACH]):
+            return False
+        if not same:
+            return record[row + G_DISTANCE] > zero
+        if i == j or not record[row + G_OWN] > zero:
+            return False
+        a, b = load_quad(rest, i), load_quad(rest, j)
+        return not within(squared(a[0] - b[0], a[1] - b[1], a[2] - b[2]), record[row + G_NEIGHBOURS])
+
+    def find_neighbours(
+        position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body, kind, kinds, rest,
+        neighbours, found, lost,
+    ):  # fmt: skip
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            count, particles = np.int32(0), np.int64(found.size)
+            if buckets[i] >= 0:
+                p, inverse, longest = load_quad(position, i), record[H_INVERSE_CELL], record[record.size - 1]
+                x, y, z = cell_of(p[0], inverse), cell_of(p[1], inverse), cell_of(p[2], inverse)
+                here, table, kinds = body[i], np.int32(starts.size - 1), np.int32(kinds)
+                entries = starts[table]
+                for row in range(9):
+                    cy, cz = np.int32(y + row % 3 - 1), np.int32(z + row // 3 - 1)
+                    bucket = bucket_of(x - one, cy, cz, np.int64(table - one))
+                    first, end = starts[bucket], np.int32(bucket + three)
+                    last = starts[min(end, table)]
+                    if end > table:
+                        last = np.int32(last + starts[end - table])
+                    for n in range(first, last):
+                        e = np.int32(n - entries) if n >= entries else np.int32(n)
+                        if own or sorted_bodies[e] != here:
+                            q = load_quad(sorted_position, e)
+                            if within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), longest):
+                                if cell_of(q[1], inverse) == cy and cell_of(q[2], inverse) == cz:
+                                    j = sorted_particles[e]
+                                    if take(i, j, p, q, record, body, kind, kinds, rest):
+                                        if count < most:
+                                            neighbours[count * particles + i] = j
+                                        count = np.int32(count + one)
+                if count > most:
+                    cuda.atomic.add(lost, 0, np.int64(count - most))
+            found[i] = count
+
+    variant = f"particle_contacts_{variant_name(real, f'own{own:d}', f'many{many:d}')}"
+    kernels = (hash_particles, fill_buckets, arrange, find_neighbours)
+    options = kernel_options("exact")
+    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in kernels})

@@ -1,0 +1,179 @@
+"""What particles of bodies do about their contacts, on CUDA: a thread for each counts what it touches, then moves itself.
+
+All are projected from one state: a particle that has neighbours copies its position while it counts, and reads the copies
+of others while it moves. So positions stay in their buffer, and a particle without neighbours costs the reading of a number.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.particles_find import make_pairs
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import inlined
+from gpu_backend.shape_matching.kernels import AXES
+from gpu_backend.xpbd.kernels import make_clock
+from gpu_backend.xpbd.point import make_motion
+from model.contact.particle_parameters import (
+    G_ACTIVE,
+    G_DISTANCE,
+    G_OWN,
+    G_PULL,
+    H_ASLEEP,
+    H_DYNAMIC,
+    H_FASTEST,
+    H_PUSH,
+    H_STATIC,
+    MOST_NEIGHBOURS,
+)
+from model.formulas import particle_contact
+
+
+@cache
+def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool, many: bool) -> SimpleNamespace:
+    """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
+    of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
+    body, kind, kinds, touching)`: particles, in place. `rubbing`, `sticking`: whether code for friction, adhesion is there;
+    `own`, `many`: as in `make_pairs`."""
+    formulas = device_formulas(particle_contact.make, real, math)
+    squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
+    direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
+    added, added_rubbing, moved = formulas.added, formulas.added_rubbing, formulas.moved
+    pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+
+    @inlined(math)
+    def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
+        """What a contact adds to a particle's way, that of its middle from b to d."""
+        if rubbing:
+            if depth > zero or pull > zero:
+                sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
+                gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
+                x, y, z = (
+                    added_rubbing(x, share, depth, nx, gripped, sx),
+                    added_rubbing(y, share, depth, ny, gripped, sy),
+                    added_rubbing(z, share, depth, nz, gripped, sz),
+                )
+                return x, y, z
+        return added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
+
+    def count(position, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
+            if kept > 0:
+                p, contacts = load_quad(position, i), np.int32(0)
+                for s in range(kept):
+                    j = neighbours[s * particles + i]
+                    q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
+                    active = record[row + G_OWN] if same else record[row + G_ACTIVE]
+                    if within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), active):
+                        contacts = np.int32(contacts + 1)
+                store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
+
+    def project(before, position, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
+            if kept > 0:
+                p = load_quad(touching, i)
+                if p[3] > zero:
+                    start, x, y, z = load_quad(before, i), zero, zero, zero
+                    for s in range(kept):
+                        j = neighbours[s * particles + i]
+                        q, (row, same) = load_quad(touching, j), pair_of(i, j, body, kind, kinds)
+                        d = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+                        active = record[row + G_OWN] if same else record[row + G_ACTIVE]
+                        if within(squared(d[0], d[1], d[2]), active):
+                            distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
+                            pull = zero
+                            if sticking:
+                                if not same:
+                                    pull = record[row + G_PULL]
+                            other = load_quad(before, j)
+                            b = start[0] - other[0], start[1] - other[1], start[2] - other[2]
+                            share = split(p[3], one, q[3], one)
+                            length, nx, ny, nz = direction(d[0], d[1], d[2], distance, i < j)
+                            kept_length = held(distance, b[0], b[1], b[2], record[H_PUSH])
+                            depth = depth_of(length, kept_length, distance, pull)
+                            x, y, z = added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record)
+                    weight = start[3]
+                    store_quad(
+                        position, i, moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z), weight
+                    )
+
+    words = ("rubbing" * rubbing, "sticking" * sticking, f"own{own:d}", f"many{many:d}")
+    variant, options = f"particle_contacts_{variant_name(real, math, *words)}", kernel_options(math)
+    return SimpleNamespace(
+        count=make_kernel(count, variant, **options), project=make_kernel(project, variant, **options)
+    )
+
+
+@cache
+def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Of a substep whose particles have come to their places: `finish(before, position, velocity, contact_record, record,
+    bodies, integers, counter, place, substeps, substep)`: velocities, colliders; `update_velocity(before, position, velocity,
+    contact_record, record)`: velocities alone; `collide(before, position, velocity, record, bodies, integers, counter, place,
+    substeps, substep)`: colliders alone. No particle goes farther than it may, or less than it must."""
+    motion, clock = make_motion(real, math, parts, AXES), make_clock(math, parts)
+    formulas = device_formulas(particle_contact.make, real, math)
+    far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
+    settle, rate_of, touch, zero = motion.settle, motion.rate_of, motion.collide, real(0)
+    limited, sleeping = "speed-limit" in parts, "sleeping" in parts
+
+    @inlined(math)
+    def calmed(b, p, record):
+        x, y, z = p[0], p[1], p[2]
+        if limited or sleeping:
+            length = far(x - b[0], y - b[1], z - b[2])
+            if limited:
+                most = record[H_FASTEST]
+                x, y, z = (
+                    shortened(x, b[0], length, most),
+                    shortened(y, b[1], length, most),
+                    shortened(z, b[2], length, most),
+                )
+            if sleeping:
+                least = record[H_ASLEEP]
+                x, y, z = rested(x, b[0], length, least), rested(y, b[1], length, least), rested(z, b[2], length, least)
+        return x, y, z, p[3]
+
+    def finish(
+        before, position, velocity, contact_record, record, bodies, integers, counter, place, substeps, substep
+    ):  # fmt: skip
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            _, number = clock(counter, place, substeps, substep)
+            b, p = load_quad(before, k), load_quad(position, k)
+            px, py, pz, vx, vy, vz = settle(b, calmed(b, p, contact_record), record, bodies, integers, number)
+            store_quad(position, k, px, py, pz, b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    def update_velocity(before, position, velocity, contact_record, record):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b = load_quad(before, k)
+            p = calmed(b, load_quad(position, k), contact_record)
+            vx, vy, vz = rate_of(p, b, record)
+            store_quad(position, k, p[0], p[1], p[2], b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    def collide(before, position, velocity, record, bodies, integers, counter, place, substeps, substep):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            _, number = clock(counter, place, substeps, substep)
+            b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+            px, py, pz, vx, vy, vz = touch(b, p, v[0], v[1], v[2], record, bodies, integers, number)
+            store_quad(position, k, px, py, pz, b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    name, options = f"contact_ends_{variant_name(real, math, parts)}", kernel_options(math)
+    found = (finish, update_velocity, collide)
+    return SimpleNamespace(**{function.__name__: make_kernel(function, name, **options) for function in found})

@@ -1,0 +1,97 @@
+"""Where pinned masses of a cloth that follow a motion are, as a device function.
+
+The spare number of a mass's position says what it is: 0 free, STILL pinned, else where its row begins in `bodies` (the
+flat array of model/cloth_record.body_rows, where rows of pins come after others, so never at 0 or 1).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.core.build import Body
+from model.core.errors import SceneError
+from model.formulas import cloth, motion
+from model.mass_spring.cloth_parameters import (
+    C_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    M_DURATION,
+    M_SPIN,
+    M_START,
+    M_TURNS,
+    M_U,
+    M_V,
+    M_VX,
+    M_VY,
+    M_VZ,
+    M_W,
+    M_X,
+    M_Y,
+    M_Z,
+    P_MOTION,
+    P_X,
+    P_Y,
+    P_Z,
+    PIN_FIELDS,
+)  # fmt: skip
+
+STILL = 1
+
+
+def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
+    """(particles,) in the arithmetic of `bodies`: the masses' spare numbers. `bodies`, `first`: of `body_rows`.
+
+    Raises SceneError for more rows of pins than whole numbers of that arithmetic can tell apart.
+    """
+    marks = (body.inverse_mass == 0).astype(bodies.dtype)
+    if first:
+        places = first + PIN_FIELDS * np.arange(len(body.pinned))
+        most = int(2 / float(np.finfo(bodies.dtype).eps))
+        if len(bodies) > most:
+            raise SceneError(
+                "cloth.pinned", len(body.pinned),
+                f"at most {most // PIN_FIELDS} pins beside a motion in {bodies.dtype}; use float64",
+            )  # fmt: skip
+        moving = bodies[places + P_MOTION] >= 0
+        marks[body.pinned[moving]] = places[moving]
+    return marks
+
+
+@cache
+def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`hold(mark, p, step, half_way, record, bodies)` -> (x, y, z, vx, vy, vz): a pinned mass, which was at p, at the
+    end of the step of that number, or half-way through it; `mark`: its spare number."""
+    has_motion = "motion" in parts
+    paths, instant = device_formulas(motion.make, real, math), device_formulas(cloth.make, real, math).instant
+    turn, placed, middle = paths.turn, paths.placed, paths.middle
+    inline = inlined(math)
+    zero, still, one = real(0), real(STILL), np.int64(1)
+
+    @inline
+    def follow(bodies, pin, time):
+        """(x, y, z, vx, vy, vz) at `time` [s] of the mass whose row begins at `pin`, which must name a motion."""
+        row = np.int32(bodies[pin + P_MOTION])
+        passed, moves, sine, cosine = turn(time, bodies[row + M_START], bodies[row + M_DURATION], bodies[row + M_TURNS])
+        return placed(
+            bodies[pin + P_X], bodies[pin + P_Y], bodies[pin + P_Z], bodies[row + M_X], bodies[row + M_Y],
+            bodies[row + M_Z], bodies[row + M_U], bodies[row + M_V], bodies[row + M_W], bodies[row + M_VX],
+            bodies[row + M_VY], bodies[row + M_VZ], bodies[row + M_SPIN], passed, moves, sine, cosine,
+        )  # fmt: skip
+
+    @inline
+    def hold(mark, p, step, half_way, record, bodies):
+        x, y, z, vx, vy, vz = p[0], p[1], p[2], zero, zero, zero
+        if has_motion:
+            if mark > still:
+                clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+                time = middle(step, *clock) if half_way else instant(step + one, *clock)
+                x, y, z, vx, vy, vz = follow(bodies, np.int32(mark), time)
+        return x, y, z, vx, vy, vz
+
+    return SimpleNamespace(follow=follow, hold=hold)

@@ -1,0 +1,125 @@
+"""A cloth's contacts with itself on CUDA: two stages that a position-based solver launches, and what they keep. Launches
+alone, so that they can be captured in a graph; in `exact` math to the bits of cpu_backend/contact/self_contact.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.self_find import make_find
+from gpu_backend.contact.self_project import make_project
+from gpu_backend.core.quads import SIZE
+from gpu_backend.core.scan import Scan
+from model.contact.self_contact_parameters import MOST_CONTACTS, contact_record, table_size
+from model.core.build import Body
+from model.scene.scene import Scene
+
+THREADS = 128
+
+
+def contact_bytes(masses: int, item: int) -> int:
+    """Device memory for the contacts of so many masses, `item` bytes a scalar."""
+    contacts = MOST_CONTACTS * (3 * SIZE * item + 4 + 12 + 12)
+    return masses * (contacts + 2 * SIZE * item + 8 + 4 * (2 + 3 * 4) + 4 * 4 + 2 * item)
+
+
+class Contacts:
+    """See cpu_backend/contact/self_contact.py. `before`, `predicted`, `position`: quads of masses, on the device."""
+
+    def __init__(self, scene: Scene, body: Body, real: Any, math: str, weights: np.ndarray, stream: Any):
+        part = scene.self_collision
+        assert part is not None
+        self._real, self._stream, self._sweeps = real, stream, part.sweeps
+        self._shape = (np.int32(body.rows), np.int32(body.columns))
+        masses, cells = body.rows * body.columns, (body.rows - 1) * (body.columns - 1)
+        self._touches = cells > 0
+        cells, most = max(1, cells), masses * MOST_CONTACTS
+        table = table_size(cells)
+        self.record = self._new(contact_record(scene, real))
+        self._weights = self._new(np.ascontiguousarray(weights, real))
+        self._boxes, self._largest = self._new(np.zeros(2 * SIZE * cells, real)), self._new(np.zeros(1, real))
+        self._keys, self._buckets = self._new(np.zeros(cells, np.int64)), self._integers(cells)
+        self._counts, self._starts, self._cursors = (self._integers(table) for _ in range(3))
+        self._sorted = self._integers(cells)
+        self.triangles, self.corners = self._integers(most), self._integers(3 * most)
+        self._normals, self.shares, self._forces = (self._new(np.zeros(SIZE * most, real)) for _ in range(3))
+        self.found, self._loads = self._integers(masses), self._new(np.zeros(masses, real))
+        self._link_counts, self._link_starts, self._link_cursors = (self._integers(masses) for _ in range(3))
+        self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
+        self._scan, self._link_scan = Scan(table, stream), Scan(masses, stream)
+        self._find, self._project = make_find(real, math), make_project(real, math, part.static_friction > 0)
+        self._of_masses, self._of_cells, self._of_table = (self._launch(n) for n in (masses, cells, max(table, masses)))
+
+    def _new(self, array: np.ndarray) -> Any:
+        return cuda.to_device(array, stream=self._stream)
+
+    def _integers(self, count: int) -> Any:
+        return self._new(np.zeros(count, np.int32))
+
+    def _launch(self, threads: int) -> tuple:
+        return (threads + THREADS - 1) // THREADS, THREADS, self._stream
+
+    @property
+    def finding(self) -> int:
+        """Launches of `find`."""
+        return 12 if self._touches else 0
+
+    @property
+    def projecting(self) -> int:
+        """Launches of `project`."""
+        return 4 * self._sweeps if self._touches else 0
+
+    @property
+    def lost(self) -> int:
+        """How many contacts were beyond the MOST_CONTACTS nearest of a mass, since this was last read on the device."""
+        return int(self._lost.copy_to_host(stream=self._stream)[0])
+
+    def change(self, scene: Scene) -> None:
+        """Take over what may change while running."""
+        self.record.copy_to_device(contact_record(scene, self._real), stream=self._stream)
+
+    def find(self, before: Any, predicted: Any) -> None:
+        if not self._touches:
+            return
+        kernels = self._find
+        kernels.clear[self._of_table](self._counts, self._link_counts, self._largest)
+        kernels.hash_cells[self._of_cells](
+            before,
+            predicted,
+            self.record,
+            self._boxes,
+            self._keys,
+            self._buckets,
+            self._counts,
+            self._largest,
+            *self._shape,
+        )
+        self._scan.run(self._counts, self._starts, self._cursors)
+        kernels.fill_buckets[self._of_cells](self._buckets, self._cursors, self._sorted)
+        kernels.find_contacts[self._of_masses](
+            before, predicted, self.record, self._boxes, self._keys, self._starts, self._counts, self._sorted,
+            self._largest, self.triangles, self.corners, self._normals, self.shares, self.found, self._link_counts,
+            self._lost, *self._shape,
+        )  # fmt: skip
+        self._link_scan.run(self._link_counts, self._link_starts, self._link_cursors)
+        self._project.fill_links[self._of_masses](self.found, self.corners, self._link_cursors, self._links)
+        self._project.sort_links[self._of_masses](self._link_starts, self._link_counts, self._links)
+
+    def project(self, before: Any, position: Any) -> None:
+        """All sweeps over the contacts of the substep that began at `before`."""
+        if not self._touches:
+            return
+        kernels, flat = self._project, self._of_masses
+        links = self._link_starts, self._link_counts, self._links
+        for _ in range(self._sweeps):
+            kernels.deepen[flat](position, self.found, self.corners, self._normals, self.shares, self._forces)
+            kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
+            kernels.push[flat](
+                position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,
+                self.record, self._forces,
+            )  # fmt: skip
+            kernels.gather[flat](
+                position, self.found, self.shares, *links, self._weights, self._loads, self._forces
+            )  # fmt: skip

@@ -1,0 +1,238 @@
+"""Which triangles a mass of a cloth may come near within a substep, on CUDA: a thread for each of the sheet's cells hashes
+it, a thread for each mass looks around. Cells lie in a bucket in any order; a mass's nearest triangles do not depend on
+that."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from model.contact.self_contact_parameters import (
+    MOST_CONTACTS,
+    S_COINCIDENT,
+    S_FLAT,
+    S_INVERSE_CELL,
+    S_MARGIN,
+    S_PUSH,
+    S_REACH,
+    S_SPACING,
+    S_THICKNESS,
+    SPAN,
+)
+from model.formulas import contact
+
+# Contact s of mass k has the number MOST_CONTACTS k + s and, in flat arrays, three corners and two quads: (normal, distance
+# that is held) and (b, c, distance at the substep's beginning, nothing).
+
+
+@cache
+def _make_meet(real: Any, math: str) -> Any:
+    """meet(k, i, j, p, triangle, before, predicted, columns, record, triangles, corners, normals, weights, found): see
+    cpu_backend/contact/self_find.py."""
+    device = cuda.jit(device=True, **kernel_options(math))
+    formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
+    nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
+    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
+    corners_of, owns = numbers.corners, numbers.owns
+    two, zero = np.int64(2), real(0)
+
+    @device
+    def motion(other, x, y, z, was):
+        """How far a mass that moved by (x, y, z) moved relative to another one."""
+        return length(x - (other[0] - was[0]), y - (other[1] - was[1]), z - (other[2] - was[2]))
+
+    @device
+    def meet(
+        k, i, j, p, moved, triangle, before, predicted, columns, record, triangles, corners, normals, weights, found
+    ):
+        second, cell = triangle % two == 1, triangle // two
+        a, b, c = corners_of(triangle, columns)
+        if a == k or b == k or c == k:
+            return found
+        qa, qb, qc = load_quad(before, a), load_quad(before, b), load_quad(before, c)
+        ux, uy, uz = qb[0] - qa[0], qb[1] - qa[1], qb[2] - qa[2]
+        vx, vy, vz = qc[0] - qa[0], qc[1] - qa[1], qc[2] - qa[2]
+        px, py, pz = p[0] - qa[0], p[1] - qa[1], p[2] - qa[2]
+        feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
+        cell_i = cell // (columns - 1)
+        if not owns(second, feature, cell_i, cell - cell_i * (columns - 1)):
+            return found
+        rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
+        distance = length(rx, ry, rz)
+        nearer = motion(load_quad(predicted, a), moved[0], moved[1], moved[2], qa)
+        nearer = max(nearer, motion(load_quad(predicted, b), moved[0], moved[1], moved[2], qb))
+        nearer = max(nearer, motion(load_quad(predicted, c), moved[0], moved[1], moved[2], qc))
+        if not distance < record[S_THICKNESS] + record[S_MARGIN] + nearer:
+            return found
+        first = k * MOST_CONTACTS
+        last = first + min(found, MOST_CONTACTS)
+        place = last
+        while place > first:
+            other = load_quad(weights, place - 1)[2]
+            if not (distance < other or (distance == other and triangle < triangles[place - 1])):
+                break
+            place -= 1
+        if place == first + MOST_CONTACTS:
+            return found + 1
+        slot = min(last, first + MOST_CONTACTS - 1)
+        while slot > place:
+            triangles[slot] = triangles[slot - 1]
+            for axis in range(3):
+                corners[3 * slot + axis] = corners[3 * (slot - 1) + axis]
+            n, w = load_quad(normals, slot - 1), load_quad(weights, slot - 1)
+            store_quad(normals, slot, n[0], n[1], n[2], n[3])
+            store_quad(weights, slot, w[0], w[1], w[2], w[3])
+            slot -= 1
+        row_a, column_a = a // columns, a % columns
+        rest = rest_distance(
+            real(i - row_a), real(b // columns - row_a), real(c // columns - row_a),
+            real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, record[S_SPACING],
+        )  # fmt: skip
+        nx, ny, nz = normal(
+            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, record[S_FLAT], record[S_COINCIDENT], k > a
+        )  # fmt: skip
+        triangles[place] = triangle
+        corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
+        held = held_distance(record[S_THICKNESS], rest, dot(nx, ny, nz, rx, ry, rz), record[S_PUSH])
+        store_quad(normals, place, nx, ny, nz, held)
+        store_quad(weights, place, s, t, distance, zero)
+        return found + 1
+
+    return meet
+
+
+@cache
+def make_find(real: Any, math: str) -> SimpleNamespace:
+    """The kernels `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
+    device = cuda.jit(device=True, **kernel_options(math))
+    formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
+    length, middle, scaled = formulas.length, formulas.middle, formulas.scaled
+    key_of, bucket_of = numbers.key, numbers.bucket
+    meet = _make_meet(real, math)
+    zero, one, two, span = real(0), np.int64(1), np.int64(2), np.int64(SPAN)
+
+    @device
+    def floor(x):
+        whole = np.int64(x)
+        return whole - one if x < real(whole) else whole
+
+    @device
+    def relative(was, now, was_reference, now_reference):
+        return length(
+            (now[0] - was[0]) - (now_reference[0] - was_reference[0]),
+            (now[1] - was[1]) - (now_reference[1] - was_reference[1]),
+            (now[2] - was[2]) - (now_reference[2] - was_reference[2]),
+        )
+
+    @device
+    def center_along(qa, qb, qc, qd, axis):
+        return middle(qa[axis], qb[axis], qc[axis], qd[axis])
+
+    @device
+    def least(a, b, c, d):
+        return min(min(a, b), min(c, d))
+
+    @device
+    def most(a, b, c, d):
+        return max(max(a, b), max(c, d))
+
+    def clear(counts, link_counts, largest):
+        k = cuda.grid(1)
+        if k < counts.size:
+            counts[k] = 0
+        if k < link_counts.size:
+            link_counts[k] = 0
+        if k == 0:
+            largest[0] = zero
+
+    def hash_cells(before, predicted, record, boxes, keys, buckets, counts, largest, rows, columns):
+        q = np.int64(cuda.grid(1))
+        rows, columns = np.int64(rows), np.int64(columns)
+        if q < keys.size:
+            i = q // (columns - one)
+            a = q + i
+            b, c, d = a + one, a + columns, a + columns + one
+            reference = (rows // two) * columns + columns // two
+            r, r_now = load_quad(before, reference), load_quad(predicted, reference)
+            qa, qb, qc, qd = load_quad(before, a), load_quad(before, b), load_quad(before, c), load_quad(before, d)
+            moved = relative(qa, load_quad(predicted, a), r, r_now)
+            moved = max(moved, relative(qb, load_quad(predicted, b), r, r_now))
+            moved = max(moved, relative(qc, load_quad(predicted, c), r, r_now))
+            moved = max(moved, relative(qd, load_quad(predicted, d), r, r_now))
+            x0, x1 = least(qa[0], qb[0], qc[0], qd[0]) - moved, most(qa[0], qb[0], qc[0], qd[0]) + moved
+            y0, y1 = least(qa[1], qb[1], qc[1], qd[1]) - moved, most(qa[1], qb[1], qc[1], qd[1]) + moved
+            z0, z1 = least(qa[2], qb[2], qc[2], qd[2]) - moved, most(qa[2], qb[2], qc[2], qd[2]) + moved
+            x, y, z = center_along(qa, qb, qc, qd, 0), center_along(qa, qb, qc, qd, 1), center_along(qa, qb, qc, qd, 2)
+            extent = max(max(x - x0, x1 - x), max(max(y - y0, y1 - y), max(z - z0, z1 - z)))
+            store_quad(boxes, two * q, x0, y0, z0, zero)
+            store_quad(boxes, two * q + one, x1, y1, z1, zero)
+            cx, cy = floor(scaled(x, record[S_INVERSE_CELL])), floor(scaled(y, record[S_INVERSE_CELL]))
+            cz = floor(scaled(z, record[S_INVERSE_CELL]))
+            bucket = bucket_of(cx, cy, cz, np.int64(counts.size - 1))
+            keys[q], buckets[q] = key_of(cx, cy, cz), bucket
+            cuda.atomic.add(counts, bucket, 1)
+            cuda.atomic.max(largest, 0, extent)
+
+    def fill_buckets(buckets, cursors, sorted_cells):
+        q = np.int32(cuda.grid(1))
+        if q < buckets.size:
+            sorted_cells[cuda.atomic.add(cursors, buckets[q], 1)] = q
+
+    def find_contacts(
+        before, predicted, record, boxes, keys, starts, counts, sorted_cells, largest, triangles, corners, normals,
+        weights, found, link_counts, lost, rows, columns,
+    ):  # fmt: skip
+        """found[k]: how many triangles mass k may come near; the first MOST_CONTACTS are kept, and counted by corner."""
+        k = np.int64(cuda.grid(1))
+        rows, columns = np.int64(rows), np.int64(columns)
+        if k < found.size:
+            i, count = k // columns, np.int64(0)
+            j = k - i * columns
+            reference = (rows // two) * columns + columns // two
+            p, now = load_quad(before, k), load_quad(predicted, k)
+            moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
+            own = record[S_THICKNESS] + record[S_MARGIN] + relative(
+                p, now, load_quad(before, reference), load_quad(predicted, reference)
+            )  # fmt: skip
+            reach, scale = min(own + largest[0], record[S_REACH]), record[S_INVERSE_CELL]
+            x, y, z = (
+                floor(scaled(p[0] - reach, scale)),
+                floor(scaled(p[1] - reach, scale)),
+                floor(scaled(p[2] - reach, scale)),
+            )
+            span_x = min(floor(scaled(p[0] + reach, scale)) - x + one, span)
+            span_y = min(floor(scaled(p[1] + reach, scale)) - y + one, span)
+            span_z = min(floor(scaled(p[2] + reach, scale)) - z + one, span)
+            for place in range(span_x * span_y * span_z):
+                cx, cy, cz = x + place % span_x, y + place // span_x % span_y, z + place // (span_x * span_y)
+                key, bucket = key_of(cx, cy, cz), bucket_of(cx, cy, cz, np.int64(counts.size - 1))
+                for entry in range(starts[bucket], starts[bucket] + counts[bucket]):
+                    q = np.int64(sorted_cells[entry])
+                    if keys[q] == key:
+                        low, high = load_quad(boxes, two * q), load_quad(boxes, two * q + one)
+                        if not (
+                            p[0] < low[0] - own or p[0] > high[0] + own or p[1] < low[1] - own or p[1] > high[1] + own
+                            or p[2] < low[2] - own or p[2] > high[2] + own
+                        ):  # fmt: skip
+                            for second in range(2):
+                                count = meet(
+                                    k, i, j, p, moved, two * q + second, before, predicted, columns, record, triangles,
+                                    corners, normals, weights, count,
+                                )  # fmt: skip
+            found[k] = count
+            if count > MOST_CONTACTS:
+                cuda.atomic.add(lost, 0, np.int64(count - MOST_CONTACTS))
+            for place in range(3 * MOST_CONTACTS * k, 3 * (MOST_CONTACTS * k + min(count, MOST_CONTACTS))):
+                cuda.atomic.add(link_counts, corners[place], 1)
+
+    variant, options = f"contacts_{variant_name(real, math)}", kernel_options(math)
+    kernels = (clear, hash_cells, fill_buckets, find_contacts)
+    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in kernels})

@@ -1,0 +1,145 @@
+"""Holding a cloth's masses away from its triangles on CUDA: a thread a mass, which gathers what its contacts ask of it in
+their order, so that no sum depends on which thread was first. Whole numbers alone are counted with atomics."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from model.contact.self_contact_parameters import MOST_CONTACTS, S_DYNAMIC, S_STATIC
+from model.formulas import contact
+
+
+@cache
+def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
+    """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep)."""
+    device = cuda.jit(device=True, **kernel_options(math))
+    f = device_formulas(contact.make, real, math)
+    dot, length, mixed, along, stiffness, inverse = f.dot, f.length, f.mixed, f.along, f.stiffness, f.inverse
+    slip, correction, rubbed, first_weight = f.slip, f.correction, f.rubbed, f.first_weight
+    taken, shifted = f.taken, f.shifted
+    zero, one = real(0), real(1)
+
+    @device
+    def held(found, k):
+        """The range of the contacts of mass k."""
+        first = k * MOST_CONTACTS
+        return first, first + min(np.int64(found[k]), np.int64(MOST_CONTACTS))
+
+    @device
+    def offset(points, k, a, b, c, s, t):
+        p, qa, qb, qc = load_quad(points, k), load_quad(points, a), load_quad(points, b), load_quad(points, c)
+        return (
+            p[0] - mixed(qa[0], qb[0], qc[0], s, t),
+            p[1] - mixed(qa[1], qb[1], qc[1], s, t),
+            p[2] - mixed(qa[2], qb[2], qc[2], s, t),
+        )
+
+    @device
+    def share(weights, place):
+        """Of a triangle's corner: of contact place // 3, the corner place % 3."""
+        w, corner = load_quad(weights, place // 3), place % 3
+        if corner == 0:
+            return first_weight(w[0], w[1])
+        return w[0] if corner == 1 else w[1]
+
+    def fill_links(found, corners, cursors, links):
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            first, last = held(found, k)
+            for place in range(3 * first, 3 * last):
+                links[cuda.atomic.add(cursors, corners[place], 1)] = place
+
+    def sort_links(starts, counts, links):
+        """Insertion: a mass is a corner of a few contacts, already in much of their order."""
+        k = np.int64(cuda.grid(1))
+        if k < counts.size:
+            for at in range(starts[k] + 1, starts[k] + counts[k]):
+                own, place = links[at], at
+                while place > starts[k] and links[place - 1] > own:
+                    links[place] = links[place - 1]
+                    place -= 1
+                links[place] = own
+
+    def deepen(position, found, corners, normals, weights, forces):
+        """forces (quads): how deep a contact is."""
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            first, last = held(found, k)
+            for slot in range(first, last):
+                n, w = load_quad(normals, slot), load_quad(weights, slot)
+                a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
+                x, y, z = offset(position, k, a, b, c, w[0], w[1])
+                store_quad(forces, slot, zero, zero, zero, n[3] - dot(n[0], n[1], n[2], x, y, z))
+
+    def load_up(found, weights, starts, counts, links, forces, loads):
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            load = zero
+            first, last = held(found, k)
+            for slot in range(first, last):
+                if load_quad(forces, slot)[3] > zero:
+                    load += one
+            for entry in range(starts[k], starts[k] + counts[k]):
+                if load_quad(forces, links[entry] // 3)[3] > zero:
+                    load += share(weights, links[entry])
+            loads[k] = load
+
+    def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
+        """How a contact moves its mass, for a weight of 1."""
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            first, last = held(found, k)
+            for slot in range(first, last):
+                depth = load_quad(forces, slot)[3]
+                if depth > zero:
+                    n, w = load_quad(normals, slot), load_quad(weights, slot)
+                    a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
+                    scale = inverse(stiffness(
+                        mass_weights[k], loads[k], mass_weights[a], loads[a], mass_weights[b], loads[b],
+                        mass_weights[c], loads[c], w[0], w[1],
+                    ))  # fmt: skip
+                    if friction:
+                        x, y, z = offset(position, k, a, b, c, w[0], w[1])
+                        ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
+                        x, y, z = x - ox, y - oy, z - oz
+                        toward = dot(n[0], n[1], n[2], x, y, z)
+                        x, y, z = along(x, n[0], toward), along(y, n[1], toward), along(z, n[2], toward)
+                        part = slip(length(x, y, z), depth, record[S_STATIC], record[S_DYNAMIC])
+                        x = rubbed(depth, n[0], part, x, scale)
+                        y = rubbed(depth, n[1], part, y, scale)
+                        z = rubbed(depth, n[2], part, z, scale)
+                    else:
+                        x, y, z = (
+                            correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
+                        )  # fmt: skip
+                    store_quad(forces, slot, x, y, z, depth)
+
+    def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces):
+        k = np.int64(cuda.grid(1))
+        if k < found.size and loads[k] > zero and mass_weights[k] > zero:
+            x, y, z = zero, zero, zero
+            first, last = held(found, k)
+            for slot in range(first, last):
+                force = load_quad(forces, slot)
+                if force[3] > zero:
+                    x, y, z = x + force[0], y + force[1], z + force[2]
+            for entry in range(starts[k], starts[k] + counts[k]):
+                force = load_quad(forces, links[entry] // 3)
+                if force[3] > zero:
+                    part = share(weights, links[entry])
+                    x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
+            p, w = load_quad(position, k), mass_weights[k]
+            store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
+
+    variant, options = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}", kernel_options(math)
+    kernels = (fill_links, sort_links, deepen, load_up, push, gather)
+    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in kernels})

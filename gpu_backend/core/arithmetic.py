@@ -1,0 +1,75 @@
+"""How fast this GPU multiplies and adds: the roof of what no memory bounds, measured and not looked up.
+
+Every thread keeps eight independent numbers in registers and puts each through a chain of products and sums that the
+compiler fuses; there are threads enough to fill each multiprocessor, and the results are stored, so that none is left
+out.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+
+THREADS = 256  # a block
+BLOCKS_EACH = 16  # a multiprocessor
+NUMBERS = 8  # a thread
+UNROLLED = 4  # multiply-adds of a number between two looks at the loop's counter
+ROUNDS = 4096  # of the loop: milliseconds on a large device
+
+
+@cache
+def make_chains(real: Any) -> Any:
+    """kernel(out, rounds, factor, summand): out (threads,) gets the sum of a thread's numbers."""
+
+    @cuda.jit(fastmath=True)
+    def chains(out, rounds, factor, summand):
+        k = cuda.grid(1)
+        a = factor * real(k)
+        b, c, d = a + summand, a - summand, a * factor
+        e, f, g, h = b * factor, c * factor, d * factor, b + summand
+        for _ in range(rounds):
+            for _ in range(UNROLLED):
+                a = a * factor + summand
+                b = b * factor + summand
+                c = c * factor + summand
+                d = d * factor + summand
+                e = e * factor + summand
+                f = f * factor + summand
+                g = g * factor + summand
+                h = h * factor + summand
+        out[k] = ((a + b) + (c + d)) + ((e + f) + (g + h))
+
+    return chains
+
+
+def arithmetic_rate(precision: str, budget: float = 0.1) -> float:
+    """Operations a second of the whole device, a multiply-add counting as two: the best of `budget` seconds of trials.
+
+    `precision`: float32 or float64. Under the CUDA simulator one block does one round: a check, and no rate.
+    """
+    real = np.dtype(precision).type
+    kernel = make_chains(real)
+    blocks, rounds = (
+        (1, 1) if simulated() else (BLOCKS_EACH * int(cuda.get_current_device().MULTIPROCESSOR_COUNT), ROUNDS)
+    )
+    threads = 1 if simulated() else THREADS
+    out = cuda.to_device(np.zeros(blocks * threads, real))
+    arguments = out, np.int32(rounds), real(0.999), real(1e-3)
+
+    def once() -> float:
+        begin = time.perf_counter()
+        kernel[blocks, threads](*arguments)
+        cuda.synchronize()
+        return time.perf_counter() - begin
+
+    once()  # compiles and loads
+    best, end, trials = float("inf"), time.perf_counter() + budget, 0
+    while trials < 3 or time.perf_counter() < end:
+        best, trials = min(best, once()), trials + 1
+    return 2.0 * NUMBERS * UNROLLED * rounds * blocks * threads / best

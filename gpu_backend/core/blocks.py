@@ -1,0 +1,79 @@
+"""How blocks of one launch talk to each other: data through device memory, then a flag that says it is there.
+
+A block writes its data, its threads meet at the block's barrier, and one thread raises the block's flag with a `release`
+store; whoever sees the flag with an `acquire` load, and meets its own block's barrier, sees the data (PTX ISA, "Memory
+consistency model": release and acquire patterns, causality through the barrier). Data is read with loads that pass by
+the first-level cache, which other blocks' writes do not reach. Under the simulator, which runs one block after another,
+these are plain accesses, of use for one block only.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpu_backend.core.device import simulated
+
+if simulated():
+
+    def raise_flag(flags: Any, index: Any, value: Any) -> None:
+        """flags[index] = value, after everything this thread's block wrote before its last barrier."""
+        flags[index] = value
+
+    def read_flag(flags: Any, index: Any) -> Any:
+        """flags[index] as it is now; what its writer wrote before can be read after the block's next barrier."""
+        return flags[index]
+
+    def load_fresh_pair(array: Any, index: Any) -> Any:
+        """array[index] of a contiguous complex array that other blocks write to."""
+        return array[index]
+
+else:
+    from llvmlite import ir
+    from numba.cuda import types
+    from numba.cuda.extending import intrinsic
+
+    def _address(context: Any, builder: Any, kind: Any, array: Any, index_type: Any, index: Any, times: int = 1) -> Any:
+        """The address of element `index` as an integer."""
+        data = context.make_array(kind)(context, builder, array).data
+        wide = context.cast(builder, index, index_type, types.int64)
+        return builder.ptrtoint(builder.gep(data, [wide]), ir.IntType(64))
+
+    def _assembly(builder: Any, result: Any, arguments: list, text: str, constraints: str) -> Any:
+        kind = ir.FunctionType(result, [argument.type for argument in arguments])
+        return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
+
+    @intrinsic
+    def raise_flag(typing_context, flags, index, value):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
+            number = context.cast(builder, arguments[2], signature.args[2], types.int32)
+            text, constraints = "st.release.gpu.global.s32 [$0], $1;", "l,r,~{memory}"
+            _assembly(builder, ir.VoidType(), [address, number], text, constraints)
+            return context.get_dummy_value()
+
+        return types.void(flags, index, value), generate
+
+    @intrinsic
+    def read_flag(typing_context, flags, index):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
+            text, constraints = "ld.acquire.gpu.global.s32 $0, [$1];", "=r,l,~{memory}"
+            return _assembly(builder, ir.IntType(32), [address], text, constraints)
+
+        return types.int32(flags, index), generate
+
+    @intrinsic
+    def load_fresh_pair(typing_context, array, index):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
+            single = signature.args[0].dtype.underlying_float.bitwidth == 32
+            word, letter = ("f32", "f") if single else ("f64", "d")
+            scalar = ir.FloatType() if single else ir.DoubleType()
+            kind = ir.LiteralStructType([scalar, scalar])
+            text = f"ld.relaxed.gpu.global.v2.{word} {{$0, $1}}, [$2];"
+            both = _assembly(builder, kind, [address], text, f"={letter},={letter},l,~{{memory}}")
+            result = context.make_complex(builder, signature.return_type)
+            result.real, result.imag = builder.extract_value(both, 0), builder.extract_value(both, 1)
+            return result._getvalue()
+
+        return array.dtype(array, index), generate

@@ -1,0 +1,70 @@
+"""Is there a GPU that can run the lab, and if not, what is missing and how to get it."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from typing import Any
+
+from model.core.errors import BackendUnavailable
+
+INSTALL = 'pip install "softlab[cuda13]" (NVIDIA driver 580 or newer) or "softlab[cuda12]" (older drivers)'
+SIMULATOR = "NUMBA_ENABLE_CUDASIM=1 runs the kernels, slowly, without a GPU"
+
+
+def simulated() -> bool:
+    """True where numba's CUDA simulator stands in for a GPU."""
+    return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
+
+
+@cache
+def _probe() -> tuple[str, str]:
+    """("", the device's name) or (what is missing, the remedy)."""
+    try:
+        from numba import cuda
+    except ImportError as error:
+        return f"no CUDA support is installed ({error})", INSTALL
+    if simulated():
+        return "", "CUDA simulator"
+    try:
+        if not cuda.is_available():
+            return "no NVIDIA GPU or driver was found", f"on a machine with one: {INSTALL}; {SIMULATOR}"
+        name = cuda.get_current_device().name
+        return "", name.decode() if isinstance(name, bytes) else str(name)
+    except Exception as error:  # drivers fail in many ways, and each of them means: no GPU
+        return f"the NVIDIA driver does not answer ({type(error).__name__}: {error})", INSTALL
+
+
+def gpu_available() -> tuple[bool, str]:
+    """(True, the device's name) or (False, why not and how to get it)."""
+    missing, text = _probe()
+    return (False, f"{missing}; {text}") if missing else (True, text)
+
+
+def require_gpu() -> str:
+    """The device's name. Raises BackendUnavailable where there is no GPU, or it cannot run what numba compiles."""
+    missing, text = _probe()
+    if missing:
+        raise BackendUnavailable(missing, text)
+    return text
+
+
+def unsupported_code(error: BaseException) -> BackendUnavailable | None:
+    """What an error of compiling or loading a kernel means to a user, or None where it is not about the installation."""
+    text = f"{type(error).__name__}: {error}"
+    if "UNSUPPORTED_PTX" in text or "unsupported toolchain" in text or "PTX was compiled" in text:
+        return BackendUnavailable(
+            "the CUDA toolkit is newer than the driver",
+            'pin the toolkit to the driver\'s version, such as pip install "cuda-toolkit==13.0.*" (nvidia-smi shows it)',
+        )
+    if any(word in text for word in ("DynamicLibNotFound", "NvvmSupportError", "libnvrtc", "NvrtcSupport")):
+        return BackendUnavailable("the CUDA compiler is not installed", INSTALL)
+    return None
+
+
+def memory_info() -> tuple[int, int]:
+    """(free, total) bytes of the GPU's memory."""
+    from numba import cuda
+
+    info: Any = cuda.current_context().get_memory_info()
+    return int(info[0]), int(info[1])

@@ -1,0 +1,134 @@
+"""Compiling the formulas of model/formulas for CUDA, in `fast` or `exact` math.
+
+The CUDA compiler contracts a * b + c into one fused multiply-add, which rounds once instead of twice, and numba.cuda has
+no switch for it. So in `exact` math a factory's source is read again and every product in it becomes a call of the
+round-to-nearest multiply, which is never contracted. Quotients and roots are correctly rounded unless fast math is on,
+and fast math is off then. In `fast` math the compiler may reorder and approximate, and small functions are replaced by
+instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import operator
+import sys
+import textwrap
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+
+
+class _RoundProducts(ast.NodeTransformer):
+    """a * b -> _product(a, b), also for a *= b."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        return self._call(node.left, node.right) if isinstance(node.op, ast.Mult) else node
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Mult) or not isinstance(node.target, ast.Name):
+            return node
+        left = ast.Name(node.target.id, ast.Load())
+        return ast.Assign([node.target], self._call(left, node.value))
+
+    @staticmethod
+    def _call(left: ast.expr, right: ast.expr) -> ast.Call:
+        return ast.Call(ast.Name("_product", ast.Load()), [left, right], [])
+
+
+class _ReplaceFunctions(ast.NodeTransformer):
+    """Drops the definitions of the named inner functions, so that the names mean what the namespace gives them."""
+
+    def __init__(self, names: set[str]):
+        self.names = names
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST | None:
+        if node.name in self.names:
+            return None
+        self.generic_visit(node)
+        return node
+
+
+def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Callable]:
+    if simulated():
+        return {"_product": operator.mul} if math == "exact" else {}
+    from numba.cuda import libdevice
+
+    single = real is np.float32
+    if math == "exact":
+        return {"_product": libdevice.fmul_rn if single else libdevice.dmul_rn}
+    return _fast_instructions(real, options)
+
+
+def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable]:
+    """Replacements of `fast` math, without a branch and, in float64, without a quotient.
+
+    float64 has an approximate root of 20 bits only; with e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) =
+    y (1 + e/2 + 3 e^2/8 + ...), so one step leaves 5 e^3/16 < 1e-18.
+    """
+    from numba.cuda import libdevice
+
+    from gpu_backend.core.instructions import approximate_root_64
+
+    device = cuda.jit(device=True, **options)
+    single = real is np.float32
+    root: Any = approximate_root_64
+    least = real(1e-37 if single else 1e-290)  # its root is finite, and beside a real squared length it is nothing
+    half, three_eighths, one = real(0.5), real(0.375), real(1)
+
+    @device
+    def squared_length(dx, dy):
+        return dx * dx + (dy * dy + least)
+
+    @device
+    def inverse_length_64(squared: Any) -> Any:
+        y = root(squared)
+        e = one - squared * y * y
+        return y + y * e * (half + three_eighths * e)
+
+    @device
+    def difference_64(a, b):
+        return libdevice.dadd_rn(a, -b)  # libdevice has no rounded subtraction in double precision
+
+    @device
+    def quotient(a, b):
+        return a * (one / b)
+
+    return {
+        "squared_length": squared_length,
+        "inverse_length": libdevice.rsqrtf if single else inverse_length_64,
+        "difference": libdevice.fsub_rn if single else difference_64,
+        "quotient": quotient,
+    }
+
+
+def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]) -> Callable:
+    """The factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
+    instructions = _instructions(real, math, options)
+    tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
+    if "_product" in instructions:
+        factory = tree.body[0]
+        assert isinstance(factory, ast.FunctionDef)
+        factory.body = [_RoundProducts().visit(n) if isinstance(n, ast.FunctionDef) else n for n in factory.body]
+    tree = _ReplaceFunctions(set(instructions)).visit(tree)
+    ast.fix_missing_locations(tree)
+    namespace = dict(vars(sys.modules[make.__module__])) | instructions
+    for name, value in list(namespace.items()):
+        is_factory = isinstance(value, FunctionType) and value.__name__ == "make"
+        if is_factory and value is not make and value.__module__.startswith("model.formulas."):
+            namespace[name] = lambda real, compiled, value=value: _rewritten(value, real, math, options)(real, compiled)
+    exec(compile(tree, inspect.getfile(make), "exec"), namespace)
+    return namespace["make"]
+
+
+def device_formulas(make: Any, real: Any, math: str, **flags: bool) -> Any:
+    """What `make(real, compiled, **flags)` returns, compiled as device functions for `math`."""
+    options = {"fastmath": math == "fast"}
+    return _rewritten(make, real, math, options)(real, cuda.jit(device=True, **options), **flags)

@@ -1,0 +1,106 @@
+"""Many launches for the price of one: a run of passes captured once as a CUDA graph and replayed.
+
+A launch from Python costs 10 to 40 microseconds, a captured one about one. Captured scalars are frozen, so what changes
+while running (constants, the step counter) lives in small device arrays that the kernels read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+from model.core.errors import BackendUnavailable
+
+CHUNKS = (256, 64, 16, 4, 2)  # passes per graph; even, so that ping-pong buffers are back in place after each
+
+
+def _checked(result: tuple) -> Any:
+    status, *values = result
+    if int(status) != 0:
+        raise RuntimeError(f"CUDA graph: {status!s}")
+    return values[0] if values else None
+
+
+class Graphs:
+    """Runs passes over the grid through captured graphs.
+
+    `launch(parity, count)` launches `count` passes, the first reading the buffer `parity`; `after(count)` is launched
+    behind them (it moves the step counter on). Graphs are kept by parity and count. Every kernel must have run once
+    before: nothing may be compiled or loaded while a stream is captured.
+    """
+
+    def __init__(self, stream: Any, launch: Callable[[int, int], None], after: Callable[[int], None]):
+        try:
+            from cuda.bindings import runtime
+        except ImportError as error:
+            raise BackendUnavailable(
+                f"cuda.bindings is missing ({error})", "pip install cuda-bindings, or --kernel launch"
+            ) from None
+        self._runtime = runtime
+        self._stream = stream
+        self._launch, self._after = launch, after
+        self._graphs: dict[tuple[int, int], Any] = {}
+
+    def run(self, parity: int, count: int) -> int:
+        """Run as many of `count` passes as fill even chunks; the rest (0 or 1) is returned."""
+        for chunk in CHUNKS:
+            while count >= chunk:
+                self.replay(parity, chunk)
+                count -= chunk
+        return count
+
+    def replay(self, parity: int, count: int) -> None:
+        """Run `count` passes as one graph, captured the first time."""
+        key = (parity, count)
+        if key not in self._graphs:
+            self._graphs[key] = self._capture(parity, count)
+        _checked(self._runtime.cudaGraphLaunch(self._graphs[key], self._handle()))
+
+    def _handle(self) -> Any:
+        handle = self._stream.handle  # an integer-like object of cuda.bindings, or a ctypes pointer of older versions
+        return self._runtime.cudaStream_t(int(getattr(handle, "value", handle) or 0))
+
+    def _capture(self, parity: int, count: int) -> Any:
+        runtime = self._runtime
+        mode = runtime.cudaStreamCaptureMode.cudaStreamCaptureModeRelaxed
+        _checked(runtime.cudaStreamBeginCapture(self._handle(), mode))
+        try:
+            self._launch(parity, count)
+            self._after(count)
+        finally:
+            graph = _checked(runtime.cudaStreamEndCapture(self._handle()))
+        executable = _checked(runtime.cudaGraphInstantiate(graph, 0))
+        _checked(runtime.cudaGraphDestroy(graph))
+        return executable
+
+    def close(self) -> None:
+        for executable in self._graphs.values():
+            self._runtime.cudaGraphExecDestroy(executable)
+        self._graphs.clear()
+
+
+def prepare(kernel: Any, arguments: tuple[Any, ...], shared: int, cooperative: bool = False) -> None:
+    """Compile a kernel for these arguments, and allow it `shared` bytes of dynamic shared memory, also above 48 KB;
+    `cooperative`: all blocks are launched together or not at all."""
+    if simulated():
+        return
+    from numba.cuda.cudadrv.driver import binding, driver
+
+    compiled = kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))
+    function = compiled._codelibrary.get_cufunc()
+    attribute = binding.CUfunction_attribute.CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES
+    driver.cuKernelSetAttribute(attribute, shared, function.handle, function.device.id)
+    compiled.cooperative = cooperative
+
+
+def can_capture() -> bool:
+    """Streams can be captured on a real GPU, not under the simulator."""
+    return not simulated()
+
+
+def new_stream() -> Any:
+    """A stream of its own to capture and run on; the simulator has only the default one."""
+    return cuda.stream() if can_capture() else 0

@@ -1,0 +1,176 @@
+"""A vector that one block sends to others of the same launch, in one word with the number of the sending.
+
+A flag beside the data (core/blocks.py) costs its writer a wait until the data is on its way for all to see, and its reader a
+second way to memory. Here each word of 16 bytes carries its own tag: who reads the tag that it waits for has the data with
+it, since an access to a .b128 is a single one (PTX ISA, "Memory consistency model": scalar data types). It is the idea of
+the low-latency protocol of NCCL, whose words have 8 bytes. float32: one word, (x, y, z, tag); float64: three, (x, tag),
+(y, tag), (z, tag). Words pass by the first-level cache, which other blocks' writes do not reach.
+
+Under the simulator the tag is a number beside the others, written last and read first.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.device import simulated
+from gpu_backend.mass_spring.grid.strips import inlined
+
+
+def message_size(real: Any) -> int:
+    """Scalars of a message."""
+    return 4 if real is np.float32 else 6
+
+
+if simulated():
+
+    @cache
+    def make_messages(real: Any) -> SimpleNamespace:
+        """`send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, has it come)."""
+        size = message_size(real)
+
+        def send(array: Any, index: Any, x: Any, y: Any, z: Any, tag: Any) -> None:
+            k = size * int(index)
+            array[k], array[k + 1], array[k + 2] = x, y, z
+            array[k + 3] = tag
+
+        def receive(array: Any, index: Any, tag: Any) -> tuple[Any, Any, Any, bool]:
+            k = size * int(index)
+            here = bool(array[k + 3] == tag)
+            return array[k], array[k + 1], array[k + 2], here
+
+        return SimpleNamespace(send=send, receive=receive)
+
+    def pause(cycles: Any) -> None:
+        """Let that many cycles of the multiprocessor pass."""
+
+else:
+    from llvmlite import ir
+    from numba.cuda import types
+    from numba.cuda.extending import intrinsic
+
+    FLOAT, DOUBLE, WORD, LONG = ir.FloatType(), ir.DoubleType(), ir.IntType(32), ir.IntType(64)
+
+    def _address(context: Any, builder: Any, kind: Any, array: Any, index_type: Any, index: Any, size: int) -> Any:
+        data = context.make_array(kind)(context, builder, array).data
+        wide = context.cast(builder, index, index_type, types.int64)
+        first = builder.mul(wide, ir.Constant(wide.type, size))
+        return builder.ptrtoint(builder.gep(data, [first]), LONG)
+
+    def _assembly(builder: Any, result: Any, arguments: list, text: str, constraints: str) -> Any:
+        kind = ir.FunctionType(result, [argument.type for argument in arguments])
+        return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
+
+    # Each text is a block of its own, so that the registers it names may be named again.
+    SEND_32 = (
+        "{ .reg .b64 a, b; .reg .b128 w; mov.b64 a, {$1, $2}; mov.b64 b, {$3, $4}; mov.b128 w, {a, b}; "
+        "st.relaxed.gpu.global.b128 [$0], w; }"
+    )
+    RECEIVE_32 = (
+        "{ .reg .b64 a, b; .reg .b128 w; ld.relaxed.gpu.global.b128 w, [$4]; mov.b128 {a, b}, w; "
+        "mov.b64 {$0, $1}, a; mov.b64 {$2, $3}, b; }"
+    )
+    SEND_64 = "{ .reg .b128 w; mov.b128 w, {$1, $2}; st.relaxed.gpu.global.b128 [$0], w; }"
+    RECEIVE_64 = "{ .reg .b128 w; ld.relaxed.gpu.global.b128 w, [$2]; mov.b128 {$0, $1}, w; }"
+
+    @intrinsic
+    def _clock(typing_context):
+        def generate(context, builder, signature, arguments):
+            return _assembly(builder, WORD, [], "mov.u32 $0, %clock;", "=r")
+
+        return types.int32(), generate
+
+    @inlined("exact")
+    def pause(cycles):
+        """Let that many cycles of the multiprocessor pass."""
+        begin = _clock()
+        while np.int32(_clock() - begin) < cycles:
+            pass
+
+    @intrinsic
+    def _send_32(typing_context, array, index, x, y, z, tag):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, *_typed(signature, arguments), 4)
+            scalars = [context.cast(builder, arguments[n], signature.args[n], types.float32) for n in (2, 3, 4)]
+            number = context.cast(builder, arguments[5], signature.args[5], types.int32)
+            _assembly(builder, ir.VoidType(), [address, *scalars, number], SEND_32, "l,f,f,f,r,~{memory}")
+            return context.get_dummy_value()
+
+        return types.void(array, index, x, y, z, tag), generate
+
+    @intrinsic
+    def _receive_32(typing_context, array, index):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, *_typed(signature, arguments), 4)
+            kind = ir.LiteralStructType([FLOAT, FLOAT, FLOAT, WORD])
+            word = _assembly(builder, kind, [address], RECEIVE_32, "=f,=f,=f,=r,l,~{memory}")
+            values = [builder.extract_value(word, n) for n in range(4)]
+            return context.make_tuple(builder, signature.return_type, values)
+
+        kinds = types.Tuple((types.float32, types.float32, types.float32, types.int32))
+        return kinds(array, index), generate
+
+    @intrinsic
+    def _send_64(typing_context, array, index, x, tag):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, *_typed(signature, arguments), 2)
+            scalar = context.cast(builder, arguments[2], signature.args[2], types.float64)
+            number = context.cast(builder, arguments[3], signature.args[3], types.int64)
+            _assembly(builder, ir.VoidType(), [address, scalar, number], SEND_64, "l,d,l,~{memory}")
+            return context.get_dummy_value()
+
+        return types.void(array, index, x, tag), generate
+
+    @intrinsic
+    def _receive_64(typing_context, array, index):
+        def generate(context, builder, signature, arguments):
+            address = _address(context, builder, *_typed(signature, arguments), 2)
+            kind = ir.LiteralStructType([DOUBLE, LONG])
+            word = _assembly(builder, kind, [address], RECEIVE_64, "=d,=l,l,~{memory}")
+            values = [builder.extract_value(word, n) for n in range(2)]
+            return context.make_tuple(builder, signature.return_type, values)
+
+        return types.Tuple((types.float64, types.int64))(array, index), generate
+
+    def _typed(signature: Any, arguments: Any) -> tuple[Any, Any, Any, Any]:
+        return signature.args[0], arguments[0], signature.args[1], arguments[1]
+
+    @cache
+    def make_messages(real: Any) -> SimpleNamespace:
+        """`send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, has it come)."""
+        inline = inlined("exact")
+        one, two, three = np.int32(1), np.int32(2), np.int32(3)
+
+        if real is np.float32:
+
+            @inline
+            def send(array, index, x, y, z, tag):
+                _send_32(array, index, x, y, z, tag)
+
+            @inline
+            def receive(array, index, tag):
+                x, y, z, found = _receive_32(array, index)
+                return x, y, z, found == tag
+
+        else:
+
+            @inline
+            def send(array, index, x, y, z, tag):
+                first = np.int32(three * index)
+                _send_64(array, first, x, tag)
+                _send_64(array, first + one, y, tag)
+                _send_64(array, first + two, z, tag)
+
+            @inline
+            def receive(array, index, tag):
+                first = np.int32(three * index)
+                x, of_x = _receive_64(array, first)
+                y, of_y = _receive_64(array, first + one)
+                z, of_z = _receive_64(array, first + two)
+                return x, y, z, of_x == tag and of_y == tag and of_z == tag
+
+        return SimpleNamespace(send=send, receive=receive)

@@ -1,0 +1,52 @@
+"""A scalar of shared memory at a fixed distance from a place: one instruction, the distance part of its address.
+
+Where an index is added up in the kernel's integers, the compiler cannot tell that the sum does not wrap around, and
+computes every neighbour's address anew. These intrinsics step from the place's own address. Under the simulator they are
+plain indexing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpu_backend.core.device import simulated
+
+if simulated():
+
+    def near(array: Any, place: Any, distance: Any) -> Any:
+        """array[place + distance] of a contiguous array of scalars."""
+        return array[int(place) + int(distance)]
+
+    def put_near(array: Any, place: Any, distance: Any, value: Any) -> None:
+        """array[place + distance] = value."""
+        array[int(place) + int(distance)] = value
+
+else:
+    from numba.cuda import types
+    from numba.cuda.extending import intrinsic
+
+    def _pointer(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        place = context.cast(builder, arguments[1], signature.args[1], types.int64)
+        distance = context.cast(builder, arguments[2], signature.args[2], types.int64)
+        return builder.gep(builder.gep(data, [place]), [distance])
+
+    @intrinsic
+    def near(typing_context, array, place, distance):
+        """array[place + distance] of a contiguous array of scalars."""
+
+        def generate(context, builder, signature, arguments):
+            return builder.load(_pointer(context, builder, signature, arguments))
+
+        return array.dtype(array, place, distance), generate
+
+    @intrinsic
+    def put_near(typing_context, array, place, distance, value):
+        """array[place + distance] = value."""
+
+        def generate(context, builder, signature, arguments):
+            number = context.cast(builder, arguments[3], signature.args[3], signature.args[0].dtype)
+            builder.store(number, _pointer(context, builder, signature, arguments))
+            return context.get_dummy_value()
+
+        return types.void(array, place, distance, value), generate

@@ -1,0 +1,80 @@
+"""The three axes of a mass and a spare number in one memory transaction: 16 bytes in float32, two of them in float64.
+
+A quad lies in a flat array of scalars, four to a mass. Device memory is aligned to 256 bytes, and shared memory as asked
+for, so every quad begins at a multiple of 16 bytes; these intrinsics say so, and the compiler emits vector instructions
+(see core/pairs.py). Under the simulator they are plain indexing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpu_backend.core.device import simulated
+
+SIZE = 4  # scalars
+
+if simulated():
+
+    def load_quad(array: Any, index: Any) -> Any:
+        """(x, y, z, spare) of mass `index` in a flat array of scalars."""
+        k = SIZE * int(index)
+        return array[k], array[k + 1], array[k + 2], array[k + 3]
+
+    def store_quad(array: Any, index: Any, x: Any, y: Any, z: Any, spare: Any) -> None:
+        """Mass `index` = (x, y, z, spare)."""
+        k = SIZE * int(index)
+        array[k], array[k + 1], array[k + 2], array[k + 3] = x, y, z, spare
+
+else:
+    from llvmlite import ir
+    from numba.cuda import types
+    from numba.cuda.extending import intrinsic
+
+    BYTES = 16  # of the widest access
+
+    def _places(context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any) -> Any:
+        """(pointers to the vectors of quad `index`, scalars of each)."""
+        scalar = context.get_value_type(array_type.dtype)
+        width = BYTES * 8 // array_type.dtype.bitwidth
+        data = context.make_array(array_type)(context, builder, array).data
+        base = builder.bitcast(data, ir.VectorType(scalar, width).as_pointer(data.type.addrspace))
+        count = SIZE // width
+        wide = context.cast(builder, index, index_type, types.int64)
+        first = builder.mul(wide, ir.Constant(wide.type, count))
+        return [builder.gep(base, [builder.add(first, ir.Constant(wide.type, n))]) for n in range(count)], width
+
+    @intrinsic
+    def load_quad(typing_context, array, index):
+        """(x, y, z, spare) of mass `index` in a flat array of scalars."""
+
+        def generate(context, builder, signature, arguments):
+            pointers, width = _places(
+                context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1]
+            )
+            values = []
+            for pointer in pointers:
+                vector = builder.load(pointer)
+                vector.align = BYTES
+                for place in range(width):
+                    values.append(builder.extract_element(vector, ir.Constant(ir.IntType(32), place)))
+            return context.make_tuple(builder, signature.return_type, values)
+
+        return types.UniTuple(array.dtype, SIZE)(array, index), generate
+
+    @intrinsic
+    def store_quad(typing_context, array, index, x, y, z, spare):
+        """Mass `index` = (x, y, z, spare)."""
+
+        def generate(context, builder, signature, arguments):
+            kind = signature.args[0]
+            pointers, width = _places(context, builder, kind, arguments[0], signature.args[1], arguments[1])
+            for number, pointer in enumerate(pointers):
+                vector = ir.Constant(pointer.type.pointee, ir.Undefined)
+                for place in range(width):
+                    at = 2 + number * width + place
+                    value = context.cast(builder, arguments[at], signature.args[at], kind.dtype)
+                    vector = builder.insert_element(vector, value, ir.Constant(ir.IntType(32), place))
+                builder.store(vector, pointer, align=BYTES)
+            return context.get_dummy_value()
+
+        return types.void(array, index, x, y, z, spare), generate

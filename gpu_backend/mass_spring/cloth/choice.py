@@ -1,0 +1,170 @@
+"""Which kernel runs a cloth on the GPU, and on which tiles: read off small measured tables.
+
+The numbers are microseconds a step on one NVIDIA H200, of the catalogue's cloth-hanging: velocity Verlet, 12 springs a mass,
+gravity, damping and two pins. Only their proportions matter for a choice, so that other parts are served well enough.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.launch import can_capture
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.cloth.block import MOST_THREADS, block_bytes
+from gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cloth_tile
+from gpu_backend.mass_spring.grid.choice import parsed_tile
+from gpu_backend.mass_spring.grid.tile_launch import device_limits
+from model.core.errors import SceneError
+from model.mass_spring.cloth_plan import kicks_meet
+from model.scene.scene import Scene
+
+CLOTH_KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
+ON_TILES = ("resident", "tiles")
+# One block has one multiprocessor: from some size on its arithmetic takes longer than a captured launch. On an H200, float32,
+# 12 springs: 1.46 against 1.94 us a step at 32 x 32; in wind 4.5 against 5.4 at 24 x 24, but 7.2 against 5.5 at 32 x 32.
+ONE_BLOCK_MASSES = 1024
+ONE_BLOCK_MASSES_IN_WIND = 576
+# us a step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so that the sheet's size
+# does not matter beside these. Of those that are not measured, the first that the sheet fits is taken where it is asked for.
+# begin measured
+RESIDENT: dict[Any, dict[str, dict[int, float]]] = {
+    np.float32: {
+        "16x8x1h1": {1: 0.99, 4: 1.54},
+        "8x8x1h1": {1: 1.18, 2: 1.21, 8: 1.58},
+        "32x8x2h1": {1: 1.34},
+        "32x4x4h1": {4: 2.74},
+        "64x8x4h1": {1: 2.73},
+        "128x4x16h1": {1: 11.0},
+    },
+    np.float64: {
+        "16x8x1h1": {1: 1.42},
+        "8x8x1h1": {1: 1.52, 2: 1.64},
+        "32x8x2h1": {1: 2.4},
+        "64x4x8h1": {1: 5.95},
+    },
+}
+# Of `tiles`: the tile; us a launch at least, and a step for each million masses of all tiles together, overlaps counted.
+# Chosen nowhere: 26.3 against 22.3 us of `graph` at 1024 x 1024 in float32, 63 against 51 in float64.
+TILES: dict[Any, tuple[str, float | None, float | None]] = {
+    np.float32: ("64x8x8h3", None, None),
+    np.float64: ("32x8x4h2", None, None),
+}
+# end measured
+# of `one-block` and `graph`: us a step at least, and for each million masses more; `one-block` in float64 taken as twice that
+ONE_BLOCK = {np.float32: (0.1, 1330.0), np.float64: (0.2, 2660.0)}
+GRAPH = {np.float32: (2.2, 18.6), np.float64: (3.2, 44.0)}
+
+
+def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None) -> str:
+    """The reason why the kernel `one-block` cannot run the scene, or nothing. `limits`: as `device_limits` gives them."""
+    masses = scene.grid.particle_count
+    if scene.method.integrator == "rk4":
+        return "runs integrators with one force a step, not rk4; use graph"
+    if masses > MOST_THREADS:
+        return f"holds at most {MOST_THREADS} masses, this sheet has {masses}; use graph"
+    needed, most = block_bytes(real, parts, masses), (limits or device_limits())[1]
+    if needed > most:
+        return f"needs {needed} bytes of shared memory here, a block has {most}; use graph"
+    return ""
+
+
+def why_not_on_tiles(scene: Scene, parts: frozenset[str]) -> str:
+    """The reason why neither `resident` nor `tiles` can run the scene whatever the tile, or nothing."""
+    if scene.method.integrator == "rk4":
+        return "runs integrators with one force a step, not rk4; use graph"
+    if scene.method.integrator == "velocity-verlet" and not kicks_meet(parts):
+        return "runs velocity-verlet with neither wind nor dampers along springs (no force of velocities); use graph"
+    return ""
+
+
+def cloth_tiles_of(
+    kernel: str, rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+) -> list[tuple[Tile, float | None]]:
+    """(tile, us a step where measured) of the tables' tiles that the sheet fits."""
+    if kernel == "tiles":
+        name, least, million = TILES[real]
+        tile = parsed_tile(name)
+        if why_no_cloth_tile(kernel, rows, columns, real, tile, parts, limits):
+            return []
+        across, down = cloth_blocks(rows, columns, tile, parts)
+        masses = 1e-6 * across * down * tile.masses
+        return [(tile, None if least is None or million is None else least / tile.halo + masses * million)]
+    found: list[tuple[Tile, float | None]] = []
+    for name, by_share in RESIDENT[real].items():
+        tile = parsed_tile(name)
+        if not why_no_cloth_tile(kernel, rows, columns, real, tile, parts, limits):
+            across, down = cloth_blocks(rows, columns, tile, parts)
+            share = -(-across * down // (limits or device_limits())[0])
+            found.append((tile, min((time for blocks, time in by_share.items() if blocks >= share), default=None)))
+    return found
+
+
+def choose_cloth(
+    scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+) -> tuple[str, Tile | None, str]:
+    """(kernel, tile, why in a few words) of a cloth that asks for none. `limits`: as `device_limits` gives them."""
+    rows, columns, masses = scene.grid.rows, scene.grid.columns, scene.grid.particle_count
+    small = masses <= (ONE_BLOCK_MASSES_IN_WIND if "wind" in parts else ONE_BLOCK_MASSES)
+    times: dict[tuple[str, Tile | None], float] = {}
+    for kernel, (least, million) in (("one-block", ONE_BLOCK[real]), ("graph", GRAPH[real])):
+        if kernel == "graph" or (small and not why_not_one_block(scene, real, parts, limits)):
+            times[kernel, None] = least + 1e-6 * masses * million
+    if not why_not_on_tiles(scene, parts):
+        for kernel in ON_TILES:
+            found = cloth_tiles_of(kernel, rows, columns, real, parts, limits)
+            times |= {(kernel, tile): time for tile, time in found if time is not None}
+    first, *others = sorted(times, key=lambda choice: times[choice])
+    why = f"{times[first]:.2g} us a step by the table"
+    if others:
+        why += f", next {_spelt(*others[0])} with {times[others[0]]:.2g}"
+    return *first, why
+
+
+def _spelt(kernel: str, tile: Tile | None) -> str:
+    return f"{kernel}:{tile.name}" if tile else kernel
+
+
+def default_cloth_kernel(
+    scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+) -> tuple[str, str]:
+    """(kernel, why in a few words) of a cloth that asks for none."""
+    kernel, _, why = choose_cloth(scene, real, parts, limits)
+    return kernel, why
+
+
+def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
+    """The kernel asked for, without its tile, or the backend's own choice. Raises SceneError for one that cannot run the
+    scene."""
+    if asked is None:
+        return default_cloth_kernel(scene, real, parts)[0] if can_capture() else "launch"
+    kernel, _, tile = asked.partition(":")
+    if kernel not in CLOTH_KERNELS or (tile and kernel not in ON_TILES):
+        raise SceneError("--kernel", asked, f"must be one of {', '.join(CLOTH_KERNELS)} for a cloth on the gpu")
+    if kernel == "graph" and not can_capture():
+        raise SceneError("--kernel", asked, "the CUDA simulator cannot capture graphs; use launch")
+    reason = why_not_one_block(scene, real, parts) if kernel == "one-block" else ""
+    if kernel in ON_TILES:
+        reason = why_not_on_tiles(scene, parts)
+    if reason:
+        raise SceneError("--kernel", asked, reason)
+    return kernel
+
+
+def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
+    """The tile for a kernel on tiles: the one asked for, as in `resident:8x8x1h1`, or the tables'. Raises SceneError."""
+    if kernel not in ON_TILES:
+        return None
+    _, colon, text = (asked or "").partition(":")
+    if colon:
+        return parsed_tile(text)
+    rows, columns = scene.grid.rows, scene.grid.columns
+    found = cloth_tiles_of(kernel, rows, columns, real, parts)
+    if not found:
+        raise SceneError(
+            "--kernel",
+            kernel,
+            f"{rows} x {columns} masses fit none of its tiles on this GPU; use graph, or name a tile",
+        )
+    return min(found, key=lambda pair: (pair[1] is None, pair[1] or 0))[0]

@@ -1,0 +1,289 @@
+"""Implicit Euler on the cloth: one launch does whole steps, and decides on the device how often each pass runs.
+
+Blocks are launched together (cooperatively) and meet at a barrier after every pass over the sheet. A block takes segments
+of rows in turn, a mass to a thread. What follows a pass hangs on sums over all masses: each block takes them for itself
+from the segments' sums, in the CPU's order (cpu_backend/mass_spring/cloth/sums.py), so that all come to the same decision
+and to its bits.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.blocks import read_flag
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.launch import prepare
+from gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
+from gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.core.errors import SceneError
+from model.formulas import implicit
+from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
+from model.mass_spring.implicit_parameters import (
+    LANES,
+    S_ROUNDOFF,
+    S_SPRINGS,
+    SEGMENT,
+    SUMS,
+    TREE,
+    segments_of,
+    system_record,
+    without_dampers,
+)  # fmt: skip
+from model.scene.scene import Scene
+
+COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
+THREADS = LANES if simulated() else SEGMENT  # of a block; the simulator's are threads of Python
+TOGETHER = 2  # blocks that a multiprocessor holds at least, which bounds their registers
+STEPS = 64  # a launch, so that it can be interrupted
+
+
+@cache
+def make_meetings(real: Any, math: str) -> SimpleNamespace:
+    """What blocks and their threads do together: `meet(flags, wanted)`, the barrier of all blocks, which returns what is
+    wanted next; `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the products of its masses;
+    `total(products, parts, offset, count)`: of all segments. `products` (SUMS * TREE,) is shared memory."""
+    inline = inlined(math)
+    zero, warps, whole_warp = real(0), not simulated(), 0xFFFFFFFF
+    lanes, segment, tree, half_tree = np.int32(LANES), np.int32(SEGMENT), np.int32(TREE), np.int32(TREE // 2)
+
+    @inline
+    def meet(flags, wanted):
+        cuda.syncthreads()
+        if cuda.gridDim.x > 1:
+            if cuda.threadIdx.x == 0:
+                cuda.threadfence()
+                cuda.atomic.add(flags, 0, 1)
+                while np.int32(read_flag(flags, 0) - wanted) < 0:
+                    pass
+                cuda.threadfence()
+            cuda.syncthreads()
+        return np.int32(wanted + np.int32(cuda.gridDim.x))
+
+    @inline
+    def halved(products, sums, half, stride, last):
+        """Each of the sums' 2 `half` numbers added up in halves, until `last` are left."""
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        while half >= last:
+            for n in range(sums):
+                for k in range(t, half, threads):
+                    place = n * stride + k
+                    products[place] = products[place] + products[place + half]
+            cuda.syncthreads()
+            half = np.int32(half // 2)
+
+    @inline
+    def lanes_halved(products, sums, stride):
+        """The first of each of the sums' LANES numbers becomes their sum, added up in halves: by one warp, whose threads
+        hand each other numbers without memory. Every thread of the block must call it, none waits at its end."""
+        if warps:
+            t = np.int32(cuda.threadIdx.x)
+            if t < lanes:
+                for n in range(sums):
+                    value = products[n * stride + t]
+                    value = value + cuda.shfl_down_sync(whole_warp, value, 16)
+                    value = value + cuda.shfl_down_sync(whole_warp, value, 8)
+                    value = value + cuda.shfl_down_sync(whole_warp, value, 4)
+                    value = value + cuda.shfl_down_sync(whole_warp, value, 2)
+                    value = value + cuda.shfl_down_sync(whole_warp, value, 1)
+                    if t == 0:
+                        products[n * stride] = value
+        else:
+            halved(products, sums, np.int32(lanes // 2), stride, np.int32(1))
+
+    @inline
+    def add_segment(products, sums, g, width, count, parts):
+        t = np.int32(cuda.threadIdx.x)
+        cuda.syncthreads()
+        if t < lanes:
+            for n in range(sums):
+                running = zero
+                for k in range(t, width, lanes):
+                    running = running + products[n * segment + k]
+                products[n * segment + t] = running
+        if not warps:
+            cuda.syncthreads()
+        lanes_halved(products, sums, segment)
+        if t == 0:
+            for n in range(sums):
+                parts[n * count + g] = products[n * segment]
+        cuda.syncthreads()
+
+    @inline
+    def total(products, sums, count, parts):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        for n in range(sums):
+            for slot in range(t, tree, threads):
+                running = zero
+                for k in range(slot, count, tree):
+                    running = running + parts[n * count + k]
+                products[n * tree + slot] = running
+        cuda.syncthreads()
+        halved(products, sums, half_tree, tree, lanes)
+        lanes_halved(products, sums, tree)
+        cuda.syncthreads()
+
+    return SimpleNamespace(meet=meet, add_segment=add_segment, total=total)
+
+
+@cache
+def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
+    """kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, system, bodies, integers,
+    counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`.
+
+    The nine arrays of quads that follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the
+    launch; `done` (len(COUNTS),) int64 is added to; the rest is as in mass_spring/cloth/kernels.py. With `linear` a step
+    ends after its first matrix.
+    """
+    point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
+    start, residual, product = point.start, point.residual, point.product
+    update, move, finish, air_now = point.update, point.move, point.finish, point.air_now
+    meet, add_segment, total = meetings.meet, meetings.add_segment, meetings.total
+    control = device_formulas(implicit.make, real, math, linear=linear)
+    after_residual, after_product = control.after_residual, control.after_product
+    current_step = make_cloth_forces(real, math, parts).current_step
+    has_wind, zero, shared = "wind" in parts, real(0), SUMS * TREE
+    segment, residual_sums, product_sums = np.int32(SEGMENT), np.int32(SUMS), np.int32(2)
+    no_air = (zero, zero, zero)
+
+    def implicit_steps(
+        position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, system, bodies, integers, counter,
+        steps, rows, columns,
+    ):  # fmt: skip
+        products = cuda.shared.array(shared, real)
+        rows, columns = np.int32(rows), np.int32(columns)
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        across = np.int32((columns + segment - 1) // segment)
+        count = np.int32(rows * across)
+        wanted = np.int32(cuda.gridDim.x)
+        first_thread = cuda.blockIdx.x == 0 and t == 0
+        for number in range(steps):
+            step = current_step(counter, np.int64(number))
+            kind, counts, values = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
+            while True:
+                air = no_air
+                if has_wind:
+                    if kind == START:
+                        air = air_now(record, integers, step, zero)
+                first_iteration, alpha, beta = counts[2] == 1, values[5], values[6]
+                for g in range(np.int32(cuda.blockIdx.x), count, np.int32(cuda.gridDim.x)):
+                    i, first = np.int32(g // across), np.int32((g % across) * segment)
+                    width = np.int32(min(segment, np.int32(columns - first)))
+                    for c in range(t, width, threads):
+                        j = np.int32(first + c)
+                        k = np.int32(i * columns + j)
+                        if kind == PRODUCT:
+                            a, b = product(x, r, ar, k, i, j, rows, columns, system)
+                            products[c], products[segment + c] = a, b
+                        elif kind == UPDATE:
+                            update(r, s, q, aq, ar, k, first_iteration, alpha, beta)
+                        elif kind == RESIDUAL:
+                            a, b, d = residual(base, u, r, s, begin, k, i, j, rows, columns, record, system)
+                            products[c], products[segment + c], products[2 * segment + c] = a, b, d
+                        elif kind == START:
+                            start(
+                                position, velocity, base, x, u, begin, k, i, j, rows, columns, record, bodies, integers, step,
+                                air,
+                            )  # fmt: skip
+                        elif kind == FINISH:
+                            finish(position, velocity, x, u, k, step, record, bodies, integers)
+                        else:
+                            move(position, x, u, s, k, kind == RETREAT, step, record, bodies)
+                    if kind == PRODUCT:
+                        add_segment(products, product_sums, g, width, count, sums)
+                    elif kind == RESIDUAL:
+                        add_segment(products, residual_sums, g, width, count, sums)
+                wanted = meet(flags, wanted)
+                if kind == FINISH:
+                    break
+                if kind == PRODUCT:
+                    total(products, product_sums, count, sums)
+                    kind, counts, values = after_product(counts, values, products[0], products[TREE])
+                    if first_thread:
+                        done[2 if kind == UPDATE else 1] += 1
+                elif kind == RESIDUAL:
+                    total(products, residual_sums, count, sums)
+                    found = products[0], products[TREE], products[2 * TREE]
+                    kind, counts, values = after_residual(counts, values, found, system[S_SPRINGS], system[S_ROUNDOFF])
+                    if first_thread and kind == RETREAT:
+                        done[3] += 1
+                elif kind == UPDATE:
+                    kind = PRODUCT
+                elif kind == MOVE and linear:
+                    kind = FINISH
+                else:
+                    kind = RESIDUAL
+                cuda.syncthreads()
+            if first_thread:
+                done[0] += 1
+
+    variant = variant_name(real, math, linear, parts)
+    return make_kernel(implicit_steps, variant, launch_bounds=(SEGMENT, TOGETHER), **kernel_options(math))
+
+
+def implicit_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
+    """Its only kernel. Raises SceneError if another one was asked for."""
+    if asked not in (None, "cooperative"):
+        raise SceneError("--kernel", asked, f"must be cooperative for {scene.method.integrator} on the gpu")
+    return "cooperative"
+
+
+class ImplicitSteps:
+    """The steps of one simulation, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring, and what they need besides its
+    state."""
+
+    def __init__(self, simulation: Any):
+        self.simulation = simulation
+        sim, real, body = simulation, simulation.real, simulation.body
+        count = segments_of(body.rows, body.columns)
+        self._vectors = [sim.new_array() for _ in range(9)]
+        self._sums = cuda.to_device(np.zeros(SUMS * count, real), stream=sim.stream)
+        self._flags = cuda.to_device(np.zeros(1, np.int32), stream=sim.stream)
+        self._done = cuda.to_device(np.zeros(len(COUNTS), np.int64), stream=sim.stream)
+        self._system = cuda.to_device(system_record(sim.scene, real), stream=sim.stream)
+        linear = sim.scene.method.integrator == "implicit-euler-linear"
+        self._kernel = make_cloth_implicit(real, sim.options.math, linear, without_dampers(sim.plan.parts))
+        self.blocks = 1
+        if not simulated():
+            arguments = self._arguments(1)
+            prepare(self._kernel, arguments, 0, cooperative=True)
+            compiled = self._kernel.compile(tuple(self._kernel.typeof_pyval(argument) for argument in arguments))
+            self.blocks = min(count, compiled.max_cooperative_grid_blocks(THREADS))
+
+    @property
+    def done(self) -> np.ndarray:
+        """(steps, matrices, iterations of conjugate gradients, halved Newton steps) so far."""
+        host = self._done.copy_to_host(stream=self.simulation.stream)
+        self.simulation.synchronize()
+        return host
+
+    def renew(self) -> None:
+        """Take the scene's fields as they are now."""
+        sim = self.simulation
+        self._system.copy_to_device(system_record(sim.scene, sim.real), stream=sim.stream)
+        sim.synchronize()
+
+    def _arguments(self, steps: int) -> tuple[Any, ...]:
+        sim = self.simulation
+        return (
+            sim.position[sim._current], sim.velocity[sim._current], *self._vectors, self._sums, self._flags, self._done,
+            sim.record, self._system, sim.bodies, sim.integers, sim._counter, np.int64(steps), *sim.shape,
+        )  # fmt: skip
+
+    def advance(self, step: int, steps: int) -> None:
+        sim = self.simulation
+        sim._set_counter(step)
+        while steps > 0:
+            now = min(steps, STEPS)
+            self._flags.copy_to_device(np.zeros(1, np.int32), stream=sim.stream)
+            self._kernel[self.blocks, THREADS, sim.stream](*self._arguments(now))
+            sim._count_on(now)
+            steps -= now

@@ -1,0 +1,145 @@
+"""What implicit Euler does with one mass of a cloth in each pass, as device functions (model/formulas/implicit.py).
+
+Vectors are arrays of quads. The spare numbers of `x`, the position at the step's end as far as it is known, and of `base`,
+the one without the velocity there, tell as that of the state's position what is pinned: such a mass has no entry in a vector
+of the system.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+from gpu_backend.contact.colliders import make_collide
+from gpu_backend.contact.pins import make_pins
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.formulas import implicit
+from model.mass_spring.cloth_parameters import C_DT
+from model.mass_spring.implicit_parameters import S_OWN, S_RATE
+from model.scene.cloth import SPRING_KINDS
+
+
+@cache
+def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The passes of mass k in row i and column j, by name; `residual` and `product` return what is to be summed up."""
+    springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
+    elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)
+    steady, add_external, add_poke = elsewhere.steady, elsewhere.add_external, elsewhere.add_poke
+    pull_sum, product_sum = (make_cloth_springs(real, math, springs, system) for system in ("end", "product"))
+    formulas, hold = device_formulas(implicit.make, real, math), make_pins(real, math, parts).hold
+    missing, applied, added, dot = formulas.residual, formulas.applied, formulas.added, formulas.dot
+    has_pins = "pins" in parts
+    inline = inlined(math)
+    zero, half, one = real(0), real(0.5), real(1)
+
+    @inline
+    def added_3(value, factor, other):
+        return added(value[0], factor, other[0]), added(value[1], factor, other[1]), added(value[2], factor, other[2])
+
+    @inline
+    def dot_3(a, b):
+        return dot(a[0], a[1], a[2], b[0], b[1], b[2])
+
+    @inline
+    def put(x, u, k, p, position, velocity, step, record, bodies):
+        """The state at the step's end as far as it is known; a pinned mass is where it will be."""
+        px, py, pz = position
+        vx, vy, vz = velocity
+        if has_pins:
+            if p[3] != zero:
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record, bodies)
+        store_quad(x, k, px, py, pz, p[3])
+        store_quad(u, k, vx, vy, vz, zero)
+        return (px, py, pz), (vx, vy, vz)
+
+    @inline
+    def start(position, velocity, base, x, u, begin, k, i, j, rows, columns, record, bodies, integers, step, air):
+        p, v = load_quad(position, k), load_quad(velocity, k)
+        ax, ay, az = steady(position, velocity, k, i, j, rows, columns, p, v, record, air)
+        ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
+        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        bx, by, bz = added_3(v, record[C_DT], (ax, ay, az))
+        store_quad(begin, k, bx, by, bz, zero)
+        end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, record, bodies)
+        px, py, pz = added_3(end, -record[C_DT], speed)
+        store_quad(base, k, px, py, pz, p[3])
+
+    @inline
+    def residual(base, u, r, s, begin, k, i, j, rows, columns, record, system):
+        p, v, b = load_quad(base, k), load_quad(u, k), load_quad(begin, k)
+        ax, ay, az = pull_sum(base, u, k, i, j, rows, columns, p, v, record)
+        dt, rate = system[C_DT], system[S_RATE]
+        rx, ry, rz = (
+            missing(b[0], v[0], ax, dt, rate),
+            missing(b[1], v[1], ay, dt, rate),
+            missing(b[2], v[2], az, dt, rate),
+        )
+        if has_pins:
+            if p[3] != zero:
+                rx, ry, rz = zero, zero, zero
+        store_quad(r, k, rx, ry, rz, zero)
+        own = (rx, ry, rz)
+        return dot_3(own, own), dot_3(own, load_quad(s, k)), dot_3(v, v)
+
+    @inline
+    def product(x, r, ar, k, i, j, rows, columns, system):
+        p, v = load_quad(x, k), load_quad(r, k)
+        ax, ay, az = product_sum(x, r, k, i, j, rows, columns, p, v, system)
+        own = system[S_OWN]
+        wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
+        if has_pins:
+            if p[3] != zero:
+                wx, wy, wz = zero, zero, zero
+        store_quad(ar, k, wx, wy, wz, zero)
+        return dot_3(v, v), dot_3(v, (wx, wy, wz))
+
+    @inline
+    def update(r, s, q, aq, ar, k, first, alpha, beta):
+        residual_now, applied_now = load_quad(r, k), load_quad(ar, k)
+        direction, turned = (
+            (residual_now[0], residual_now[1], residual_now[2]),
+            (applied_now[0], applied_now[1], applied_now[2]),
+        )
+        solution = (zero, zero, zero)
+        if not first:
+            direction, turned = (
+                added_3(residual_now, beta, load_quad(q, k)),
+                added_3(applied_now, beta, load_quad(aq, k)),
+            )
+            before = load_quad(s, k)
+            solution = (before[0], before[1], before[2])
+        sx, sy, sz = added_3(solution, alpha, direction)
+        rx, ry, rz = added_3(residual_now, -alpha, turned)
+        store_quad(q, k, direction[0], direction[1], direction[2], zero)
+        store_quad(aq, k, turned[0], turned[1], turned[2], zero)
+        store_quad(s, k, sx, sy, sz, zero)
+        store_quad(r, k, rx, ry, rz, zero)
+
+    @inline
+    def move(position, x, u, s, k, back, step, record, bodies):
+        p, v, way = load_quad(position, k), load_quad(u, k), load_quad(s, k)
+        sx, sy, sz, sign = way[0], way[1], way[2], one
+        if back:
+            sx, sy, sz, sign = half * sx, half * sy, half * sz, -one
+            store_quad(s, k, sx, sy, sz, zero)
+        new = added_3(v, sign, (sx, sy, sz))
+        put(x, u, k, p, added_3(p, record[C_DT], new), new, step, record, bodies)
+
+    @inline
+    def finish(position, velocity, x, u, k, step, record, bodies, integers):
+        p, new, v = load_quad(position, k), load_quad(x, k), load_quad(u, k)
+        px, py, pz, vx, vy, vz = collide(p, new[0], new[1], new[2], v[0], v[1], v[2], record, bodies, integers, step)
+        if has_pins:
+            if p[3] != zero:
+                px, py, pz, vx, vy, vz = new[0], new[1], new[2], v[0], v[1], v[2]
+        store_quad(position, k, px, py, pz, p[3])
+        store_quad(velocity, k, vx, vy, vz, zero)
+
+    return SimpleNamespace(
+        start=start, residual=residual, product=product, update=update, move=move, finish=finish,
+        air_now=elsewhere.air_now,
+    )  # fmt: skip

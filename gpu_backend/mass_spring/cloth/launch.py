@@ -1,0 +1,116 @@
+"""Launching the cloth's kernels on tiles: their grids of blocks, their shared memory, and the buffers of their messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.launch import prepare
+from gpu_backend.core.messages import message_size
+from gpu_backend.core.tiling import Tile, tile_count
+from gpu_backend.mass_spring.cloth.resident import make_cloth_resident
+from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_cloth_tiles
+from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
+from gpu_backend.mass_spring.grid import tile_launch
+from model.core.errors import BackendUnavailable, SceneError
+
+MOST_THREADS = 1024  # of a block
+MOST_BLOCKS_DOWN = 65535  # of a launch
+MOST_EACH = 31  # masses that a thread fetches: bits of an integer
+
+
+def cloth_blocks(rows: int, columns: int, tile: Tile, parts: frozenset[str]) -> tuple[int, int]:
+    """(across, down): tiles over a sheet."""
+    overlap = overlap_of(tile, parts)
+    return tile_count(columns, tile.columns, overlap), tile_count(rows, tile.rows, overlap)
+
+
+def why_no_cloth_tile(
+    kernel: str, rows: int, columns: int, real: Any, tile: Tile, parts: frozenset[str],
+    limits: tuple[int, int] | None = None,
+) -> str:  # fmt: skip
+    """The reason why `resident` or `tiles` cannot run a sheet on this tile on this GPU, or on one of `limits` (see
+    `device_limits`), or nothing."""
+    processors, most_shared = limits or tile_launch.device_limits()
+    needed, overlap = tile_bytes(real, tile, parts), overlap_of(tile, parts)
+    if tile.halo < 1:
+        return f"a tile of {tile.name} needs at least one step between exchanges: h1"
+    if tile.threads > MOST_THREADS:
+        return f"a tile of {tile.name} needs {tile.threads} threads, a block has at most {MOST_THREADS}"
+    if needed > most_shared:
+        return f"a tile of {tile.name} needs {needed} bytes of shared memory, a block has {most_shared}"
+    if tile.rows > rows or tile.columns > columns:
+        return f"a tile of {tile.name} is {tile.rows} x {tile.columns}, larger than the sheet of {rows} x {columns}"
+    if (tile.rows < rows and tile.rows <= 2 * overlap) or (tile.columns < columns and tile.columns <= 2 * overlap):
+        return f"a tile of {tile.name} is too small to do {tile.halo} steps by itself"
+    if most_to_fetch(tile, parts) > MOST_EACH * tile.threads:
+        return f"a tile of {tile.name} has too few threads for all that they read around it"
+    across, down = cloth_blocks(rows, columns, tile, parts)
+    together = processors * cloth_blocks_together(real, tile, parts)
+    if kernel == "resident" and across * down > together:
+        return f"{rows} x {columns} masses are {across * down} tiles of {tile.name}; this GPU runs {together} at once"
+    if down > MOST_BLOCKS_DOWN:
+        return f"{rows} rows are {down} tiles of {tile.name}, a launch has at most {MOST_BLOCKS_DOWN} of them"
+    return ""
+
+
+class ClothTiles:
+    """The launches of `resident` or `tiles` for one simulation (gpu_backend/mass_spring/cloth/solver.py), whose arrays it
+    reads and writes: from the current state into the other buffer, which then is the current one."""
+
+    def __init__(self, simulation: Any, kernel: str, tile: Tile):
+        self.simulation, self.kernel, self.tile = simulation, kernel, tile
+        real, parts = simulation.real, simulation.plan.parts
+        rows, columns = simulation.body.rows, simulation.body.columns
+        reason = why_no_cloth_tile(kernel, rows, columns, real, tile, parts)
+        if reason:
+            raise SceneError("--kernel", kernel, f"{reason}; use graph")
+        variant = real, simulation.options.math, simulation.scene.method.integrator, parts, tile
+        shared = tile_bytes(real, tile, parts)
+        self._grid = (cloth_blocks(rows, columns, tile, parts), tile.threads, simulation.stream, shared)
+        if kernel == "resident":
+            self._kernel = make_cloth_resident(*variant)
+            count = 2 * simulation.particle_count * message_size(real)
+            sizes = count, count if fields(tile, parts) == 6 else 1
+            self._borders = [cuda.to_device(np.zeros(size, real), stream=simulation.stream) for size in sizes]
+            self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+            self._epoch = 0
+        else:
+            self._kernel = make_cloth_tiles(*variant)
+        prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
+
+    def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
+        s = self.simulation
+        source, target = s._current, 1 - s._current
+        states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
+        constants = (s.record, s.bodies, s.integers, s._counter)
+        if self.kernel == "resident":
+            border = (*self._borders, np.int32(self._epoch), self._failed)
+            return (*states, *border, *constants, np.int64(passes), *s.shape)
+        return (*states, *constants, np.int64(number), np.int64(passes), *s.shape)
+
+    def launch(self, number: int, passes: int) -> None:
+        """One launch of `passes` passes, the first of which is `number` after the step counter."""
+        self._kernel[self._grid](*self._arguments(number, passes))
+        self.simulation._current = 1 - self.simulation._current
+        if self.kernel == "resident":
+            exchanges = (passes - 1) // self.tile.halo
+            self._epoch = (
+                self._epoch + exchanges + 2**31
+            ) % 2**32 - 2**31  # tags are compared, not ordered: may wrap around
+
+    def launch_many(self, parity: int, count: int) -> None:
+        """`count` launches of as many passes as the tile does by itself, the first from the buffer `parity`."""
+        self.simulation._current = parity
+        for number in range(count):
+            self.launch(number * self.tile.halo, self.tile.halo)
+
+    def require_exchange(self) -> None:
+        """Raises BackendUnavailable if a block of `resident` waited in vain for others."""
+        if self.kernel == "resident" and self.simulation.fetch(self._failed) != 0:
+            self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
+            raise BackendUnavailable(
+                "the blocks of kernel resident did not run together (is the GPU shared?)", "use --kernel graph"
+            )

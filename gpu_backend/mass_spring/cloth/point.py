@@ -1,0 +1,285 @@
+"""The forces on one mass of a cloth, as device functions.
+
+Each thread gathers: its up to twelve neighbours' pulls, and the wind on the six triangles that it is a corner of. Sums are
+taken as on the CPU: a kind's springs in pairs, (structural + shear) + bending, then gravity, wind, external, poke, damping.
+A neighbour beyond the edge is the mass itself, which neither pulls itself nor spans a triangle: no branch at the edges.
+Functions are compiled for the parts a scene has: flags are closure constants, an absent part leaves no instruction.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
+from model.mass_spring.cloth_parameters import (
+    C_BENDING,
+    C_DAMPING,
+    C_DRAG,
+    C_DT,
+    C_EXTERNAL,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    C_GRAVITY,
+    C_GUST,
+    C_GUST_TIME,
+    C_LIFT,
+    C_POKE_X,
+    C_POKE_Y,
+    C_POKE_Z,
+    C_SHEAR,
+    C_STRUCTURAL,
+    C_WIND_X,
+    C_WIND_Y,
+    C_WIND_Z,
+)  # fmt: skip
+from model.scene.cloth import COLLIDER_KINDS
+
+# Numbers of the integer record, all uint64:
+INTEGERS = 9
+# POKED: 1 + it, 0 for none
+EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(INTEGERS)
+COUNTS = (PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS)
+COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # place, kind
+COLLIDERS = frozenset(COLLIDER_KINDS)
+
+
+def knows_time(parts: frozenset[str]) -> bool:
+    """Whether anything depends on the number of the step."""
+    return bool(parts & {"external", "gust", "motion"} or parts & COLLIDERS)
+
+
+@cache
+def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
+    """spring_sum(position, velocity, place, i, j, rows, columns, p, v, record): the pulls of all springs over mass
+    [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads).
+
+    `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
+    `product` for what its matrix makes of the vector that `velocity` then is.
+    """
+    pulls = device_formulas(cloth_springs.make, real, math)
+    spring_pull_3d, damped_pull_3d = pulls.spring_pull_3d, pulls.damped_pull_3d
+    system_pulls, at_end = device_formulas(implicit.make, real, math), system == "end"
+    end_pull_3d = system_pulls.end_pull_3d
+    if system == "product":
+        damped_pull_3d = system_pulls.product_3d
+    inline = inlined(math)
+    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
+    zero, one, two = real(0), np.int32(1), np.int32(2)
+
+    def make_pull(first: int, has_damper: bool) -> Any:
+        """By a spring whose constants begin at number `first` of the record."""
+        rest_place, damping_place = first + 1, first + 2
+
+        @inline
+        def pull(position, velocity, other, p, v, record):
+            q = load_quad(position, other)
+            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            stiffness, rest = record[first], record[rest_place]
+            if has_damper:
+                w = load_quad(velocity, other)
+                if at_end:
+                    return end_pull_3d(
+                        dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place],
+                        record[C_DT],
+                    )  # fmt: skip
+                return damped_pull_3d(
+                    dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place]
+                )  # fmt: skip
+            return spring_pull_3d(dx, dy, dz, stiffness, rest)
+
+        return pull
+
+    structural_pull = make_pull(C_STRUCTURAL, system != "" or "structural-damping" in parts)
+    shear_pull = make_pull(C_SHEAR, system != "" or "shear-damping" in parts)
+    bending_pull = make_pull(C_BENDING, system != "" or "bending-damping" in parts)
+
+    @inline
+    def paired(a, b, c, d):
+        """(a + b) + (c + d), by axis."""
+        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
+
+    @inline
+    def structural_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+        # The choices are spelt as in wind_sum: then a neighbour that both ask for is loaded once.
+        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
+        right = structural_pull(position, velocity, place if last else place + one, p, v, record)
+        left = structural_pull(position, velocity, place if first else place - one, p, v, record)
+        below = structural_pull(position, velocity, place if bottom else place + columns, p, v, record)
+        above = structural_pull(position, velocity, place if top else place - columns, p, v, record)
+        return paired(right, left, below, above)
+
+    @inline
+    def shear_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
+        below_right = shear_pull(
+            position, velocity, place if bottom or last else place + columns + one, p, v, record
+        )  # fmt: skip
+        above_left = shear_pull(position, velocity, place if top or first else place - columns - one, p, v, record)
+        below_left = shear_pull(position, velocity, place if bottom or first else place + columns - one, p, v, record)
+        above_right = shear_pull(position, velocity, place if top or last else place - columns + one, p, v, record)
+        return paired(below_right, above_left, below_left, above_right)
+
+    @inline
+    def bending_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+        right = bending_pull(position, velocity, place + two if j < columns - 2 else place, p, v, record)
+        left = bending_pull(position, velocity, place - two if j > 1 else place, p, v, record)
+        below = bending_pull(position, velocity, place + two * columns if i < rows - 2 else place, p, v, record)
+        above = bending_pull(position, velocity, place - two * columns if i > 1 else place, p, v, record)
+        return paired(right, left, below, above)
+
+    @inline
+    def spring_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+        ax, ay, az = zero, zero, zero
+        if has_structural:
+            ax, ay, az = structural_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+        if has_shear:
+            hx, hy, hz = shear_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+            if has_structural:
+                hx, hy, hz = ax + hx, ay + hy, az + hz
+            ax, ay, az = hx, hy, hz
+        if has_bending:
+            bx, by, bz = bending_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+            if has_structural or has_shear:
+                bx, by, bz = ax + bx, ay + by, az + bz
+            ax, ay, az = bx, by, bz
+        return ax, ay, az
+
+    return spring_sum
+
+
+@cache
+def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`air_now(record, integers, step, offset)`: the air's velocity [m/s] as (x, y, z); `wind_sum(position, velocity,
+    place, i, j, rows, columns, p, v, record, air)`: the wind over mass [m/s^2] on one mass."""
+    formulas, sums = device_formulas(wind.make, real, math), device_formulas(cloth.make, real, math)
+    triangle_wind, gust_interval, gust_of = formulas.triangle_wind, formulas.gust_interval, formulas.gust
+    mean, gusty = sums.mean, sums.gusty
+    _, stage_time = device_formulas(manufactured.make, real, math)
+    inline = inlined(math)
+    philox = random.make_philox(inline)
+    has_gust = "gust" in parts
+    one, next_one, stream = np.int32(1), np.int64(1), np.uint64(wind.GUST_STREAM)
+
+    @inline
+    def air_now(record, integers, step, offset):
+        x, y, z = record[C_WIND_X], record[C_WIND_Y], record[C_WIND_Z]
+        if has_gust:
+            time = stage_time(step, offset, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+            interval, part = gust_interval(time, record[C_GUST_TIME])
+            before, _, _, _ = philox(integers[WIND_SEED], np.uint64(interval), stream)
+            after, _, _, _ = philox(integers[WIND_SEED], np.uint64(interval + next_one), stream)
+            g, gust = gust_of(before, after, part), record[C_GUST]
+            x, y, z = gusty(x, gust, g), gusty(y, gust, g), gusty(z, gust, g)
+        return x, y, z
+
+    @inline
+    def corner(a, b, c, record, air):
+        """Wind on each corner of the triangle a, b, c, each (x, y, z, vx, vy, vz)."""
+        return triangle_wind(
+            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
+            air[0] - mean(a[3], b[3], c[3]), air[1] - mean(a[4], b[4], c[4]), air[2] - mean(a[5], b[5], c[5]),
+            record[C_DRAG], record[C_LIFT],
+        )  # fmt: skip
+
+    @inline
+    def wind_of(p, right, below, left, above, below_right, near_left, near_above, above_left, record, air):
+        """The wind on the mass p, all as (x, y, z, vx, vy, vz). Of a cell outside the sheet one corner, the one that both
+        edges need, is the mass itself: two corners then coincide, an edge is 0, and so is the normal, in any rounding.
+        That makes two of the neighbour to the left and of the one above: by the cells below, right, and by the others."""
+        a, b = corner(p, below, below_right, record, air), corner(p, below_right, right, record, air)
+        x, y, z = a[0] + b[0], a[1] + b[1], a[2] + b[2]
+        a, b = corner(left, below, p, record, air), corner(above, p, right, record, air)
+        x, y, z = x + (a[0] + b[0]), y + (a[1] + b[1]), z + (a[2] + b[2])
+        a, b = corner(above_left, near_left, p, record, air), corner(above_left, p, near_above, record, air)
+        return x + (a[0] + b[0]), y + (a[1] + b[1]), z + (a[2] + b[2])
+
+    @inline
+    def state_at(position, velocity, place):
+        p, v = load_quad(position, place), load_quad(velocity, place)
+        return p[0], p[1], p[2], v[0], v[1], v[2]
+
+    @inline
+    def wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air):
+        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
+        right = state_at(position, velocity, place if last else place + one)
+        below = state_at(position, velocity, place if bottom else place + columns)
+        left = state_at(position, velocity, place if first or bottom else place - one)
+        above = state_at(position, velocity, place if top or last else place - columns)
+        below_right = state_at(position, velocity, place if bottom or last else place + columns + one)
+        near_left = state_at(position, velocity, place if first else place - one)
+        near_above = state_at(position, velocity, place if top else place - columns)
+        above_left = state_at(position, velocity, place if top or first else place - columns - one)
+        here = (p[0], p[1], p[2], v[0], v[1], v[2])
+        return wind_of(here, right, below, left, above, below_right, near_left, near_above, above_left, record, air)
+
+    return SimpleNamespace(air_now=air_now, wind_sum=wind_sum, wind_of=wind_of)
+
+
+@cache
+def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Device functions of a variant: `steady` (springs, gravity, wind: all that the two kicks of velocity Verlet that meet
+    share), then `add_external`, `add_poke`, `damp`, each (ax, ay, az, ...) -> (ax, ay, az); `current_step`."""
+    spring_sum, winds = make_cloth_springs(real, math, parts), make_wind(real, math, parts)
+    wind_sum = winds.wind_sum
+    external = device_formulas(random.make, real, math).add_external
+    _, damped = device_formulas(springs.make, real, math)
+    inline = inlined(math)
+    philox = random.make_philox(inline)
+    has_gravity, has_wind, has_external = "gravity" in parts, "wind" in parts, "external" in parts
+    has_poke, has_damping, has_time = "poke" in parts, "damping" in parts, knows_time(parts)
+    no_step = np.int64(0)
+
+    @inline
+    def steady(position, velocity, place, i, j, rows, columns, p, v, record, air):
+        ax, ay, az = spring_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+        if has_gravity:
+            ay = ay + record[C_GRAVITY]
+        if has_wind:
+            wx, wy, wz = wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air)
+            ax, ay, az = ax + wx, ay + wy, az + wz
+        return ax, ay, az
+
+    @inline
+    def add_external(ax, ay, az, k, record, integers, step):
+        if has_external:
+            word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
+            magnitude = record[C_EXTERNAL]
+            ax, ay, az = (
+                external(ax, magnitude, word_x),
+                external(ay, magnitude, word_y),
+                external(az, magnitude, word_z),
+            )
+        return ax, ay, az
+
+    @inline
+    def add_poke(ax, ay, az, k, record, integers):
+        if has_poke:
+            if np.int64(integers[POKED]) == k + 1:  # as they are, the two kinds of integer would meet as doubles
+                ax, ay, az = ax + record[C_POKE_X], ay + record[C_POKE_Y], az + record[C_POKE_Z]
+        return ax, ay, az
+
+    @inline
+    def damp(ax, ay, az, v, record):
+        if has_damping:
+            rate = record[C_DAMPING]
+            ax, ay, az = damped(ax, v[0], rate), damped(ay, v[1], rate), damped(az, v[2], rate)
+        return ax, ay, az
+
+    @inline
+    def current_step(counter, pass_number):
+        """The number of the step, where anything depends on it."""
+        if has_time:
+            return counter[0] + pass_number
+        return no_step
+
+    return SimpleNamespace(
+        spring_sum=spring_sum, wind_sum=wind_sum, air_now=winds.air_now, steady=steady, add_external=add_external,
+        add_poke=add_poke, damp=damp, current_step=current_step,
+    )  # fmt: skip

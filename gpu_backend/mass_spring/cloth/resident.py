@@ -1,0 +1,206 @@
+"""The kernel `resident` of the cloth: the whole sheet kept on the chip, a tile a block, for thousands of steps.
+
+In the last step of a round of `halo` steps (mass_spring/cloth/tiling.py) a thread sends each mass of its block's border off
+as soon as that is computed, a message with its tag (core/messages.py); the block's threads then look for the masses around
+what the block owns until the tags say that they are this round's. No flags and no barrier of the whole sheet: a block waits
+for what it needs only. All blocks must run at once, which a cooperative launch guarantees.
+
+Two message buffers in turn are enough. A block needs something of another one exactly where the other needs something of it
+(both are about the distance between what they own), and it sends round n + 2 only after it has round n + 1 of that other
+block, which sent it after it had read round n.
+
+What a step must take, by the data sheet of an H200 in float32 with 12 springs: of a mass some 260 operations (of 67 TFLOP/s,
+half of which such a mixture reaches) and 20 to 39 accesses of 4 bytes to shared memory (132 x 128 bytes a cycle), so 8 us for
+1024 x 1024 masses and 0.5 us for 256 x 256. A launched pass moves 64 bytes a mass through memory, 17 us of 4 TB/s for the
+former. Below 256 x 256 the way of a message counts: a store and a load one after the other through the second-level cache,
+some 600 cycles or 0.35 us.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.blocks import raise_flag, read_flag
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.core.messages import make_messages, pause
+from gpu_backend.core.planes import near
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
+from gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
+from gpu_backend.mass_spring.grid.tiles import PATIENCE
+
+# Cycles between a block's own sending and its first look at others' messages. All blocks send at about the same time, and a
+# look that comes a little too soon costs another way to memory and back, some 600 cycles.
+FIRST_LOOK = 0
+
+
+@cache
+def _make_publish(real: Any, math: str, keeps: bool) -> Any:
+    send = make_messages(real).send
+
+    @inlined(math)
+    def publish(k, x, y, z, vx, vy, vz, post):
+        border_position, border_velocity, turn, tag = post
+        at = np.int32(turn + k)
+        send(border_position, at, x, y, z, tag)
+        if keeps:
+            send(border_velocity, at, vx, vy, vz, tag)
+
+    return publish
+
+
+@cache
+def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_look: int) -> Any:
+    """fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed): wait for the
+    messages of the masses whose bit is set in `wanted`, and put them into the copy of the planes at `new`."""
+    receive = make_messages(real).receive
+    zero = real(0)
+
+    @inlined(math)
+    def fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed):
+        x, y, z = cuda.local.array(most, real), cuda.local.array(most, real), cuda.local.array(most, real)
+        vx, vy, vz = cuda.local.array(most, real), cuda.local.array(most, real), cuda.local.array(most, real)
+        looks = np.int32(0)
+        if first_look > 0:
+            pause(np.int32(first_look))
+        while wanted != 0:
+            come = np.int32(0)
+            for m in range(most):  # all are asked for before the first is waited for
+                if wanted & np.int32(1 << m):
+                    at = np.int32(turn + numbers[m])
+                    x[m], y[m], z[m], here = receive(border_position, at, tag)
+                    vx[m], vy[m], vz[m] = zero, zero, zero
+                    if keeps:
+                        vx[m], vy[m], vz[m], also = receive(border_velocity, at, tag)
+                        here = here and also
+                    if here:
+                        come = come | np.int32(1 << m)
+            for m in range(most):
+                if come & np.int32(1 << m):
+                    put(shared, np.int32(new + places[m]), x[m], y[m], z[m], vx[m], vy[m], vz[m])
+            wanted = wanted & ~come
+            looks += np.int32(1)
+            if looks > PATIENCE or ((looks & 1023) == 0 and read_flag(failed, 0) != 0):
+                raise_flag(failed, 0, np.int32(1))
+                break
+
+    return fetch
+
+
+@cache
+def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
+    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record,
+    bodies, integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to the new
+    one.
+
+    `border_*` (2 * particles * message_size,): messages, two rounds in turn, their tags `epoch` + 1, + 2, ... (the caller
+    raises `epoch` by the exchanges of each launch); that of velocities has 1 number where cloth_tiling.fields is 3.
+    `failed` (1,) int32 is set to 1 by a block whose messages never come. Launched cooperatively, one block a tile, of
+    tile.threads threads in a row, and cloth_tiling.tile_bytes of shared memory.
+    """
+    keeps = fields(tile, parts) == 6
+    f = make_tile_parts(real, math, integrator, parts, tile, _make_publish(real, math, keeps))
+    constants, sides, step, span, bits_between = f.constants, f.sides, f.step, f.span, f.bits_between
+    clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
+    first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
+    half, most, pitch, reach, rings, width = f.half, f.most, f.pitch, f.reach, f.rings, f.width
+    fetch = _make_fetch(real, math, keeps, most, f.put, FIRST_LOOK)
+    rows_of_plane, columns_of_plane = plane_shape(tile, parts)
+    area, renews = rows_of_plane * columns_of_plane, tile.halo > 1
+    strip, height, threads, halo = tile.strip, np.int32(tile.rows), np.int32(tile.threads), tile.halo
+    scalar = np.dtype(real) if simulated() else real
+    every, nothing = np.int32((1 << strip) - 1), np.int32(0)
+    inline = inlined(math)
+
+    @inline
+    def border_bits(mine, i, j, row_first, row_end, column_first, column_end, rows, columns):
+        """Those of the bits `mine` that others need."""
+        inner_first, inner_end = row_first, row_end
+        if row_first > 0:
+            inner_first = np.int32(row_first + rings)
+        if row_end < rows:
+            inner_end = np.int32(row_end - rings)
+        border = mine & ~bits_between(inner_first, inner_end, i)
+        if (column_first > 0 and j < column_first + rings) or (column_end < columns and j >= column_end - rings):
+            border = mine
+        return np.int32(border)
+
+    @inline
+    def renew(shared, at, strange, vx, vy, vz):
+        """The velocities of masses that others own, into registers."""
+        for r in range(strip):
+            if strange & np.int32(1 << r):
+                place = np.int32(at + np.int32(r) * pitch)
+                vx[r], vy[r] = near(shared, place, 3 * area), near(shared, place, 4 * area)
+                vz[r] = near(shared, place, 5 * area)
+
+    def cloth_resident(
+        position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record, bodies,
+        integers, counter, passes, rows, columns,
+    ):  # fmt: skip
+        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
+        vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
+        numbers, places = cuda.local.array(most, np.int32), cuda.local.array(most, np.int32)
+        rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
+        row_start, row_first, row_end = span(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
+        column_start, column_first, column_end = span(
+            np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
+        )
+        down, across = np.int32(thread // width * strip), np.int32(thread % width)
+        i, j = np.int32(row_start + down), np.int32(column_start + across)
+        k, place = np.int32(i * columns + j), np.int32((down + reach) * pitch + (across + reach))
+        mine = nothing
+        if j >= column_first and j < column_end:
+            mine = bits_between(row_first, row_end, i)
+        border = border_bits(mine, i, j, row_first, row_end, column_first, column_end, rows, columns)
+        values, where = constants(record), sides(i, j, rows, columns)
+        first = current_step(counter, np.int64(0))
+        clear(shared, thread)
+        cuda.syncthreads()
+        held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
+        wanted = nothing
+        for m in range(most):
+            numbers[m], places[m] = around(
+                np.int32(thread + np.int32(m) * threads), row_start, row_first, row_end, column_start, column_first,
+                column_end, rows, columns,
+            )  # fmt: skip
+            if numbers[m] >= 0:
+                wanted = wanted | np.int32(1 << m)
+                read_other(position, velocity, shared, numbers[m], places[m])
+        first_air(values, integers, first, shared, thread)
+        cuda.syncthreads()
+        old, turn, tag, left = np.int32(0), np.int32(0), np.int32(epoch), np.int32(halo)
+        particles = np.int32(rows * columns)
+        for number in range(passes):
+            new, now = np.int32(half - old), first + number
+            left = np.int32(left - 1)
+            exchange = left == 0 and number + 1 < passes
+            active, sending = every, nothing
+            if exchange:
+                active, sending, left = mine, border, np.int32(halo)
+                tag = np.int32(tag + 1)
+            air = air_of(values, integers, now, shared, thread, number)
+            step(
+                shared, old, new, place, where, active, sending, held, vx, vy, vz, k, columns, position, values, bodies,
+                integers, now, air, (border_position, border_velocity, turn, tag),
+            )  # fmt: skip
+            if exchange:
+                fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed)
+                turn = np.int32(particles - turn)
+            cuda.syncthreads()
+            if renews:
+                if exchange:
+                    renew(shared, np.int32(new + place), every & ~mine, vx, vy, vz)
+            old = new
+        write(position, new_position, new_velocity, mine, shared, np.int32(old + place), vx, vy, vz, k, columns)
+
+    bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
+    variant = variant_name(real, math, integrator, parts, tile.name, FIRST_LOOK)
+    return make_kernel(cloth_resident, variant, launch_bounds=bounds, **kernel_options(math))

@@ -1,0 +1,287 @@
+"""The stages of a cloth's plan as CUDA kernels, one thread per mass, each over the whole sheet.
+
+Each stage reads and writes memory of its own: slow, easy to read, to time and to test against the fused passes. In all,
+`a` is the acceleration (quads), and a thread looks after one mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.colliders import make_collide
+from gpu_backend.contact.pins import make_pins
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.cloth.kernels import make_block_air
+from gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from gpu_backend.mass_spring.grid.point import kernel_options
+from model.formulas import integrators
+from model.mass_spring.cloth_parameters import (
+    C_DAMPING,
+    C_DT,
+    C_GRAVITY,
+    C_HALF_DT,
+    C_HALF_DT_SQUARED,
+    C_INVERSE_DAMPING,
+    C_SIXTH_DT,
+    C_THIRD_DT,
+)  # fmt: skip
+
+
+def _jit(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Callable[[Callable], Any]:
+    """Decorator of the stage kernels of a variant."""
+    variant = f"cloth_{variant_name(real, math, integrator, parts)}"
+    return lambda function: make_kernel(function, variant, **kernel_options(math))
+
+
+@cache
+def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that add up the acceleration."""
+    point = make_cloth_forces(real, math, parts)
+    block_air = make_block_air(real, math, parts)
+    spring_sum, wind_sum, damp_point = point.spring_sum, point.wind_sum, point.damp
+    external_point, poke_point = point.add_external, point.add_poke
+    zero = real(0)
+    jit = _jit(real, math, integrator, parts)
+
+    @jit
+    def spring_forces(position, velocity, record, a, rows, columns):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            rows, columns = np.int32(rows), np.int32(columns)
+            i, j = np.int32(k // columns), np.int32(k % columns)
+            p, v = load_quad(position, k), load_quad(velocity, k)
+            ax, ay, az = spring_sum(position, velocity, k, i, j, rows, columns, p, v, record)
+            store_quad(a, k, ax, ay, az, zero)
+
+    @jit
+    def no_forces(a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            store_quad(a, k, zero, zero, zero, zero)
+
+    @jit
+    def gravity(record, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b = load_quad(a, k)
+            store_quad(a, k, b[0], b[1] + record[C_GRAVITY], b[2], zero)
+
+    @jit
+    def wind(position, velocity, record, integers, step, offset, a, rows, columns):
+        air = block_air(record, integers, step, offset)
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            rows, columns = np.int32(rows), np.int32(columns)
+            i, j = np.int32(k // columns), np.int32(k % columns)
+            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+            x, y, z = wind_sum(position, velocity, k, i, j, rows, columns, p, v, record, air)
+            store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, zero)
+
+    @jit
+    def external(record, integers, step, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b = load_quad(a, k)
+            ax, ay, az = external_point(b[0], b[1], b[2], k, record, integers, step)
+            store_quad(a, k, ax, ay, az, zero)
+
+    @jit
+    def poke(record, integers, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b = load_quad(a, k)
+            ax, ay, az = poke_point(b[0], b[1], b[2], k, record, integers)
+            store_quad(a, k, ax, ay, az, zero)
+
+    @jit
+    def damping(velocity, record, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b = load_quad(a, k)
+            ax, ay, az = damp_point(b[0], b[1], b[2], load_quad(velocity, k), record)
+            store_quad(a, k, ax, ay, az, zero)
+
+    return SimpleNamespace(
+        spring_forces=spring_forces, no_forces=no_forces, gravity=gravity, wind=wind, external=external, poke=poke,
+        damping=damping,
+    )  # fmt: skip
+
+
+@cache
+def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that move masses."""
+    formulas = device_formulas(integrators.make, real, math)
+    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
+    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
+    zero = real(0)
+    jit = _jit(real, math, integrator, parts)
+
+    @jit
+    def integrate(position, velocity, a, record):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+            dt, half_dt_squared = record[C_DT], record[C_HALF_DT_SQUARED]
+            px, vx = one_force(p[0], v[0], b[0], dt, half_dt_squared)
+            py, vy = one_force(p[1], v[1], b[1], dt, half_dt_squared)
+            pz, vz = one_force(p[2], v[2], b[2], dt, half_dt_squared)
+            store_quad(position, k, px, py, pz, p[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    @jit
+    def first_kick(position, velocity, a, record):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+            dt, half_dt, rate = record[C_DT], record[C_HALF_DT], record[C_DAMPING]
+            px, vx = first_half(p[0], v[0], b[0], dt, half_dt, rate)
+            py, vy = first_half(p[1], v[1], b[1], dt, half_dt, rate)
+            pz, vz = first_half(p[2], v[2], b[2], dt, half_dt, rate)
+            store_quad(position, k, px, py, pz, p[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    @jit
+    def second_kick(velocity, a, record):
+        k = np.int32(cuda.grid(1))
+        if k < velocity.size // SIZE:
+            v, b = load_quad(velocity, k), load_quad(a, k)
+            half_dt, inverse_damping = record[C_HALF_DT], record[C_INVERSE_DAMPING]
+            vx = second_half(v[0], b[0], half_dt, inverse_damping)
+            vy = second_half(v[1], b[1], half_dt, inverse_damping)
+            vz = second_half(v[2], b[2], half_dt, inverse_damping)
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    @jit
+    def accumulate(stage, base, rate, total, record, out):
+        """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+        k = np.int32(cuda.grid(1))
+        if k < base.size // SIZE:
+            derivative_dt = record[C_DT] if stage == 3 else record[C_HALF_DT]
+            total_dt = record[C_SIXTH_DT] if stage == 1 or stage == 4 else record[C_THIRD_DT]
+            b, r = load_quad(base, k), load_quad(rate, k)
+            before = b if stage == 1 else load_quad(total, k)
+            x, sum_x = rk4_stage(b[0], r[0], before[0], derivative_dt, total_dt)
+            y, sum_y = rk4_stage(b[1], r[1], before[1], derivative_dt, total_dt)
+            z, sum_z = rk4_stage(b[2], r[2], before[2], derivative_dt, total_dt)
+            store_quad(total, k, sum_x, sum_y, sum_z, zero)
+            if stage == 4:
+                x, y, z = sum_x, sum_y, sum_z
+            store_quad(out, k, x, y, z, b[3])
+
+    @jit
+    def collide(before, position, velocity, record, bodies, integers, step):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            old, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+            px, py, pz, vx, vy, vz = collide_point(
+                old, p[0], p[1], p[2], v[0], v[1], v[2], record, bodies, integers, step
+            )  # fmt: skip
+            store_quad(position, k, px, py, pz, p[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    @jit
+    def pins(held, position, velocity):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            h = load_quad(held, k)
+            if h[3] != zero:
+                store_quad(position, k, h[0], h[1], h[2], h[3])
+                store_quad(velocity, k, zero, zero, zero, zero)
+
+    @jit
+    def moving_pins(position, velocity, record, bodies, step, half_way):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p = load_quad(position, k)
+            if p[3] != zero:
+                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, record, bodies)
+                store_quad(position, k, x, y, z, p[3])
+                store_quad(velocity, k, vx, vy, vz, zero)
+
+    return SimpleNamespace(
+        integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate, collide=collide,
+        pins=pins, moving_pins=moving_pins,
+    )  # fmt: skip
+
+
+def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+    """What runs each named stage of `sim`, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
+    integrator = sim.scene.method.integrator
+    variant = sim.real, sim.options.math, integrator, sim.plan.parts
+    force, motion, flat = make_force_stages(*variant), make_motion_stages(*variant), sim._flat
+    position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
+    a, before = sim.new_array(), sim.new_array()
+    at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
+    totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
+    stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
+    verlet = integrator == "velocity-verlet"
+
+    def spring_forces(step: int, offset: float) -> None:
+        force.spring_forces[flat](at["position"], at["velocity"], record, a, *sim.shape)
+
+    def wind(step: int, offset: float) -> None:
+        if verlet:  # the end of a step is the start of the next, to the bit
+            step, offset = step + int(offset), 0.0
+        force.wind[flat](
+            at["position"], at["velocity"], record, integers, np.int64(step), sim.real(offset), a, *sim.shape
+        )  # fmt: skip
+
+    def keep_before() -> None:
+        """The swept test of a ball asks where masses were at the step's start."""
+        if sim.plan.has("collide"):
+            before.copy_to_device(position, stream=sim.stream)
+
+    def integrate(step: int, offset: float) -> None:
+        keep_before()
+        motion.integrate[flat](position, velocity, a, record)
+
+    def first_kick(step: int, offset: float) -> None:
+        keep_before()
+        motion.first_kick[flat](position, velocity, a, record)
+
+    def accumulate(stage: int) -> Callable[[int, float], None]:
+        def run(step: int, offset: float) -> None:
+            if stage == 1:
+                keep_before()
+            turn = 2 * (stage % 2)
+            out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
+            rate_p = at["velocity"]
+            motion.accumulate[flat](np.int32(stage), position, rate_p, totals[0], record, out_p)
+            motion.accumulate[flat](np.int32(stage), velocity, a, totals[1], record, out_v)
+            at["position"], at["velocity"] = out_p, out_v
+
+        return run
+
+    def pins(step: int, offset: float) -> None:
+        motion.pins[flat](sim.kept_position, at["position"], at["velocity"])
+        if "motion" in sim.plan.parts:
+            motion.moving_pins[flat](
+                at["position"], at["velocity"], record, sim.bodies, np.int64(step), np.int32(offset < 1)
+            )
+
+    return {
+        "spring forces": spring_forces,
+        "no forces": lambda step, offset: force.no_forces[flat](a),
+        "gravity": lambda step, offset: force.gravity[flat](record, a),
+        "wind": wind,
+        "external force": lambda step, offset: force.external[flat](record, integers, np.int64(step), a),
+        "poke": lambda step, offset: force.poke[flat](record, integers, a),
+        "damping": lambda step, offset: force.damping[flat](at["velocity"], record, a),
+        f"integrate ({integrator})": integrate,
+        "first half kick and drift": first_kick,
+        "second half kick": lambda step, offset: motion.second_kick[flat](velocity, a, record),
+        **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
+        "collide": lambda step, offset: motion.collide[flat](
+            before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(step)
+        ),
+        "pins": pins,
+    }

@@ -1,0 +1,311 @@
+"""The step of a tile of a cloth: positions in shared memory, velocities in the registers of each mass's thread.
+
+A thread owns `strip` masses below one another. Going down, it keeps the three masses of its own and of both next columns
+that springs still ask for, so that a neighbour is read once for several masses, and carries the pulls of the springs along
+its column on to the masses at their other ends with the sign changed. The planes x, y, z (and of the velocity, where
+neighbours ask for it) lie twice in shared memory: a step reads one copy and writes the other, so that one barrier a step is
+enough. In `exact` math the sums are those of mass_spring/cloth/point.py.
+
+At the sheet's edges a spring without a mass at its other end gets the stiffness 0, or along a row the mass itself for its
+neighbour: no branch. What lies beyond there in shared memory is 0 and stays so, a number.
+
+The masses of a strip are functions of their own, each of which calls the next: indices of registers are then constants,
+whether the compiler unrolls loops or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.planes import near, put_near
+from gpu_backend.core.quads import load_quad
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
+from gpu_backend.mass_spring.cloth.point import make_wind
+from gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.formulas import cloth_springs
+from model.mass_spring.cloth_parameters import C_BENDING, C_GRAVITY, C_SHEAR, C_STRUCTURAL, CLOTH_PARAMETERS
+
+WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet goes on
+
+
+@cache
+def make_pulls(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`structural`, `shear`, `bending`: pull(q, p, there, record) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
+    none unless `there`. And `paired`, the sum (a + b) + (c + d) by axis; `less`, a - b."""
+    formulas = device_formulas(cloth_springs.make, real, math)
+    spring_pull_3d, damped_pull_3d = formulas.spring_pull_3d, formulas.damped_pull_3d
+    inline = inlined(math)
+    zero = real(0)
+
+    def make_pull(first: int, kind: str) -> Any:
+        has_springs, has_damper = kind in parts, f"{kind}-damping" in parts
+        rest_place, damping_place = first + 1, first + 2
+
+        @inline
+        def pull(q, p, there, record):
+            if not has_springs:
+                return zero, zero, zero
+            stiffness, rest = record[first] if there else zero, record[rest_place] if there else zero
+            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            if has_damper:
+                damping = record[damping_place] if there else zero
+                return damped_pull_3d(dx, dy, dz, q[3] - p[3], q[4] - p[4], q[5] - p[5], stiffness, rest, damping)
+            return spring_pull_3d(dx, dy, dz, stiffness, rest)
+
+        return pull
+
+    @inline
+    def paired(a, b, c, d):
+        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
+
+    @inline
+    def carried(a, b, c, up):
+        """(a + b) + (c - up): `up` is the pull of the spring above on the mass at its other end."""
+        return (a[0] + b[0]) + (c[0] - up[0]), (a[1] + b[1]) + (c[1] - up[1]), (a[2] + b[2]) + (c[2] - up[2])
+
+    return SimpleNamespace(
+        structural=make_pull(C_STRUCTURAL, "structural"), shear=make_pull(C_SHEAR, "shear"),
+        bending=make_pull(C_BENDING, "bending"), paired=paired, carried=carried,
+    )  # fmt: skip
+
+
+@cache
+def make_cloth_strips(
+    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
+) -> SimpleNamespace:
+    """Device functions of a variant on a tile.
+
+    - `constants(record)`: the record's values as a tuple;
+    - `put(shared, place, x, y, z, vx, vy, vz)`: store one, its velocity where that is kept;
+    - `sides(i, j, rows, columns)`: the bits WEST ... of a strip whose first mass is in row i and column j;
+    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies,
+      integers, number, air, post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the
+      planes that starts at `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass;
+      `publish(k, x, y, z, vx, vy, vz, post)` is called for those with a bit in `sending`.
+    """
+    pulls, wind_of = make_pulls(real, math, parts), make_wind(real, math, parts).wind_of
+    structural, shear, bending = pulls.structural, pulls.shear, pulls.bending
+    paired, carried = pulls.paired, pulls.carried
+    kicks = make_cloth_kicks(real, math, integrator, parts)
+    kick = kicks.get("middle", kicks.get("step"))
+    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
+    has_gravity, has_wind, has_pins = "gravity" in parts, "wind" in parts, "pins" in parts
+    moving, keeps = needs_velocities(parts), fields(tile, parts) == 6
+    strip, reach = tile.strip, reach_of(parts)
+    plane_rows, pitch = plane_shape(tile, parts)
+    area = plane_rows * pitch
+    count, zero, one, two = len(CLOTH_PARAMETERS), real(0), np.int32(1), np.int32(2)
+    inline = inlined(math)
+
+    @inline
+    def constants(record):
+        """Read once: in the kernel's loop they would be read again after each barrier."""
+        return (
+            record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7], record[8],
+            record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16], record[17],
+            record[18], record[19], record[20], record[21], record[22], record[23], record[24], record[25], record[26],
+            record[27], record[28], record[29],
+        )  # fmt: skip
+
+    assert count == 30
+
+    def make_load(distance: int) -> Any:
+        @inline
+        def load(shared, place):
+            x, y = near(shared, place, distance), near(shared, place, distance + area)
+            z = near(shared, place, distance + 2 * area)
+            if moving:
+                return (
+                    x, y, z, near(shared, place, distance + 3 * area), near(shared, place, distance + 4 * area),
+                    near(shared, place, distance + 5 * area),
+                )  # fmt: skip
+            return x, y, z, zero, zero, zero
+
+        return load
+
+    @inline
+    def put(shared, place, x, y, z, vx, vy, vz):
+        put_near(shared, place, 0, x)
+        put_near(shared, place, area, y)
+        put_near(shared, place, 2 * area, z)
+        if keeps:
+            put_near(shared, place, 3 * area, vx)
+            put_near(shared, place, 4 * area, vy)
+            put_near(shared, place, 5 * area, vz)
+
+    @inline
+    def sides(i, j, rows, columns):
+        end = np.int32(i + strip)
+        bits = np.int32(0)
+        bits |= WEST if j > 0 else 0
+        bits |= EAST if j < columns - 1 else 0
+        bits |= NORTH if i > 0 else 0
+        bits |= SOUTH if end < rows else 0
+        bits |= WEST_2 if j > 1 else 0
+        bits |= EAST_2 if j < columns - 2 else 0
+        bits |= NORTH_2 if i > 1 else 0
+        bits |= SOUTH_2 if end < rows - 1 else 0
+        return np.int32(bits)
+
+    def make_there(r: int) -> Any:
+        """there(sides) of mass r -> whether there are masses (above, below, two above, two below)."""
+        first, last, near_last = r == 0, r == strip - 1, r == strip - 2
+
+        @inline
+        def there(sides):
+            north, south, north_2, south_2 = True, True, True, True
+            if first:
+                north, north_2 = sides & NORTH != 0, sides & NORTH_2 != 0
+            if last:
+                south, south_2 = sides & SOUTH != 0, sides & SOUTH_2 != 0
+            if near_last:
+                south_2 = sides & SOUTH != 0
+            return north, south, north_2, south_2
+
+        return there
+
+    def make_springs(r: int) -> Any:
+        there, west_2, east_2, first = make_there(r), make_load(r * pitch), make_load(r * pitch), r == 0
+        up_2 = make_load((r - 2) * pitch)
+
+        @inline
+        def spring_sum(shared, places, sides, here, ups, window, record):
+            """(sum on mass r, which is `here`; what the next mass gets for `ups`).
+
+            `ups`: pulls on the masses at the upper ends of the springs to this mass from above, from two above, and to the
+            next one from two above. `window`: (above, below, two below, left above, left, left below, right above, right,
+            right below)."""
+            north, south, north_2, south_2 = there(sides)
+            west, east = sides & WEST != 0, sides & EAST != 0
+            above, below, below_2 = window[0], window[1], window[2]
+            up, up_two, next_up_two = ups[0], ups[1], ups[2]
+            if first:
+                up = structural(here, above, north, record)
+                up_two = bending(here, up_2(shared, places[0]), north_2, record)
+                next_up_two = bending(below, above, north, record)
+            down, down_two = structural(below, here, south, record), bending(below_2, here, south_2, record)
+            ax, ay, az = zero, zero, zero
+            if has_structural:
+                right, left = structural(window[7], here, True, record), structural(window[4], here, True, record)
+                ax, ay, az = carried(right, left, down, up)
+            if has_shear:
+                hx, hy, hz = paired(
+                    shear(window[8], here, east and south, record), shear(window[3], here, west and north, record),
+                    shear(window[5], here, west and south, record), shear(window[6], here, east and north, record),
+                )  # fmt: skip
+                if has_structural:
+                    hx, hy, hz = ax + hx, ay + hy, az + hz
+                ax, ay, az = hx, hy, hz
+            if has_bending:
+                right = bending(east_2(shared, places[4]), here, True, record)
+                left = bending(west_2(shared, places[3]), here, True, record)
+                bx, by, bz = carried(right, left, down_two, up_two)
+                if has_structural or has_shear:
+                    bx, by, bz = ax + bx, ay + by, az + bz
+                ax, ay, az = bx, by, bz
+            return (ax, ay, az), (down, next_up_two, down_two)
+
+        return spring_sum
+
+    def make_air(r: int) -> Any:
+        there = make_there(r)
+
+        @inline
+        def wind_on(sides, here, window, record, air):
+            north, south, _, _ = there(sides)
+            west, east = sides & WEST != 0, sides & EAST != 0
+            above, below, left, right = window[0], window[1], window[4], window[7]
+            below_right, above_left = window[8], window[3]
+            return wind_of(
+                here, right if east else here, below if south else here, left if west and south else here,
+                above if north and east else here, below_right if south and east else here, left if west else here,
+                above if north else here, above_left if north and west else here, record, air,
+            )  # fmt: skip
+
+        return wind_on
+
+    def make_mass(r: int) -> Any:
+        spring_sum, wind_on = make_springs(r), make_air(r)
+        bit, distance = np.int32(1 << r), r * pitch
+        last = r == strip - 1
+        load_below_2 = make_load((r + 3) * pitch if reach == 2 else r * pitch)
+        load_below_next = make_load((r + 2) * pitch)
+        after = None if last else make_mass(r + 1)
+
+        @inline
+        def mass(
+            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies, integers,
+            step, air, post, here, ups, window,
+        ):  # fmt: skip
+            (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, record)
+            if has_gravity:
+                ay = ay + record[C_GRAVITY]
+            if has_wind:
+                wx, wy, wz = wind_on(sides, here, window, record, air)
+                ax, ay, az = ax + wx, ay + wy, az + wz
+            next_here, next_window = here, window
+            if not last:  # asked for before this mass is stored, since no load may overtake a store
+                next_here = window[1]
+                next_window = (
+                    here, window[2] if reach == 2 else load_below_next(shared, places[0]),
+                    load_below_2(shared, places[0]), window[4], window[5], load_below_next(shared, places[1]), window[7],
+                    window[8], load_below_next(shared, places[2]),
+                )  # fmt: skip
+            if active & bit:
+                mark = zero
+                if has_pins:
+                    if held & bit:
+                        mark = load_quad(position, k)[3]
+                p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
+                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, record, bodies, integers, step)
+                vx[r], vy[r], vz[r] = ux, uy, uz
+                put_near(shared, new, distance, px)
+                put_near(shared, new, distance + area, py)
+                put_near(shared, new, distance + 2 * area, pz)
+                if moving:
+                    put_near(shared, new, distance + 3 * area, ux)
+                    put_near(shared, new, distance + 4 * area, uy)
+                    put_near(shared, new, distance + 5 * area, uz)
+                if sending & bit:
+                    publish(k, px, py, pz, ux, uy, uz, post)
+            if not last:
+                after(
+                    shared, places, new, sides, active, sending, held, vx, vy, vz, np.int32(k + columns), columns, position,
+                    record, bodies, integers, step, air, post, next_here, next_ups, next_window,
+                )  # fmt: skip
+
+        return mass
+
+    first_mass = make_mass(0)
+    load_here, load_above, load_below = make_load(0), make_load(-pitch), make_load(pitch)
+    load_two_below = make_load(2 * pitch if reach == 2 else 0)
+
+    @inline
+    def step(
+        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies, integers,
+        number, air, post,
+    ):  # fmt: skip
+        base = np.int32(old + place)
+        west, east = base - one if sides & WEST else base, base + one if sides & EAST else base
+        west_2, east_2 = base - two if sides & WEST_2 else base, base + two if sides & EAST_2 else base
+        places = (base, np.int32(west), np.int32(east), np.int32(west_2), np.int32(east_2))
+        window = (
+            load_above(shared, base), load_below(shared, base), load_two_below(shared, base),
+            load_above(shared, places[1]), load_here(shared, places[1]), load_below(shared, places[1]),
+            load_above(shared, places[2]), load_here(shared, places[2]), load_below(shared, places[2]),
+        )  # fmt: skip
+        none = (zero, zero, zero)
+        first_mass(
+            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, record,
+            bodies, integers, number, air, post, load_here(shared, base), (none, none, none), window,
+        )  # fmt: skip
+
+    return SimpleNamespace(constants=constants, put=put, sides=sides, step=step)

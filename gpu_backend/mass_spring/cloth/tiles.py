@@ -1,0 +1,249 @@
+"""Several steps of a cloth a pass over memory: the kernel `tiles`, and what it shares with `resident`.
+
+For sheets that do not fit on the chip. A launch reads each tile with what lies around it (mass_spring/cloth/tiling.py),
+does up to `halo` steps of it (mass_spring/cloth/strips.py), and writes what the tile owns: memory is passed once for
+several steps, at the price of computing the overlaps twice.
+
+Integrators with one force a step, or velocity Verlet where its kicks meet (model/cloth_plan.kicks_meet): its first and last
+pass are launches of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.core.planes import near
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from gpu_backend.mass_spring.cloth.strips import make_cloth_strips
+from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, plane_shape, reach_of, tile_bytes
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
+from gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
+
+BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system takes for each block
+MOST_BLOCKS = 32  # of a multiprocessor
+
+
+def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
+    """Blocks that should fit on a multiprocessor: as many as shared memory holds, and as leave a thread 128 registers
+    (in float64 255), or what a block's own threads leave it."""
+    if simulated():  # one after another
+        return 1
+    threads = 512 if real is np.float32 else 256
+    by_memory = SHARED_MEMORY // (tile_bytes(real, tile, parts) + BLOCK_OVERHEAD)
+    return max(1, min(by_memory, threads // tile.threads, MOST_BLOCKS))
+
+
+@cache
+def make_tile_parts(
+    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
+) -> SimpleNamespace:
+    """Device functions that the kernels on tiles share: where a thread's strip lies, to read, to do a step, to write.
+
+    `publish`: see cloth_strips.make_cloth_strips.
+    """
+    inline = inlined(math)
+    strips = make_cloth_strips(real, math, integrator, parts, tile, publish)
+    put = strips.put
+    forces = make_cloth_forces(real, math, parts)
+    current_step, air_now = forces.current_step, forces.air_now
+    has_wind, has_gust, has_pins = "wind" in parts, "gust" in parts, "pins" in parts
+    strip, width, threads, reach = tile.strip, np.int32(tile.columns), tile.threads, np.int32(reach_of(parts))
+    overlap, rings = np.int32(overlap_of(tile, parts)), np.int32(reach_of(parts) * tile.halo)
+    plane_rows, pitch = plane_shape(tile, parts)
+    area = plane_rows * pitch
+    half = np.int32(fields(tile, parts) * area)
+    airs, zero, pitch = np.int32(2 * half), real(0), np.int32(pitch)
+    most = -(-most_to_fetch(tile, parts) // threads)
+
+    @inline
+    def span(index, count, masses, size):
+        """cloth_tiling.span in the kernel's integers."""
+        inner = np.int64(masses - np.int32(2) * overlap)
+        first, end = np.int32(0), np.int32(masses)
+        if index > 0:
+            first = np.int32(overlap + np.int32(np.int64(index) * inner // count))
+        if index < count - 1:
+            end = np.int32(overlap + np.int32(np.int64(index + 1) * inner // count))
+        return np.int32(min(max(np.int32(first - overlap), np.int32(0)), np.int32(masses - size))), first, end
+
+    @inline
+    def bits_between(first, end, i):
+        """Bit r set where first <= i + r < end."""
+        bits = np.int32(0)
+        for r in range(strip):
+            row = i + np.int32(r)
+            if row >= first and row < end:
+                bits = bits | np.int32(1 << r)
+        return bits
+
+    @inline
+    def clear(shared, thread):
+        """What lies beyond the sheet must be a number."""
+        for place in range(thread, airs, np.int32(threads)):
+            shared[place] = zero
+
+    @inline
+    def read(position, velocity, shared, place, vx, vy, vz, k, columns):
+        """A thread's own masses; returns the bits of those that are pinned."""
+        held = np.int32(0)
+        for r in range(strip):
+            here = np.int32(k + np.int32(r) * columns)
+            p, v = load_quad(position, here), load_quad(velocity, here)
+            vx[r], vy[r], vz[r] = v[0], v[1], v[2]
+            put(shared, np.int32(place + np.int32(r) * pitch), p[0], p[1], p[2], v[0], v[1], v[2])
+            if has_pins:
+                if p[3] != zero:
+                    held = held | np.int32(1 << r)
+        return held
+
+    @inline
+    def read_other(position, velocity, shared, number, place):
+        """Mass `number` of the sheet, which another thread or block computes."""
+        p, v = load_quad(position, number), load_quad(velocity, number)
+        put(shared, place, p[0], p[1], p[2], v[0], v[1], v[2])
+
+    @inline
+    def write(position, new_position, new_velocity, mine, shared, place, vx, vy, vz, k, columns):
+        for r in range(strip):
+            if mine & np.int32(1 << r):
+                here, at = np.int32(k + np.int32(r) * columns), np.int32(place + np.int32(r) * pitch)
+                x, y, z = near(shared, at, 0), near(shared, at, area), near(shared, at, 2 * area)
+                store_quad(new_position, here, x, y, z, load_quad(position, here)[3])
+                store_quad(new_velocity, here, vx[r], vy[r], vz[r], zero)
+
+    @inline
+    def around(number, row_start, row_first, row_end, column_start, column_first, column_end, rows, columns):
+        """(number of the mass in the sheet, its place in the planes) of the mass `number` of those within `rings` of what
+        the block owns, counted from above; -1 for none."""
+        top, bottom = np.int32(max(row_first - rings, 0)), np.int32(min(row_end + rings, rows))
+        west, east = np.int32(max(column_first - rings, 0)), np.int32(min(column_end + rings, columns))
+        across, above, below = np.int32(east - west), np.int32(row_first - top), np.int32(bottom - row_end)
+        beside = np.int32(across - (column_end - column_first))
+        ends = np.int32((above + below) * across)
+        i, j = np.int32(-1), np.int32(0)
+        if number < ends:
+            i, j = np.int32(top + number // across), np.int32(west + number % across)
+            if i >= row_first:
+                i = np.int32(i + (row_end - row_first))
+        elif beside > 0:
+            number = np.int32(number - ends)
+            if number < beside * (row_end - row_first):
+                i, j = np.int32(row_first + number // beside), np.int32(west + number % beside)
+                if j >= column_first:
+                    j = np.int32(j + (column_end - column_first))
+        if i < 0:
+            return np.int32(-1), np.int32(0)
+        place = np.int32((i - row_start + reach) * pitch + (j - column_start + reach))
+        return np.int32(i * columns + j), place
+
+    @inline
+    def first_air(record, integers, step, shared, thread):
+        """The air of the first step, where it gusts: for all threads after the next barrier."""
+        if has_gust:
+            if thread == 0:
+                x, y, z = air_now(record, integers, step, zero)
+                shared[airs], shared[airs + 1], shared[airs + 2] = x, y, z
+
+    @inline
+    def air_of(record, integers, step, shared, thread, number):
+        """The air of a step; its first thread computes the next one's where it gusts."""
+        if has_gust:
+            now = np.int32(airs + 4 * np.int32(number & 1))
+            later = np.int32(airs + 4 * np.int32(1 - (number & 1)))
+            x, y, z = shared[now], shared[now + 1], shared[now + 2]
+            if thread == 0:
+                ax, ay, az = air_now(record, integers, step + np.int64(1), zero)
+                shared[later], shared[later + 1], shared[later + 2] = ax, ay, az
+            return x, y, z
+        if has_wind:
+            return air_now(record, integers, step, zero)
+        return zero, zero, zero
+
+    return SimpleNamespace(
+        constants=strips.constants, sides=strips.sides, step=strips.step, put=put, span=span, bits_between=bits_between,
+        clear=clear, read=read, read_other=read_other, write=write, around=around, first_air=first_air, air_of=air_of,
+        current_step=current_step, half=half, most=most, pitch=pitch, reach=reach, rings=rings, width=width,
+    )  # fmt: skip
+
+
+@cache
+def _publish_nothing(math: str) -> Any:
+    @inlined(math)
+    def publish(k, x, y, z, vx, vy, vz, post):
+        pass
+
+    return publish
+
+
+@cache
+def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
+    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
+    columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
+
+    Launched with one block a tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
+    """
+    f = make_tile_parts(real, math, integrator, parts, tile, _publish_nothing(math))
+    constants, sides, step, span, bits_between = f.constants, f.sides, f.step, f.span, f.bits_between
+    clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
+    first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
+    half, most, pitch, reach, width = f.half, f.most, f.pitch, f.reach, f.width
+    strip, height, threads = tile.strip, np.int32(tile.rows), np.int32(tile.threads)
+    scalar = np.dtype(real) if simulated() else real
+    every, nothing = np.int32((1 << strip) - 1), np.int32(0)
+
+    def cloth_tiles(
+        position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
+        columns,
+    ):  # fmt: skip
+        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
+        vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
+        rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
+        row_start, row_first, row_end = span(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
+        column_start, column_first, column_end = span(
+            np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
+        )
+        down, across = np.int32(thread // width * strip), np.int32(thread % width)
+        i, j = np.int32(row_start + down), np.int32(column_start + across)
+        k, place = np.int32(i * columns + j), np.int32((down + reach) * pitch + (across + reach))
+        values, where = constants(record), sides(i, j, rows, columns)
+        first = current_step(counter, pass_number)
+        clear(shared, thread)
+        cuda.syncthreads()
+        held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
+        for number in range(most):
+            other, at = around(
+                np.int32(thread + np.int32(number) * threads), row_start, row_first, row_end, column_start, column_first,
+                column_end, rows, columns,
+            )  # fmt: skip
+            if other >= 0:
+                read_other(position, velocity, shared, other, at)
+        first_air(values, integers, first, shared, thread)
+        cuda.syncthreads()
+        old = np.int32(0)
+        for number in range(passes):
+            new, now = np.int32(half - old), first + number
+            air = air_of(values, integers, now, shared, thread, number)
+            step(
+                shared, old, new, place, where, every, nothing, held, vx, vy, vz, k, columns, position, values, bodies,
+                integers, now, air, nothing,
+            )  # fmt: skip
+            cuda.syncthreads()
+            old = new
+        if j >= column_first and j < column_end:
+            mine = bits_between(row_first, row_end, i)
+            write(position, new_position, new_velocity, mine, shared, np.int32(old + place), vx, vy, vz, k, columns)
+
+    bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
+    variant = variant_name(real, math, integrator, parts, tile.name)
+    return make_kernel(cloth_tiles, variant, launch_bounds=bounds, **kernel_options(math))

@@ -1,0 +1,139 @@
+"""Which kernel runs a grid, and on which tiles: read off a small measured table, not searched for at run time.
+
+The numbers are microseconds a step of the lab grid on one NVIDIA H200, medians, springs, gravity, damping and two pins
+(`softlab sweep --kernels --backend gpu` measures the kernels anew, `--kernel resident:64x12x4h4` any tile by itself).
+Only their proportions matter for a choice, so that other GPUs are served well enough.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.launch import can_capture
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.grid.strips import shared_bytes
+from gpu_backend.mass_spring.grid.tile_launch import blocks_of, device_limits, fits_resident
+from model.core.errors import SceneError
+from model.scene.scene import Scene
+
+# us a step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so that the grid's size
+# does not matter beside these
+# begin measured
+RESIDENT = {
+    np.float32: {
+        "32x8x4h10": {1: 0.56},
+        "48x8x4h8": {1: 0.83},
+        "64x12x4h4": {1: 1.78},
+        "104x8x12h4": {1: 4.04},
+    },
+    np.float64: {
+        "32x16x2h8": {1: 1.0},
+        "36x17x2h6": {1: 1.31},
+        "54x13x4h4": {1: 2.71},
+    },
+}
+# of `tiles`: the tile; us a step at least, and for each million masses of all tiles together, halos counted
+TILES = {np.float32: ("64x4x16h4", 1.4, 2.75), np.float64: ("64x4x8h4", 2.0, 4.91)}
+# end measured
+# of `one-block`: us a step at least, and for each thousand masses more
+ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
+# of `graph`: us a launch, and for each million masses more
+GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
+
+MOST_THREADS = 1024
+MEASURED_ON = "NVIDIA H200"
+MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shared memory that a block can have
+
+
+def one_block_tile(rows: int, columns: int) -> Tile:
+    """A tile that holds the whole grid, with as few masses a thread as may be, one for up to 1024 masses; its sides
+    are powers of two, so that few variants are compiled."""
+    width = 1 << (columns - 1).bit_length()
+    strip = 1
+    while strip < 16 and width * _halved(rows, strip) > MOST_THREADS:
+        strip *= 2
+    return Tile(width, _halved(rows, strip), strip)
+
+
+def _halved(rows: int, strip: int) -> int:
+    """The least power of two of strips that holds the rows."""
+    return 1 << (-(-rows // strip) - 1).bit_length()
+
+
+def _times(
+    rows: int, columns: int, real: Any, limits: tuple[int, int] | None = None
+) -> dict[tuple[str, Tile | None], float]:
+    """What a step should take [us], for each kernel and tile that the grid fits, on this GPU or one of `limits`
+    (multiprocessors, bytes of shared memory a block)."""
+    processors, most_shared = limits or device_limits()
+    launch, million = GRAPH[real]
+    masses = rows * columns
+    times: dict[tuple[str, Tile | None], float] = {("graph", None): launch + 1e-6 * masses * million}
+    tile = one_block_tile(rows, columns)
+    if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= most_shared:
+        least, thousand = ONE_BLOCK[real]
+        times["one-block", tile] = least + 1e-3 * tile.masses * thousand
+    for name, by_share in RESIDENT[real].items():
+        tile = parsed_tile(name)
+        if fits_resident(rows, columns, real, tile, limits):
+            across, down = blocks_of(rows, columns, tile)
+            share = -(-across * down // processors)
+            measured = [time for blocks, time in by_share.items() if blocks >= share]
+            if measured:
+                times["resident", tile] = min(measured)
+    name, launch, million = TILES[real]
+    tile = parsed_tile(name)
+    across, down = blocks_of(rows, columns, tile)
+    times["tiles", tile] = launch + 1e-6 * across * down * tile.masses * million
+    return times
+
+
+def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> tuple[str, Tile | None, str]:
+    """(kernel, tile, why in a few words) of a scene that asks for none. `limits`: see `_times`; with MEASURED_LIMITS the
+    choice needs no GPU."""
+    if not can_capture():
+        return "launch", None, "the simulator captures no graphs"
+    if scene.method.integrator == "rk4":
+        return "graph", None, "the kernels on tiles run one force a step, rk4 has four"
+    if scene.springs and scene.springs.alternate:
+        return "graph", None, "the kernels on tiles know one stiffness, these springs alternate"
+    times = _times(scene.grid.rows, scene.grid.columns, real, limits)
+    first, *others = sorted(times, key=lambda choice: times[choice])
+    why = f"{times[first]:.2g} us a step by the table"
+    if others:
+        kernel, tile = others[0]
+        why += f", next {kernel}{f':{tile.name}' if tile else ''} with {times[others[0]]:.2g}"
+    return *first, why
+
+
+def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
+    """The tile for a kernel on tiles, or None where none fits."""
+    if kernel == "tiles":
+        return parsed_tile(TILES[real][0])
+    if kernel == "resident":
+        times = {tile: time for (name, tile), time in _times(rows, columns, real).items() if name == kernel}
+        return min(times, key=lambda tile: times[tile]) if times else None
+    tile = one_block_tile(rows, columns)
+    return tile if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1] else None
+
+
+def parsed_tile(text: str) -> Tile:
+    """The tile of a name such as 64x8x8h4: columns x threads down x masses a thread, then the halo."""
+    match = re.fullmatch(r"(\d{1,4})x(\d{1,4})x(\d{1,2})h(\d{1,2})", text)
+    numbers = [int(number) for number in match.groups()] if match else []
+    if not match or min(numbers[:3]) < 1 or numbers[2] > 16:
+        raise SceneError(
+            "--kernel",
+            text,
+            "a tile is written like 64x8x8h4: columns, threads down, masses of a thread (1 to 16), halo",
+        )
+    return Tile(*numbers)
+
+
+def named_tile(option: str) -> tuple[str, Tile | None]:
+    """(kernel, tile) of an option such as `resident`, or `resident:64x8x8h4` for a tile of one's own."""
+    kernel, colon, text = option.partition(":")
+    return kernel, parsed_tile(text) if colon else None

@@ -1,0 +1,164 @@
+"""CUDA kernels of the mass-spring grid: one thread per mass, one pass over the grid a launch.
+
+A mass is one thread of a two-dimensional block, 32 columns wide so that a warp reads 32 neighbouring masses of a row
+in one transaction, 8 rows high so that most vertical neighbours are read by the same block (and found in its cache).
+Position and velocity are complex numbers: one 8-byte load (16 in float64, see core/pairs.py) brings both axes, and indices
+are 32-bit.
+
+Each thread gathers the pulls of its four neighbours from the old state and writes its own mass in the new one, so no
+two threads write to one place and none reads what another writes in the same launch: no locks, no atomics. The order
+between passes is the order of launches in the stream. What a thread computes is in mass_spring/grid/point.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.pairs import load_pair, store_pair
+from gpu_backend.mass_spring.grid.point import kernel_options, make_moves, make_point_functions
+from model.core.parameters import (
+    K_DT,
+    K_HALF_DT,
+    K_SIXTH_DT,
+    K_THIRD_DT,
+)  # fmt: skip
+
+BLOCK = (32, 8)  # columns, rows
+MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
+
+
+@cache
+def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+    """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
+
+    Each is kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row,
+    pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's place after it,
+    which rows hold pins and which masses are pinned.
+    """
+    point = make_point_functions(real, math, integrator, parts)
+    current_step, pulls = point.current_step, point.pulls
+    has_pins = "pins" in parts
+    zero = real(0)
+
+    def make_pass(name: str, move: Any) -> Any:
+        def grid_pass(
+            position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row, pinned,
+            rows, columns,
+        ):  # fmt: skip
+            j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+            i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+            rows = np.int32(rows)
+            columns = np.int32(columns)
+            if i < rows and j < columns:
+                k = np.int32(i * columns + j)
+                step = current_step(counter, pass_number)
+                p, v = load_pair(position, k), load_pair(velocity, k)
+                ax, ay = pulls(position, k, i, j, rows, columns, record)
+                px, py, vx, vy = move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns)
+                if has_pins:
+                    if pinned_row[i] != 0:
+                        if pinned[k] != 0:
+                            px, py, vx, vy = p.real, p.imag, zero, zero
+                store_pair(new_position, k, px, py)
+                store_pair(new_velocity, k, vx, vy)
+
+        return make_kernel(grid_pass, variant_name(real, math, integrator, parts, name), **kernel_options(math))
+
+    moves = make_moves(real, math, integrator, parts)
+    return {name: make_pass(name, move) for name, move in moves.items()}
+
+
+@cache
+def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
+    """The four stage kernels of RK4.
+
+    kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
+    record, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
+    velocity), the state of the stage; each stage adds to the total, the last one writes the new state to `new`.
+    """
+    point = make_point_functions(real, math, "rk4", parts)
+    acceleration, current_step, rk4_stage = point.acceleration, point.current_step, point.formulas.rk4_stage
+    pulls = point.pulls
+    has_pins = "pins" in parts
+    zero = real(0)
+
+    def make_stage(stage: int) -> Any:
+        offset = real((0.0, 0.5, 0.5, 1.0)[stage])
+        k_derivative = (K_HALF_DT, K_HALF_DT, K_DT, K_DT)[stage]
+        k_total = (K_SIXTH_DT, K_THIRD_DT, K_THIRD_DT, K_SIXTH_DT)[stage]
+        first, last = stage == 0, stage == 3
+
+        def rk4_pass(
+            position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
+            record, integers, counter, pass_number, pinned_row, pinned, rows, columns,
+        ):  # fmt: skip
+            j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+            i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+            rows = np.int32(rows)
+            columns = np.int32(columns)
+            if i < rows and j < columns:
+                k = np.int32(i * columns + j)
+                p, v = load_pair(position, k), load_pair(velocity, k)
+                step = current_step(counter, pass_number)
+                ax, ay = pulls(position, k, i, j, rows, columns, record)
+                ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, offset)
+                base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
+                if first:
+                    total_p, total_v = base_p, base_v
+                else:
+                    total_p, total_v = load_pair(total_position, k), load_pair(total_velocity, k)
+                derivative_dt, total_dt = record[k_derivative], record[k_total]
+                px, sum_px = rk4_stage(base_p.real, v.real, total_p.real, derivative_dt, total_dt)
+                py, sum_py = rk4_stage(base_p.imag, v.imag, total_p.imag, derivative_dt, total_dt)
+                vx, sum_vx = rk4_stage(base_v.real, ax, total_v.real, derivative_dt, total_dt)
+                vy, sum_vy = rk4_stage(base_v.imag, ay, total_v.imag, derivative_dt, total_dt)
+                if last:
+                    px, py, vx, vy = sum_px, sum_py, sum_vx, sum_vy
+                else:
+                    store_pair(total_position, k, sum_px, sum_py)
+                    store_pair(total_velocity, k, sum_vx, sum_vy)
+                if has_pins:
+                    if pinned_row[i] != 0:
+                        if pinned[k] != 0:
+                            px, py, vx, vy = p.real, p.imag, zero, zero
+                store_pair(new_position, k, px, py)
+                store_pair(new_velocity, k, vx, vy)
+
+        return make_kernel(rk4_pass, variant_name(real, math, parts, stage), **kernel_options(math))
+
+    return [make_stage(stage) for stage in range(4)]
+
+
+@cache
+def make_tools(real: Any) -> SimpleNamespace:
+    """Small kernels around the passes: count steps, look for bad masses, write positions for drawing."""
+
+    def count(counter, steps):
+        if cuda.grid(1) == 0:
+            counter[0] += steps
+
+    def first_bad(position, velocity, bound, result):
+        """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
+        k = cuda.grid(1)
+        if k < position.shape[0]:
+            p, v = load_pair(position, k), load_pair(velocity, k)
+            inside = abs(p.real) <= bound and abs(p.imag) <= bound  # false for NaN
+            still = v.real - v.real == v.imag - v.imag  # false for NaN and infinity
+            if not (inside and still):
+                cuda.atomic.min(result, 0, k)
+
+    def write_position(position, out):
+        k = cuda.grid(1)
+        if k < position.shape[0]:
+            p = position[k]
+            out[k, 0] = p.real
+            out[k, 1] = p.imag
+
+    kernels = {f.__name__: make_kernel(f, variant_name(real)) for f in (count, first_bad, write_position)}
+    return SimpleNamespace(**kernels)

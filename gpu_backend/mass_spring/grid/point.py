@@ -1,0 +1,227 @@
+"""What happens to one mass, as device functions: its forces, and how each pass of an integrator moves it.
+
+Each thread gathers the pulls of its four neighbours. Sums are taken as on the CPU: (right + left) + (below + above), then
+gravity, external, manufactured, poke, damping. A neighbour beyond the edge is replaced by the mass itself, whose pull on
+itself is zero: no branch at the edges. Functions are compiled for the parts a scene has: flags are closure constants, an
+absent part leaves no instruction.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.pairs import load_pair
+from model.core.parameters import (
+    K_AMPLITUDE,
+    K_DAMPING,
+    K_DT,
+    K_EXTERNAL,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
+    K_GRAVITY,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INERTIA,
+    K_INVERSE_DAMPING,
+    K_POKE_X,
+    K_POKE_Y,
+    K_SPACING,
+    K_STIFF,
+    K_STIFF_REST,
+    K_STIFFNESS,
+    K_STIFFNESS_REST,
+)  # fmt: skip
+from model.formulas import integrators, manufactured, random, springs
+
+
+def kernel_options(math: str) -> dict[str, Any]:
+    """Options of cuda.jit for a math."""
+    return {"fastmath": math == "fast"}
+
+
+@cache
+def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
+    device = cuda.jit(device=True, **kernel_options(math))
+    spring_pull_2d, damped = device_formulas(springs.make, real, math)
+    formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
+    external = device_formulas(random.make, real, math).add_external
+    philox = random.make_philox(device)
+    manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
+    has_springs, has_gravity, has_damping = "springs" in parts, "gravity" in parts, "damping" in parts
+    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
+    explicit_damping = has_damping and integrator != "velocity-verlet"
+    zero, one, no_step = real(0), np.int32(1), np.int64(0)
+
+    @device
+    def spring_sum(position, k, i, j, rows, columns, record):
+        """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j."""
+        here = load_pair(position, k)
+        left = load_pair(position, k - one if j > 0 else k)
+        right = load_pair(position, k + one if j < columns - 1 else k)
+        above = load_pair(position, k - columns if i > 0 else k)
+        below = load_pair(position, k + columns if i < rows - 1 else k)
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        right_x, right_y = spring_pull_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
+        left_x, left_y = spring_pull_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
+        below_x, below_y = spring_pull_2d(below.real - here.real, below.imag - here.imag, stiffness, rest)
+        above_x, above_y = spring_pull_2d(above.real - here.real, above.imag - here.imag, stiffness, rest)
+        return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
+
+    @device
+    def uneven_pull(other, here, lower, record):
+        """The pull on a mass at `here` from one at `other`, by a spring from row or column `lower` to the next."""
+        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        if lower & one:
+            stiffness, rest = record[K_STIFF], record[K_STIFF_REST]
+        return spring_pull_2d(other.real - here.real, other.imag - here.imag, stiffness, rest)
+
+    @device
+    def uneven_spring_sum(position, k, i, j, rows, columns, record):
+        """As `spring_sum`, where every second spring is stiffer: those from odd rows and columns to the next."""
+        here = load_pair(position, k)
+        left = load_pair(position, k - one if j > 0 else k)
+        right = load_pair(position, k + one if j < columns - 1 else k)
+        above = load_pair(position, k - columns if i > 0 else k)
+        below = load_pair(position, k + columns if i < rows - 1 else k)
+        right_x, right_y = uneven_pull(right, here, j, record)
+        left_x, left_y = uneven_pull(left, here, j - one, record)
+        below_x, below_y = uneven_pull(below, here, i, record)
+        above_x, above_y = uneven_pull(above, here, i - one, record)
+        return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
+
+    sum_of_springs = uneven_spring_sum if "alternating" in parts else spring_sum
+
+    @device
+    def pulls(position, k, i, j, rows, columns, record):
+        """The sum of the springs' pulls on mass k, (0, 0) in a scene without springs."""
+        if has_springs:
+            return sum_of_springs(position, k, i, j, rows, columns, record)
+        return zero, zero
+
+    @device
+    def add_gravity(ay, record):
+        if has_gravity:
+            ay = ay + record[K_GRAVITY]
+        return ay
+
+    @device
+    def add_external(ax, ay, k, record, integers, step):
+        word_x, word_y, _, _ = philox(integers[0], np.uint64(step), np.uint64(k))
+        return external(ax, record[K_EXTERNAL], word_x), external(ay, record[K_EXTERNAL], word_y)
+
+    @device
+    def add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset):
+        """The manufactured force at time (step + offset) dt, and the poke."""
+        if has_manufactured:
+            time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
+            fx, fy = manufactured_acceleration(
+                i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
+                record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
+            )  # fmt: skip
+            ax, ay = ax + fx, ay + fy
+        if has_poke:
+            if np.int64(integers[1]) == k + 1:  # compared as they are, the two kinds of integer would meet as doubles
+                ax, ay = ax + record[K_POKE_X], ay + record[K_POKE_Y]
+        return ax, ay
+
+    @device
+    def acceleration(ax, ay, velocity, k, i, j, rows, columns, record, integers, step, offset):
+        """All that acts on mass k [m/s^2], the springs' pulls (ax, ay) given; with the damper where the integrator
+        takes it explicitly."""
+        ay = add_gravity(ay, record)
+        if has_external:
+            ax, ay = add_external(ax, ay, k, record, integers, step)
+        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset)
+        if explicit_damping:
+            ax = damped(ax, velocity.real, record[K_DAMPING])
+            ay = damped(ay, velocity.imag, record[K_DAMPING])
+        return ax, ay
+
+    @device
+    def current_step(counter, pass_number):
+        """The number of the step, where anything depends on it."""
+        if has_external or has_manufactured:
+            return counter[0] + pass_number
+        return no_step
+
+    return SimpleNamespace(
+        pulls=pulls, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
+        acceleration=acceleration, current_step=current_step, formulas=formulas, has_external=has_external,
+        has_springs=has_springs, spring_sum=sum_of_springs, spring_pull_2d=spring_pull_2d, damped=damped,
+    )  # fmt: skip
+
+
+@cache
+def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+    """How one mass moves in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
+
+    Each is move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns) -> (px, py, vx, vy): (ax, ay) is the sum
+    of the springs' pulls, p and v are the mass's own. `record` may be the array or a tuple of its values.
+    """
+    point = make_point_functions(real, math, integrator, parts)
+    add_gravity, add_external, add_driven = point.add_gravity, point.add_external, point.add_driven
+    acceleration, formulas, has_external = point.acceleration, point.formulas, point.has_external
+    first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
+    verlet = integrator == "velocity-verlet"
+    one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
+    zero = real(0)
+    device = cuda.jit(device=True, **kernel_options(math))
+
+    @device
+    def step_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, zero)
+        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
+        px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
+        py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)
+        return px, py, vx, vy
+
+    @device
+    def opening_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, zero)
+        dt, half_dt, rate = record[K_DT], record[K_HALF_DT], record[K_DAMPING]
+        px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
+        py, vy = first_half(p.imag, v.imag, ay, dt, half_dt, rate)
+        return px, py, vx, vy
+
+    @device
+    def closing_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        ay = add_gravity(ay, record)
+        if has_external:
+            ax, ay = add_external(ax, ay, k, record, integers, step - 1)
+        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
+        half_dt, inverse_damping = record[K_HALF_DT], record[K_INVERSE_DAMPING]
+        vx = second_half(v.real, ax, half_dt, inverse_damping)
+        vy = second_half(v.imag, ay, half_dt, inverse_damping)
+        return p.real, p.imag, vx, vy
+
+    @device
+    def middle_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+        """The second half kick of one step and the first of the next: both need the force here, computed once."""
+        ay = add_gravity(ay, record)
+        bx, by = ax, ay
+        if has_external:
+            ax, ay = add_external(ax, ay, k, record, integers, step - 1)
+            bx, by = add_external(bx, by, k, record, integers, step)
+        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
+        if has_external:
+            bx, by = add_driven(bx, by, k, i, j, rows, columns, record, integers, step, zero)
+        else:
+            bx, by = ax, ay
+        half_dt, inverse_damping = record[K_HALF_DT], record[K_INVERSE_DAMPING]
+        whole_x = second_half(v.real, ax, half_dt, inverse_damping)
+        whole_y = second_half(v.imag, ay, half_dt, inverse_damping)
+        dt, rate = record[K_DT], record[K_DAMPING]
+        px, vx = first_half(p.real, whole_x, bx, dt, half_dt, rate)
+        py, vy = first_half(p.imag, whole_y, by, dt, half_dt, rate)
+        return px, py, vx, vy
+
+    if verlet:
+        return {"opening": opening_mass, "middle": middle_mass, "closing": closing_mass}
+    return {"step": step_mass}

@@ -1,0 +1,186 @@
+"""The stages of the mass-spring plan as CUDA kernels, one thread per mass, each over the whole grid.
+
+Each stage reads and writes memory of its own: slow, easy to read, to time and to test against the fused passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.mass_spring.grid.point import kernel_options, make_point_functions
+from model.core.parameters import (
+    K_DAMPING,
+    K_DT,
+    K_GRAVITY,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INVERSE_DAMPING,
+    K_SIXTH_DT,
+    K_THIRD_DT,
+)  # fmt: skip
+
+STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})
+
+
+@cache
+def make_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stage kernels. State and acceleration are complex (particles,); all take rows and columns last."""
+    point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
+    spring_sum, external_point, damped = point.spring_sum, point.add_external, point.damped
+    driven_point, formulas = point.add_driven, point.formulas
+    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
+    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    pair = np.complex64 if real is np.float32 else np.complex128
+    zero = real(0)
+    variant = variant_name(real, math, integrator, parts)
+
+    def jit(function: Callable) -> Any:
+        return make_kernel(function, variant, **kernel_options(math))
+
+    @jit
+    def spring_forces(position, record, a, rows, columns):
+        k = np.int32(cuda.grid(1))
+        if k < a.shape[0]:
+            i, j = np.int32(k // columns), np.int32(k % columns)
+            ax, ay = spring_sum(position, k, i, j, np.int32(rows), np.int32(columns), record)
+            a[k] = pair(complex(ax, ay))
+
+    @jit
+    def no_forces(a):
+        k = cuda.grid(1)
+        if k < a.shape[0]:
+            a[k] = pair(complex(zero, zero))
+
+    @jit
+    def gravity(record, a):
+        k = cuda.grid(1)
+        if k < a.shape[0]:
+            a[k] = pair(complex(a[k].real, a[k].imag + record[K_GRAVITY]))
+
+    @jit
+    def external(record, integers, step, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.shape[0]:
+            ax, ay = external_point(a[k].real, a[k].imag, k, record, integers, step)
+            a[k] = pair(complex(ax, ay))
+
+    @jit
+    def driven(record, integers, step, offset, a, rows, columns):
+        """The manufactured force and the poke: whichever of them the scene has."""
+        k = np.int32(cuda.grid(1))
+        if k < a.shape[0]:
+            i, j = np.int32(k // columns), np.int32(k % columns)
+            ax, ay = driven_point(a[k].real, a[k].imag, k, i, j, rows, columns, record, integers, step, real(offset))
+            a[k] = pair(complex(ax, ay))
+
+    @jit
+    def damping(velocity, record, a):
+        k = cuda.grid(1)
+        if k < a.shape[0]:
+            ax = damped(a[k].real, velocity[k].real, record[K_DAMPING])
+            ay = damped(a[k].imag, velocity[k].imag, record[K_DAMPING])
+            a[k] = pair(complex(ax, ay))
+
+    @jit
+    def integrate(position, velocity, a, record):
+        k = cuda.grid(1)
+        if k < a.shape[0]:
+            p, v, dt, half_dt_squared = position[k], velocity[k], record[K_DT], record[K_HALF_DT_SQUARED]
+            px, vx = one_force(p.real, v.real, a[k].real, dt, half_dt_squared)
+            py, vy = one_force(p.imag, v.imag, a[k].imag, dt, half_dt_squared)
+            position[k] = pair(complex(px, py))
+            velocity[k] = pair(complex(vx, vy))
+
+    @jit
+    def first_kick(position, velocity, a, record):
+        k = cuda.grid(1)
+        if k < a.shape[0]:
+            p, v, dt, half_dt, rate = position[k], velocity[k], record[K_DT], record[K_HALF_DT], record[K_DAMPING]
+            px, vx = first_half(p.real, v.real, a[k].real, dt, half_dt, rate)
+            py, vy = first_half(p.imag, v.imag, a[k].imag, dt, half_dt, rate)
+            position[k] = pair(complex(px, py))
+            velocity[k] = pair(complex(vx, vy))
+
+    @jit
+    def second_kick(velocity, a, record):
+        k = cuda.grid(1)
+        if k < a.shape[0]:
+            v, half_dt, inverse_damping = velocity[k], record[K_HALF_DT], record[K_INVERSE_DAMPING]
+            vx = second_half(v.real, a[k].real, half_dt, inverse_damping)
+            vy = second_half(v.imag, a[k].imag, half_dt, inverse_damping)
+            velocity[k] = pair(complex(vx, vy))
+
+    @jit
+    def accumulate(stage, base, rate, total, record, out):
+        """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+        k = cuda.grid(1)
+        if k < base.shape[0]:
+            derivative_dt = record[K_DT] if stage == 3 else record[K_HALF_DT]
+            total_dt = record[K_SIXTH_DT] if stage == 1 or stage == 4 else record[K_THIRD_DT]
+            before = base[k] if stage == 1 else total[k]
+            x, sum_x = rk4_stage(base[k].real, rate[k].real, before.real, derivative_dt, total_dt)
+            y, sum_y = rk4_stage(base[k].imag, rate[k].imag, before.imag, derivative_dt, total_dt)
+            total[k] = pair(complex(sum_x, sum_y))
+            out[k] = total[k] if stage == 4 else pair(complex(x, y))
+
+    @jit
+    def pins(pinned, held, position, velocity):
+        k = cuda.grid(1)
+        if k < position.shape[0] and pinned[k] != 0:
+            position[k] = held[k]
+            velocity[k] = pair(complex(zero, zero))
+
+    return SimpleNamespace(
+        spring_forces=spring_forces, no_forces=no_forces, gravity=gravity, external=external, driven=driven,
+        damping=damping, integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate,
+        pins=pins,
+    )  # fmt: skip
+
+
+def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+    """What runs each named stage of `sim`, a gpu_backend.mass_spring.grid.solver.MassSpring."""
+    integrator = sim.scene.method.integrator
+    make = make_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
+    flat = ((sim.particle_count + 255) // 256, 256, sim.stream)
+    position, velocity = sim.position[0], sim.velocity[0]
+    a = sim.new_array()
+    at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
+    totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
+    stage_state = [sim.new_array(), sim.new_array(), sim.new_array(), sim.new_array()] if integrator == "rk4" else []
+    shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))
+
+    def driven(step: int, offset: float) -> None:
+        make.driven[flat](sim.record, sim.integers, np.int64(step), offset, a, *shape)
+
+    def accumulate(stage: int) -> Callable[[int, float], None]:
+        def run(step: int, offset: float) -> None:
+            turn = 2 * (stage % 2)
+            out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
+            rate_p = at["velocity"]
+            make.accumulate[flat](stage, position, rate_p, totals[0], sim.record, out_p)
+            make.accumulate[flat](stage, velocity, a, totals[1], sim.record, out_v)
+            at["position"], at["velocity"] = out_p, out_v
+
+        return run
+
+    return {
+        "spring forces": lambda step, offset: make.spring_forces[flat](at["position"], sim.record, a, *shape),
+        "no forces": lambda step, offset: make.no_forces[flat](a),
+        "gravity": lambda step, offset: make.gravity[flat](sim.record, a),
+        "external force": lambda step, offset: make.external[flat](sim.record, sim.integers, np.int64(step), a),
+        "manufactured force": driven,
+        "poke": driven if not sim.plan.has("manufactured force") else lambda step, offset: None,
+        "damping": lambda step, offset: make.damping[flat](at["velocity"], sim.record, a),
+        f"integrate ({integrator})": lambda step, offset: make.integrate[flat](position, velocity, a, sim.record),
+        "first half kick and drift": lambda step, offset: make.first_kick[flat](position, velocity, a, sim.record),
+        "second half kick": lambda step, offset: make.second_kick[flat](velocity, a, sim.record),
+        **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
+        "pins": lambda step, offset: make.pins[flat](sim.pinned, sim.kept_position, at["position"], at["velocity"]),
+    }

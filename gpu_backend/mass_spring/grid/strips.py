@@ -1,0 +1,165 @@
+"""The step of a tile that a block holds: positions in shared memory, velocities in the registers of each mass's thread.
+
+A thread owns `strip` masses below one another. Going down its strip it computes each vertical spring once, the pull
+carried to the next mass with its sign changed. Positions lie twice in shared memory: a step reads one copy and writes
+the other, so that one barrier a step is enough. In `exact` math the sums are those of mass_spring/grid/point.py, bit for bit.
+
+Velocities are arrays of `strip` numbers in registers: every loop over a strip is unrolled by the compiler, and
+tests/mass_spring/test_ptx.py sees to it that nothing is left in local memory.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+from gpu_backend.core.pairs import load_pair, store_pair
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.grid.point import kernel_options, make_point_functions
+from model.core.parameters import PARAMETERS
+
+RECORD = len(PARAMETERS)
+
+
+def inlined(math: str) -> Any:
+    """Decorator of device functions that take arrays in registers: a call would push them into local memory."""
+    options = kernel_options(math)
+    if not simulated():
+        options["forceinline"] = True
+    return cuda.jit(device=True, **options)
+
+
+ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; the simulator knows none
+
+
+def pair_type(real: Any) -> Any:
+    """The complex type of both axes, as shared arrays want it."""
+    pair = np.complex64 if real is np.float32 else np.complex128
+    return np.dtype(pair) if simulated() else pair
+
+
+def shared_bytes(real: Any, tile: Tile) -> int:
+    """Shared memory of a block: two copies of the tile's positions. Dynamic, its size given at the launch: more than
+    48 KB are had in no other way."""
+    return 2 * tile.masses * 2 * np.dtype(real).itemsize
+
+
+@cache
+def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> SimpleNamespace:
+    """Device functions of a variant on a tile. `cut`: the grid's last row may lie inside a strip.
+
+    - `constants(record)`: the record's values as a tuple;
+    - `read(position, velocity, vx, vy, both, place, i, j, rows, columns)`: the strip from device memory;
+    - `held_bits(pinned, i, j, rows, columns)`: bit r is set where mass r of the strip is pinned;
+    - `make_step(move)`: the function step(both, old, new, vx, vy, held, place, ...), one pass of the strip by
+      `move` of point.make_moves, from the copy of the positions that starts at `old` into the one at `new`.
+    """
+    point = make_point_functions(real, math, integrator, parts)
+    spring_pull_2d = point.spring_pull_2d
+    has_springs, has_pins = "springs" in parts, "pins" in parts
+    pair = np.complex64 if real is np.float32 else np.complex128
+    zero = real(0)
+    strip, width = tile.strip, np.int32(tile.columns)
+    stiffness_place, rest_place = PARAMETERS.index("stiffness"), PARAMETERS.index("stiffness_rest")
+    inline = inlined(math)
+
+    @inline
+    def constants(record):
+        """The record's values as a tuple, read once: in the kernel's loop they would be read again after each barrier.
+        All but those of alternating springs, which no kernel on tiles runs."""
+        return (
+            record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7],
+            record[8], record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16],
+            record[17],
+        )  # fmt: skip
+
+    @inline
+    def read(position, velocity, vx, vy, both, place, i, j, rows, columns):
+        for r in range(strip):
+            row = i + np.int32(r)
+            p, v = pair(0), pair(0)
+            if row < rows and j < columns:
+                k = np.int32(row * columns + j)
+                p, v = load_pair(position, k), load_pair(velocity, k)
+            vx[r], vy[r] = v.real, v.imag
+            store_pair(both, place + np.int32(r) * width, p.real, p.imag)
+
+    @inline
+    def held_bits(pinned, i, j, rows, columns):
+        bits = np.int32(0)
+        if has_pins:
+            for r in range(strip):
+                row = i + np.int32(r)
+                if row < rows and j < columns:
+                    if pinned[np.int32(row * columns + j)] != 0:
+                        bits = bits | np.int32(1 << r)
+        return bits
+
+    @inline
+    def hold(both, old, new, vx, vy, held, place):
+        """Put pinned masses back where they were."""
+        for r in range(strip):
+            if held & np.int32(1 << r):
+                here = place + np.int32(r) * width
+                p = load_pair(both, old + here)
+                vx[r], vy[r] = zero, zero
+                store_pair(both, new + here, p.real, p.imag)
+
+    def make_step(move: Any) -> Any:
+        @inline
+        def step(
+            both, old, new, vx, vy, held, place, left, right, above, below, i, j, record, integers, number, rows,
+            columns,
+        ):  # fmt: skip
+            stiffness, rest = record[stiffness_place], record[rest_place]
+            p = load_pair(both, old + place)
+            q, left_p, right_p = p, p, p
+            up_x, up_y = zero, zero  # the pull between the mass above and this one, on the mass above
+            if has_springs:
+                over = load_pair(both, old + above)
+                under = load_pair(both, old + below)
+                left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
+                up_x, up_y = spring_pull_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
+            if strip > 1:
+                q = load_pair(both, old + place + width)
+            for r in range(strip):
+                here = place + np.int32(r) * width
+                row = i + np.int32(r)
+                # Asked for before this mass is stored, since no load may overtake a store: the next ones' neighbours.
+                next_left, next_right, next_q = left_p, right_p, q
+                if r < strip - 1:
+                    if has_springs:
+                        next_left = load_pair(both, old + here + width + left)
+                        next_right = load_pair(both, old + here + width + right)
+                    if r < strip - 2:
+                        next_q = load_pair(both, old + here + np.int32(2) * width)
+                ax, ay = zero, zero
+                if has_springs:
+                    right_x, right_y = spring_pull_2d(right_p.real - p.real, right_p.imag - p.imag, stiffness, rest)
+                    left_x, left_y = spring_pull_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
+                    if r < strip - 1:
+                        down_x, down_y = spring_pull_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
+                        if cut:
+                            if row == rows - 1:
+                                down_x, down_y = zero, zero
+                    else:
+                        down_x, down_y = spring_pull_2d(under.real - p.real, under.imag - p.imag, stiffness, rest)
+                    ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
+                    up_x, up_y = down_x, down_y
+                k = np.int32(row * columns + j)
+                v = pair(complex(vx[r], vy[r]))
+                px, py, vx[r], vy[r] = move(k, row, j, ax, ay, p, v, record, integers, number, rows, columns)
+                store_pair(both, new + here, px, py)
+                p, q, left_p, right_p = q, next_q, next_left, next_right
+            if has_pins:
+                if held != 0:
+                    hold(both, old, new, vx, vy, held, place)
+
+        return step
+
+    return SimpleNamespace(constants=constants, read=read, held_bits=held_bits, make_step=make_step)

@@ -1,0 +1,129 @@
+"""Launching the kernels on tiles: their grids of blocks, their shared memory, and the buffers they exchange borders in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import prepare
+from gpu_backend.core.tiling import Tile, tile_count, whole_strips
+from gpu_backend.mass_spring.grid.strips import shared_bytes
+from gpu_backend.mass_spring.grid.tiles import FLAG_STRIDE, blocks_together, make_resident, make_tile_pass
+from model.core.errors import BackendUnavailable, SceneError
+
+SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is no matter
+
+
+def device_limits() -> tuple[int, int]:
+    """(multiprocessors, bytes of shared memory that a block can have)."""
+    if simulated():
+        return SIMULATED_LIMITS
+    device = cuda.get_current_device()
+    return int(device.MULTIPROCESSOR_COUNT), int(device.MAX_SHARED_MEMORY_PER_BLOCK_OPTIN)
+
+
+def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:
+    """(across, down): tiles over a grid."""
+    return tile_count(columns, tile.columns, tile.halo), tile_count(rows, tile.rows, tile.halo)
+
+
+def require_tile(
+    kernel: str, rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None
+) -> None:
+    """Raises SceneError where a kernel on tiles cannot run on a grid with this tile on this GPU, or on one of `limits`."""
+    processors, most_shared = limits or device_limits()
+    several = rows > tile.rows or columns > tile.columns
+    across = down = 1
+    why = ""
+    if shared_bytes(real, tile) > most_shared:
+        why = (
+            f"a tile of {tile.name} needs {shared_bytes(real, tile)} bytes of shared memory, a block has {most_shared}"
+        )
+    elif tile.threads > 1024:
+        why = f"a tile of {tile.name} needs {tile.threads} threads, a block has at most 1024"
+    elif kernel == "one-block" and several:
+        why = f"a block of {tile.name} holds at most {tile.rows} x {tile.columns} masses; use resident, tiles or graph"
+    elif several and (tile.halo < 1 or min(tile.rows, tile.columns) < 3 * tile.halo):
+        why = f"a tile of {tile.name} is too small for its halo"
+    else:
+        across, down = blocks_of(rows, columns, tile)
+    together = processors * blocks_together(real, tile)
+    if kernel == "resident" and across * down > together:
+        why = (
+            f"{rows} x {columns} masses are {across * down} tiles of {tile.rows} x {tile.columns}, and only {together} "
+            "fit on this GPU at once; use tiles or graph"
+        )
+    if why:
+        raise SceneError("--kernel", kernel, why)
+
+
+def fits_resident(rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None) -> bool:
+    """Whether `resident` can run the grid on this tile."""
+    try:
+        require_tile("resident", rows, columns, real, tile, limits)
+    except SceneError:
+        return False
+    return True
+
+
+class TileLauncher:
+    """The launches of `one-block`, `tiles` or `resident` for one simulation (gpu_backend/mass_spring/grid/solver.py), whose
+    arrays it reads and writes: from the current state into the other buffer, which then is the current one."""
+
+    def __init__(self, simulation: Any, kernel: str, tile: Tile):
+        self.simulation, self.kernel, self.tile = simulation, kernel, tile
+        rows, columns = simulation.body.rows, simulation.body.columns
+        require_tile(kernel, rows, columns, simulation.real, tile)
+        across, down = blocks_of(rows, columns, tile)
+        cut = rows % tile.strip != 0 if across * down == 1 else not whole_strips(rows, tile)
+        variant = (
+            simulation.real, simulation.options.math, simulation.scene.method.integrator, simulation.plan.parts, tile, cut
+        )  # fmt: skip
+        shared = shared_bytes(simulation.real, tile)
+        self._grid = ((across, down), (tile.columns, tile.strips), simulation.stream, shared)
+        if kernel == "resident":
+            self._kernel = make_resident(*variant)
+            count = 2 * simulation.particle_count
+            pair = np.complex64 if simulation.real is np.float32 else np.complex128
+            self._borders = [cuda.to_device(np.zeros(count, pair), stream=simulation.stream) for _ in range(2)]
+            self._flags = cuda.to_device(np.zeros(across * down * FLAG_STRIDE, np.int32), stream=simulation.stream)
+            self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+            self._epoch = 0
+        else:
+            self._kernel = make_tile_pass(*variant, kernel == "one-block")
+        prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
+
+    def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
+        s = self.simulation
+        source, target = s._current, 1 - s._current
+        states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
+        tail = (np.int64(passes), s.pinned, *s._shape)
+        if self.kernel == "resident":
+            border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
+            return (*states, *border, s.record, s.integers, s._counter, *tail)
+        return (*states, s.record, s.integers, s._counter, np.int64(number), *tail)
+
+    def launch(self, number: int, passes: int) -> None:
+        """One launch of `passes` passes, the first of which is `number` after the step counter."""
+        self._kernel[self._grid](*self._arguments(number, passes))
+        self.simulation._current = 1 - self.simulation._current
+        if self.kernel == "resident":
+            exchanges = (passes - 1) // self.tile.halo
+            self._epoch = (self._epoch + exchanges + 2**31) % 2**32 - 2**31  # compared by difference: may wrap around
+
+    def launch_many(self, parity: int, count: int) -> None:
+        """`count` launches of as many passes as the halo has rings, the first from the buffer `parity`."""
+        self.simulation._current = parity
+        for number in range(count):
+            self.launch(number * self.tile.halo, self.tile.halo)
+
+    def require_exchange(self) -> None:
+        """Raises BackendUnavailable if a block of `resident` waited in vain for its neighbours."""
+        if self.kernel == "resident" and self.simulation.fetch(self._failed) != 0:
+            self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
+            raise BackendUnavailable(
+                "the blocks of kernel resident did not run together (is the GPU shared?)", "use --kernel graph"
+            )

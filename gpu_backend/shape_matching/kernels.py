@@ -1,0 +1,166 @@
+"""CUDA kernels of bodies: LANES threads sum a cluster up, a thread turns it, a thread a particle gathers its goals.
+
+No atomics: a cluster's sums have the order of model/formulas/cluster.py, a particle's goals that of its clusters. Particles
+and members of clusters are quads (rest offset and mass; in a particle's order rest offset and factor), a cluster's frame
+three of them: a row of its rotation and its centre along that axis.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import inlined
+from gpu_backend.xpbd.kernels import make_clock
+from gpu_backend.xpbd.point import make_accelerations, make_motion
+from model.formulas import cluster, rotation
+from model.formulas.cluster import LANES, MOMENTS
+
+AXES = 3
+THREADS = 128  # a block
+TOGETHER = THREADS // LANES  # clusters that a block sums up
+PITCH = LANES + 1  # of a moment's lanes in shared memory, so that threads read from different banks
+SHARED = TOGETHER * MOMENTS * PITCH  # numbers of a block
+ROWS = 3  # quads of a frame
+
+
+@cache
+def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
+    """`sum_up(position, starts, firsts, indices, members, sums)`: the moments of all clusters, in blocks of THREADS;
+    `turn(position, firsts, leans, sums, rotation, turned, frames)`: their rotations, from `rotation` into `turned`,
+    and their frames; `move(position, own_starts, own_clusters, own_members, frames)`: particles, in place."""
+    formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
+    weighted, added, total = formulas.weighted, formulas.added, formulas.total
+    upright, centre = formulas.upright, formulas.centre
+    rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
+    move_mass = make_move(real, math)
+    zero, one, lanes, moments, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTS), np.int32(PITCH)
+
+    def sum_up(position, starts, firsts, indices, members, sums):
+        shared = cuda.shared.array(SHARED, real)
+        lane, place = np.int32(cuda.threadIdx.x % lanes), np.int32(cuda.threadIdx.x // lanes)
+        c = np.int32(cuda.blockIdx.x * TOGETHER + place)
+        clusters = np.int32(firsts.size)
+        x, y, z = zero, zero, zero
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = zero, zero, zero, zero, zero, zero, zero, zero, zero
+        if c < clusters:
+            first = load_quad(position, firsts[c])
+            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
+                p, m = load_quad(position, indices[e]), load_quad(members, e)
+                wx, wy, wz = (
+                    weighted(m[3], p[0], first[0]),
+                    weighted(m[3], p[1], first[1]),
+                    weighted(m[3], p[2], first[2]),
+                )
+                x, y, z = x + wx, y + wy, z + wz
+                xx, xy, xz = added(xx, wx, m[0]), added(xy, wx, m[1]), added(xz, wx, m[2])
+                yx, yy, yz = added(yx, wy, m[0]), added(yy, wy, m[1]), added(yz, wy, m[2])
+                zx, zy, zz = added(zx, wz, m[0]), added(zy, wz, m[1]), added(zz, wz, m[2])
+        base = np.int32(place * moments * pitch)
+        at = np.int32(base + lane)
+        shared[at], shared[at + pitch], shared[at + 2 * pitch] = x, y, z
+        shared[at + 3 * pitch], shared[at + 4 * pitch], shared[at + 5 * pitch] = xx, xy, xz
+        shared[at + 6 * pitch], shared[at + 7 * pitch], shared[at + 8 * pitch] = yx, yy, yz
+        shared[at + 9 * pitch], shared[at + 10 * pitch], shared[at + 11 * pitch] = zx, zy, zz
+        cuda.syncthreads()
+        if c < clusters and lane < moments:
+            k = np.int32(base + lane * pitch)
+            sums[c * moments + lane] = total(
+                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
+                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
+                shared[k + 13], shared[k + 14], shared[k + 15],
+            )  # fmt: skip
+
+    def turn(position, firsts, leans, sums, rotation, turned, frames):
+        c = np.int32(cuda.grid(1))
+        if c < firsts.size:
+            first, q, k = load_quad(position, firsts[c]), load_quad(rotation, c), np.int32(moments * c)
+            lean, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
+            w, x, y, z = rotation_3d(
+                upright(sums[k + 3], wx, lean[0]), upright(sums[k + 4], wx, lean[1]), upright(sums[k + 5], wx, lean[2]),
+                upright(sums[k + 6], wy, lean[0]), upright(sums[k + 7], wy, lean[1]), upright(sums[k + 8], wy, lean[2]),
+                upright(sums[k + 9], wz, lean[0]), upright(sums[k + 10], wz, lean[1]), upright(sums[k + 11], wz, lean[2]),
+                q[0], q[1], q[2], q[3],
+            )  # fmt: skip
+            store_quad(turned, c, w, x, y, z)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
+            row, mass, a, b, d = np.int32(ROWS * c), lean[3], lean[0], lean[1], lean[2]
+            store_quad(frames, row, xx, xy, xz, centre(first[0], wx, mass, xx, xy, xz, a, b, d))
+            store_quad(frames, row + 1, yx, yy, yz, centre(first[1], wy, mass, yx, yy, yz, a, b, d))
+            store_quad(frames, row + 2, zx, zy, zz, centre(first[2], wz, mass, zx, zy, zz, a, b, d))
+
+    def move(position, own_starts, own_clusters, own_members, frames):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p = load_quad(position, k)
+            x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
+            store_quad(position, k, x, y, z, p[3])
+
+    name = f"bodies_{variant_name(real, math)}"
+    options = kernel_options(math)
+    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in (sum_up, turn, move)})
+
+
+@cache
+def make_move(real: Any, math: str) -> Any:
+    """move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, towards its goals."""
+    formulas = device_formulas(cluster.make, real, math)
+    goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
+    zero, one = real(0), np.int32(1)
+
+    @inlined(math)
+    def move_mass(p, k, own_starts, own_clusters, own_members, frames):
+        x, y, z = zero, zero, zero
+        for n in range(own_starts[k], own_starts[k + one]):
+            m, row = load_quad(own_members, n), np.int32(ROWS * own_clusters[n])
+            a, b, c = load_quad(frames, row), load_quad(frames, row + 1), load_quad(frames, row + 2)
+            x = added_way(x, m[3], goal(a[3], a[0], a[1], a[2], m[0], m[1], m[2]), p[0])
+            y = added_way(y, m[3], goal(b[3], b[0], b[1], b[2], m[0], m[1], m[2]), p[1])
+            z = added_way(z, m[3], goal(c[3], c[0], c[1], c[2], m[0], m[1], m[2]), p[2])
+        return arrived(p[0], x), arrived(p[1], y), arrived(p[2], z)
+
+    return move_mass
+
+
+@cache
+def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The two ends of a substep. `begin(position, velocity, predicted, record, integers)`; `finish(before, position,
+    velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps, substep)`:
+    the last iteration's way to the goals, velocities, colliders."""
+    forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, AXES)
+    add_gravity, add_poke, predict, settle = forces.add_gravity, forces.add_poke, motion.predict, motion.settle
+    move_mass, clock, zero = make_move(real, math), make_clock(math, parts), real(0)
+
+    def begin(position, velocity, predicted, record, integers):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v = load_quad(position, k), load_quad(velocity, k)
+            ax, ay, az = add_gravity(zero, zero, zero, record)
+            ax, ay, az = add_poke(ax, ay, az, k, p[3], record, integers)
+            x, y, z = predict(p, v, ax, ay, az, record)
+            store_quad(predicted, k, x, y, z, p[3])
+
+    def finish(
+        before, position, velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place,
+        substeps, substep,
+    ):  # fmt: skip
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            _, number = clock(counter, place, substeps, substep)
+            b, p = load_quad(before, k), load_quad(position, k)
+            x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
+            px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), record, bodies, integers, number)
+            store_quad(position, k, px, py, pz, b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    name = f"bodies_{variant_name(real, math, parts)}"
+    options = kernel_options(math)
+    return SimpleNamespace(begin=make_kernel(begin, name, **options), finish=make_kernel(finish, name, **options))

@@ -1,0 +1,128 @@
+"""Lattices among the bodies of a CUDA device: what their kernels get, and in which order they are launched."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.quads import SIZE
+from gpu_backend.shape_matching.lattice_kernels import (
+    N_COPIES,
+    N_REGION,
+    NUMBERS,
+    PLANES,
+    THREADS,
+    make_lattice_kernels,
+)
+from model.scene.parts import Method
+from model.shape_matching.crowd import Crowd
+from model.shape_matching.lattice import VALUES
+
+FRAME = 12
+BUSY = 2**17  # threads that keep a large device busy: a hundred multiprocessors with a thousand each
+
+
+def lattice_bytes(crowd: Crowd, item: int) -> int:
+    """What the lattices of a crowd take beside its particles; `item`: bytes of a number."""
+    clusters = sum(one.copies * one.lattice.size for one in crowd.lattices)
+    return item * clusters * (2 * PLANES + 3 * SIZE + FRAME)
+
+
+class Lattices:
+    """The lattices of a crowd. `rotation` and `turned` (clusters, 4) flat, `frames` as those of other clusters."""
+
+    def __init__(self, crowd: Crowd, real: Any, math: str, stream: Any):
+        self.copies, self.real, self.stream = crowd.lattices, real, stream
+        self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
+        self.rotation: Any = None
+        self.turned: Any = None
+        self.frames: Any = None
+        self._numbers: list[np.ndarray] = []
+        self._tables: list[Any] = []
+        self._values: list[Any] = []
+        self._kernels: Any = None
+        if not self.copies:
+            return
+        self._kernels = make_lattice_kernels(real, math)
+        self._one, self._other = (self._zeros(PLANES * self.clusters) for _ in range(2))
+        self.rotation, self.turned, self._kept = (self._zeros(SIZE * self.clusters) for _ in range(3))
+        self.frames = self._zeros(FRAME * self.clusters)
+        begin = 0
+        for one in self.copies:
+            tables = [axis.table(real).reshape(-1) for axis in one.lattice.axes]
+            nx, ny, nz = one.lattice.counts
+            numbers = np.zeros(NUMBERS, np.int32)
+            places = np.cumsum([0, *(table.size for table in tables[:2])])
+            numbers[:] = nx, ny, nz, one.lattice.region, one.copies, one.first_particle, begin, *places
+            self._numbers.append(numbers)
+            self._tables.append(self._on_device(np.concatenate(tables)))
+            self._values.append(self._zeros(VALUES))
+            begin += one.copies * one.lattice.size
+        self._held = [self._on_device(numbers) for numbers in self._numbers]
+
+    def _on_device(self, array: np.ndarray) -> Any:
+        return cuda.to_device(np.ascontiguousarray(array), stream=self.stream)
+
+    def _zeros(self, count: int) -> Any:
+        return self._on_device(np.zeros(count, self.real))
+
+    @property
+    def launches(self) -> int:
+        """Of an iteration."""
+        return 7 * len(self.copies)
+
+    def keep(self) -> None:
+        if self.copies:
+            self._kept.copy_to_device(self.rotation, stream=self.stream)
+
+    def restore(self) -> None:
+        if self.copies:
+            self.rotation.copy_to_device(self._kept, stream=self.stream)
+
+    def settle(self) -> None:
+        """The rotations of the last look are the state's."""
+        if self.copies:
+            self.rotation.copy_to_device(self.turned, stream=self.stream)
+
+    def change(self, method: Method) -> None:
+        """Follow a step that has changed."""
+        for one, held in zip(self.copies, self._values, strict=True):
+            values = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
+            held.copy_to_device(values, stream=self.stream)
+
+    def _launch(self, kernel: Any, n: int, threads: int, *arrays: Any) -> None:
+        blocks = max(1, -(-threads // THREADS))
+        kernel[blocks, THREADS, self.stream](
+            self._held[n], self._values[n], self._tables[n], np.int32(self.clusters), *arrays
+        )
+
+    def _scan(self, kernel: Any, n: int, axis: int, *arrays: Any) -> None:
+        """A pass along an axis, y or z, with windows in turn as far as the device has threads enough without."""
+        numbers = [int(number) for number in self._numbers[n]]
+        counts, width = numbers[:3], 2 * numbers[N_REGION] + 1
+        size = counts[0] * counts[1] * counts[2] * numbers[N_COPIES]
+        span = max(1, min(width, size // BUSY))
+        counts[axis] = -(-counts[axis] // width) * -(-width // span)
+        threads = counts[0] * counts[1] * counts[2] * numbers[N_COPIES]
+        self._launch(kernel, n, threads, *arrays, np.int32(span))
+
+    def match(self, position: Any, turned: Any, look: bool = False) -> None:
+        """All lattices' rotations for such positions, from those of the state into `turned`; in a `look` their frames, else
+        what masses need to be moved."""
+        run = self._kernels
+        for n, one in enumerate(self.copies):
+            each = one.copies * one.lattice.size
+            self._launch(run.sum_lines, n, each, position, self._one)
+            self._scan(run.sum_slices, n, 1, position, self._one, self._other)
+            self._scan(run.sum_windows, n, 2, position, self._other, self._one)
+            self._launch(run.turn, n, each, position, self._one, self.rotation, turned, self.frames, look)
+
+    def move(self, position: Any) -> None:
+        """The masses of all lattices, in place, after `match`."""
+        run = self._kernels
+        for n, one in enumerate(self.copies):
+            self._scan(run.goal_slices, n, 2, position, self._one, self._other)
+            self._scan(run.goal_lines, n, 1, position, self._other, self._one)
+            self._launch(run.move_lines, n, one.copies * one.lattice.size, position, self._one)

@@ -1,0 +1,309 @@
+"""CUDA kernels of lattices: passes along x with a thread a mass, along y and z with a thread for a group of windows.
+
+See formulas/lattice.py for what is summed and in which order. Threads that are neighbours work on neighbours along x. What
+is summed lies in planes of `total` numbers: the three components of differences, then those of turns, axis by axis.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from model.formulas import lattice, rotation
+from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN
+
+THREADS = 128  # a block
+PLANES = 12
+NUMBERS = 10  # of a lattice; tables: where the one of each axis begins
+N_X, N_Y, N_Z, N_REGION, N_COPIES, N_FIRST, N_PLACE, N_TABLE_X, N_TABLE_Y, N_TABLE_Z = range(NUMBERS)
+AXES = 3
+
+
+@cache
+def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
+    """All of (numbers, values, tables, total, position, source, ...), of one lattice and its copies. `span`: how many windows
+    of a group a thread goes through, one after the other: many take the fewest sums, few the most threads.
+
+    `sum_lines(..., out)` without a source, `sum_slices(..., out, span)`, `sum_windows(..., out, span)`: moments; `turn(...,
+    rotation, turned, frames, look)`: rotations, and in the source ways to the centres and the rotations' columns;
+    `goal_slices(..., out, span)`, `goal_lines(..., out, span)`: ways to goals, and where masses are; `move_lines(...)`:
+    masses.
+    """
+    found = [*_lines(real, math), *_moments(real, math), _turn(real, math), *_goals(real, math)]
+    name, options = f"lattice_{variant_name(real, math)}", kernel_options(math)
+    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in found})
+
+
+def _lines(real: Any, math: str) -> tuple[Any, ...]:
+    formulas = device_formulas(lattice.make, real, math)
+    lever, part_of, added_turn = formulas.lever, formulas.part_of, formulas.added_turn
+    added_goal, moved = formulas.added_goal, formulas.moved
+    zero = real(0)
+
+    def sum_lines(numbers, values, tables, total, position, out):
+        """Sums along x of the differences from the mass in the middle, and their turns."""
+        t, nx = np.int32(cuda.grid(1)), numbers[N_X]
+        size = np.int32(nx * numbers[N_Y] * numbers[N_Z])
+        if t < size * numbers[N_COPIES]:
+            k, region = np.int32(t % nx), numbers[N_REGION]
+            first, place = np.int32(numbers[N_FIRST] + t - k), np.int32(numbers[N_PLACE] + t)
+            here = load_quad(position, np.int32(first + k))
+            x, y, z, xx, yx, zx = zero, zero, zero, zero, zero, zero
+            for other in range(max(np.int32(0), k - region), min(nx, k + region + 1)):
+                if other != k:
+                    p = load_quad(position, np.int32(first + other))
+                    share = tables[numbers[N_TABLE_X] + T_SHARE * nx + other]
+                    away = lever(real(other - k), tables[numbers[N_TABLE_X] + T_CENTRE * nx + k])
+                    a, b, c = (
+                        part_of(share, p[0], here[0]),
+                        part_of(share, p[1], here[1]),
+                        part_of(share, p[2], here[2]),
+                    )
+                    x, y, z = x + a, y + b, z + c
+                    xx, yx, zx = added_turn(xx, a, away), added_turn(yx, b, away), added_turn(zx, c, away)
+            out[place], out[total + place], out[2 * total + place] = x, y, z
+            out[3 * total + place], out[4 * total + place], out[5 * total + place] = xx, yx, zx
+
+    def move_lines(numbers, values, tables, total, position, source):
+        """Sums along x of ways to goals, and masses so much of the mean one on. Neighbours may have moved already: the source
+        has where they were, too."""
+        t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
+        size = np.int32(nx * ny * nz)
+        if t < size * numbers[N_COPIES]:
+            k, region = np.int32(t % nx), numbers[N_REGION]
+            j, deep = np.int32(t // nx % ny), np.int32(t // (nx * ny) % nz)
+            first, place = np.int32(numbers[N_FIRST] + t - k), np.int32(numbers[N_PLACE] + t - k)
+            at_x, at_y, at_z = numbers[N_TABLE_X], numbers[N_TABLE_Y], numbers[N_TABLE_Z]
+            count = tables[at_y + T_COUNT * ny + j] * tables[at_z + T_COUNT * nz + deep]
+            here, was = load_quad(position, np.int32(first + k)), np.int32(PLANES - AXES)
+            x, y, z = zero, zero, zero
+            for other in range(max(np.int32(0), k - region), min(nx, k + region + 1)):
+                at = np.int32(place + other)
+                px, py, pz = source[was * total + at], source[(was + 1) * total + at], source[(was + 2) * total + at]
+                along = lever(real(k - other), tables[at_x + T_CENTRE * nx + other]) * values[V_SPACING]
+                x = added_goal(x, source[at], count, px, here[0], along, source[3 * total + at])
+                y = added_goal(y, source[total + at], count, py, here[1], along, source[4 * total + at])
+                z = added_goal(z, source[2 * total + at], count, pz, here[2], along, source[5 * total + at])
+            share_x, share_y = tables[at_x + T_SHARE * nx + k], tables[at_y + T_SHARE * ny + j]
+            share_z, matching = tables[at_z + T_SHARE * nz + deep], values[V_MATCHING]
+            store_quad(
+                position, np.int32(first + k), moved(here[0], x, share_x, share_y, share_z, matching),
+                moved(here[1], y, share_x, share_y, share_z, matching),
+                moved(here[2], z, share_x, share_y, share_z, matching),
+                here[3],
+            )  # fmt: skip
+
+    return sum_lines, move_lines
+
+
+def _moments(real: Any, math: str) -> tuple[Any, ...]:
+    formulas = device_formulas(lattice.make, real, math)
+    lever, part_of_row, added_turn, shifted = (
+        formulas.lever, formulas.part_of_row, formulas.added_turn, formulas.shifted
+    )  # fmt: skip
+    zero, one = real(0), real(1)
+
+    def make_scan(name: str, upwards: bool) -> Any:
+        """Along z if `upwards`, of sums over slices, else along y, of sums along rows."""
+        turns = 2 if upwards else 1  # that there are so far
+        own, sums = AXES * (turns + 1), AXES * (turns + 2)
+
+        def scan(numbers, values, tables, total, position, source, out, span):
+            t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
+            region, at_x, at_y = numbers[N_REGION], numbers[N_TABLE_X], numbers[N_TABLE_Y]
+            n, at = (nz, numbers[N_TABLE_Z]) if upwards else (ny, at_y)
+            width = np.int32(2 * region + 1)
+            parts = np.int32((width + span - 1) // span)  # of a group of windows, a thread each
+            groups, others = np.int32((n + width - 1) // width * parts), ny if upwards else nz
+            if t < nx * groups * others * numbers[N_COPIES]:
+                k, rest = np.int32(t % nx), np.int32(t // nx)
+                if upwards:
+                    row, rest = np.int32(rest % ny), np.int32(rest // ny)
+                    group, copy = np.int32(rest % groups), np.int32(rest // groups)
+                    begin, pitch = np.int32((copy * nz * ny + row) * nx + k), np.int32(ny * nx)
+                    mass, weight = tables[at_x + T_MASS * nx + k], tables[at_y + T_MASS * ny + row]
+                else:
+                    group, rest = np.int32(rest % groups), np.int32(rest // groups)
+                    begin, pitch = np.int32(rest * ny * nx + k), nx
+                    mass, weight = tables[at_x + T_MASS * nx + k], one
+                heavy = mass * weight
+                begins = np.int32(group // parts * width)
+                low, b = np.int32(begins + group % parts * span), np.int32(min(begins + region, n - 1))
+                high = np.int32(min(low + span, min(begins + width, n)))
+                first, place = np.int32(numbers[N_FIRST] + begin), np.int32(numbers[N_PLACE] + begin)
+                reference = load_quad(position, np.int32(first + b * pitch))
+                s = cuda.local.array(PLANES, real)
+                for half in range(2):
+                    for m in range(sums):
+                        s[m] = zero
+                    j = np.int32(b - 1 + half)
+                    for step in range(high - low):
+                        i = np.int32(low + step if half else high - 1 - step)
+                        last = np.int32(min(n - 1, i + region) if half else max(np.int32(0), i - region))
+                        while (j <= last) if half else (j >= last):
+                            p, here = load_quad(position, np.int32(first + j * pitch)), np.int32(place + j * pitch)
+                            share, away = tables[at + T_SHARE * n + j], real(j - b)
+                            for axis in range(AXES):
+                                part = part_of_row(share, source[axis * total + here], heavy, p[axis], reference[axis])
+                                s[axis] = s[axis] + part
+                                s[own + axis] = added_turn(s[own + axis], part, away)
+                            for m in range(AXES, own):
+                                s[m] = added_turn(s[m], source[m * total + here], share)
+                            j = np.int32(j + 1 if half else j - 1)
+                        here = np.int32(place + i * pitch)
+                        if half == 0:
+                            for m in range(sums):
+                                out[m * total + here] = s[m]
+                        else:
+                            p = load_quad(position, np.int32(first + i * pitch))
+                            far = lever(real(b - i), tables[at + T_CENTRE * n + i])
+                            its = heavy * tables[at + T_MASS * n + i]
+                            for axis in range(AXES):
+                                whole = out[axis * total + here] + s[axis]
+                                turn = out[(own + axis) * total + here] + s[own + axis]
+                                out[(own + axis) * total + here] = added_turn(turn, whole, far)
+                                out[axis * total + here] = shifted(whole, its, reference[axis], p[axis])
+                            for m in range(AXES, own):
+                                out[m * total + here] = out[m * total + here] + s[m]
+
+        scan.__name__ = name
+        return scan
+
+    return make_scan("sum_slices", False), make_scan("sum_windows", True)
+
+
+def _turn(real: Any, math: str) -> Any:
+    formulas, turns = device_formulas(lattice.make, real, math), device_formulas(rotation.make, real, math)
+    centre, entry, rotation_3d, matrix_of = formulas.centre, formulas.entry, turns.rotation_3d, turns.matrix_of
+    first = np.int32(V_TURN)
+
+    def turn(numbers, values, tables, total, position, source, rotation, turned, frames, look):
+        t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
+        size = np.int32(nx * ny * nz)
+        if t < size * numbers[N_COPIES]:
+            k, c = np.int32(t % nx), np.int32(numbers[N_PLACE] + t)
+            j, deep = np.int32(t // nx % ny), np.int32(t // (nx * ny) % nz)
+            q = load_quad(rotation, c)
+            ta, tb, tc = values[first], values[first + 1], values[first + 2]
+            td, te, tf = values[first + 3], values[first + 4], values[first + 5]
+            tg, th, ti = values[first + 6], values[first + 7], values[first + 8]
+            xx, xy, xz = source[3 * total + c], source[6 * total + c], source[9 * total + c]
+            yx, yy, yz = source[4 * total + c], source[7 * total + c], source[10 * total + c]
+            zx, zy, zz = source[5 * total + c], source[8 * total + c], source[11 * total + c]
+            w, x, y, z = rotation_3d(
+                entry(xx, xy, xz, ta, tb, tc), entry(xx, xy, xz, td, te, tf), entry(xx, xy, xz, tg, th, ti),
+                entry(yx, yy, yz, ta, tb, tc), entry(yx, yy, yz, td, te, tf), entry(yx, yy, yz, tg, th, ti),
+                entry(zx, zy, zz, ta, tb, tc), entry(zx, zy, zz, td, te, tf), entry(zx, zy, zz, tg, th, ti),
+                q[0], q[1], q[2], q[3],
+            )  # fmt: skip
+            store_quad(turned, c, w, x, y, z)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
+            of_slice = tables[numbers[N_TABLE_X] + T_INVERSE * nx + k] * tables[numbers[N_TABLE_Y] + T_INVERSE * ny + j]
+            of_z = tables[numbers[N_TABLE_Z] + T_INVERSE * nz + deep]
+            a, b = centre(source[c], of_slice, of_z), centre(source[total + c], of_slice, of_z)
+            d = centre(source[2 * total + c], of_slice, of_z)
+            if look:
+                p, row = load_quad(position, np.int32(numbers[N_FIRST] + t)), np.int32(AXES * c)
+                store_quad(frames, row, xx, xy, xz, p[0] + a)
+                store_quad(frames, np.int32(row + 1), yx, yy, yz, p[1] + b)
+                store_quad(frames, np.int32(row + 2), zx, zy, zz, p[2] + d)
+            else:
+                source[c], source[total + c], source[2 * total + c] = a, b, d
+                source[3 * total + c], source[6 * total + c], source[9 * total + c] = (
+                    entry(xx, xy, xz, ta, td, tg), entry(xx, xy, xz, tb, te, th), entry(xx, xy, xz, tc, tf, ti)
+                )  # fmt: skip
+                source[4 * total + c], source[7 * total + c], source[10 * total + c] = (
+                    entry(yx, yy, yz, ta, td, tg), entry(yx, yy, yz, tb, te, th), entry(yx, yy, yz, tc, tf, ti)
+                )  # fmt: skip
+                source[5 * total + c], source[8 * total + c], source[11 * total + c] = (
+                    entry(zx, zy, zz, ta, td, tg), entry(zx, zy, zz, tb, te, th), entry(zx, zy, zz, tc, tf, ti)
+                )  # fmt: skip
+
+    return turn
+
+
+def _goals(real: Any, math: str) -> tuple[Any, ...]:
+    formulas = device_formulas(lattice.make, real, math)
+    lever, added_goal, ended = formulas.lever, formulas.added_goal, formulas.ended
+    zero, one = real(0), real(1)
+
+    def make_scan(name: str, upwards: bool) -> Any:
+        """Along z if `upwards`, of single clusters, else along y, of their sums along z; the columns of the rotations in
+        the order x, y, z, of which the last one is spent."""
+        own = AXES * (3 if upwards else 2)
+        sums = own + AXES
+
+        def scan(numbers, values, tables, total, position, source, out, span):
+            t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
+            region, at_z, spacing = numbers[N_REGION], numbers[N_TABLE_Z], values[V_SPACING]
+            n, at = (nz, at_z) if upwards else (ny, numbers[N_TABLE_Y])
+            width = np.int32(2 * region + 1)
+            parts = np.int32((width + span - 1) // span)  # of a group of windows, a thread each
+            groups, others = np.int32((n + width - 1) // width * parts), ny if upwards else nz
+            if t < nx * groups * others * numbers[N_COPIES]:
+                k, rest = np.int32(t % nx), np.int32(t // nx)
+                if upwards:
+                    row, rest = np.int32(rest % ny), np.int32(rest // ny)
+                    group, copy = np.int32(rest % groups), np.int32(rest // groups)
+                    begin, pitch = np.int32((copy * nz * ny + row) * nx + k), np.int32(ny * nx)
+                    count = one
+                else:
+                    group, rest = np.int32(rest % groups), np.int32(rest // groups)
+                    begin, pitch = np.int32(rest * ny * nx + k), nx
+                    count = tables[at_z + T_COUNT * nz + rest % nz]
+                begins = np.int32(group // parts * width)
+                low, b = np.int32(begins + group % parts * span), np.int32(min(begins + region, n - 1))
+                high = np.int32(min(low + span, min(begins + width, n)))
+                first, place = np.int32(numbers[N_FIRST] + begin), np.int32(numbers[N_PLACE] + begin)
+                reference = load_quad(position, np.int32(first + b * pitch))
+                s = cuda.local.array(PLANES, real)
+                for half in range(2):
+                    for m in range(sums):
+                        s[m] = zero
+                    j = np.int32(b - 1 + half)
+                    for step in range(high - low):
+                        i = np.int32(low + step if half else high - 1 - step)
+                        last = np.int32(min(n - 1, i + region) if half else max(np.int32(0), i - region))
+                        while (j <= last) if half else (j >= last):
+                            p, here = load_quad(position, np.int32(first + j * pitch)), np.int32(place + j * pitch)
+                            along = lever(real(b - j), tables[at + T_CENTRE * n + j]) * spacing
+                            for axis in range(AXES):
+                                column = source[(own + axis) * total + here]
+                                s[axis] = added_goal(
+                                    s[axis], source[axis * total + here], count, p[axis], reference[axis], along, column
+                                )
+                                s[own + axis] = s[own + axis] + column
+                            for m in range(AXES, own):
+                                s[m] = s[m] + source[m * total + here]
+                            j = np.int32(j + 1 if half else j - 1)
+                        here = np.int32(place + i * pitch)
+                        if half == 0:
+                            for m in range(sums):
+                                out[m * total + here] = s[m]
+                        else:
+                            p = load_quad(position, np.int32(first + i * pitch))
+                            all_of_it = tables[at + T_COUNT * n + i] * count
+                            if not upwards:
+                                for axis in range(AXES):
+                                    out[(PLANES - AXES + axis) * total + here] = p[axis]
+                            for axis in range(AXES):
+                                way = out[axis * total + here] + s[axis]
+                                column = out[(own + axis) * total + here] + s[own + axis]
+                                out[axis * total + here] = ended(
+                                    way, all_of_it, reference[axis], p[axis], real(i - b) * spacing, column
+                                )
+                            for m in range(AXES, own):
+                                out[m * total + here] = out[m * total + here] + s[m]
+
+        scan.__name__ = name
+        return scan
+
+    return make_scan("goal_slices", True), make_scan("goal_lines", False)

@@ -1,0 +1,123 @@
+"""Shape matching of a grid on CUDA: a thread sums up the window around its mass, then one gathers what its windows want.
+
+See model/formulas/shape_matching.py for the order of sums. No atomics: clusters lie in memory of their own, a quad each
+(centre x, centre y, cosine, sine), and a mass reads those of the windows it is in.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import inlined
+from gpu_backend.xpbd.kernels import make_place
+from model.formulas import shape_matching
+from model.scene.scene import Scene
+from model.shape_matching.lattice import matching_axis
+from model.xpbd.parameters import X_MATCHING, X_MATCHING_REST
+
+SHARE, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
+
+
+@cache
+def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
+    """`match(position, clusters, row_table, column_table, rows, columns)`; `move(position, target, clusters, row_table,
+    column_table, record, rows, columns)`: from `position` to `target` (quads), pinned masses, of weight 0, as they are."""
+    formulas = device_formulas(shape_matching.make, real, math)
+    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
+    rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
+    moved, inline, lattice = formulas.moved, inlined(math), make_place(math)
+    zero, one, reach = real(0), np.int32(1), np.int32(region)
+
+    @inline
+    def window(i, count):
+        """(first, behind the last) of the window of `i`."""
+        return max(np.int32(0), np.int32(i - reach)), min(count, np.int32(i + reach + one))
+
+    def match(position, clusters, row_table, table, rows, columns):
+        i, j = lattice()
+        rows, columns = np.int32(rows), np.int32(columns)
+        if i < rows and j < columns:
+            here = load_quad(position, np.int32(i * columns + j))
+            sums = zero, zero, zero, zero, zero, zero
+            top, bottom = window(i, rows)
+            left, right = window(j, columns)
+            for row in range(top, bottom):
+                middle = load_quad(position, np.int32(row * columns + j))
+                sum_x, sum_y, turn_x, turn_y = zero, zero, zero, zero
+                for k in range(left, right):
+                    if k != j:
+                        p = load_quad(position, np.int32(row * columns + k))
+                        sum_x, sum_y, turn_x, turn_y = added_member(
+                            sum_x, sum_y, turn_x, turn_y, p[0], p[1], middle[0], middle[1], table[SHARE, k],
+                            real(np.int32(k - j)), table[CENTRE, j],
+                        )  # fmt: skip
+                down = real(np.int32(row - i)) - row_table[CENTRE, i]
+                sums = added_row(
+                    sums, sum_x, sum_y, turn_x, turn_y, middle[0], middle[1], here[0], here[1], table[MASS, j],
+                    row_table[SHARE, row], down,
+                )  # fmt: skip
+            x, y, cosine, sine = found(sums, here[0], here[1], row_table[INVERSE, i], table[INVERSE, j])
+            store_quad(clusters, np.int32(i * columns + j), x, y, cosine, sine)
+
+    def move(position, target, clusters, row_table, table, record, rows, columns):
+        i, j = lattice()
+        rows, columns = np.int32(rows), np.int32(columns)
+        if i < rows and j < columns:
+            k = np.int32(i * columns + j)
+            p = load_quad(position, k)
+            way_x, way_y, rest = zero, zero, record[X_MATCHING_REST]
+            top, bottom = window(i, rows)
+            left, right = window(j, columns)
+            for row in range(top, bottom):
+                middle = load_quad(clusters, np.int32(row * columns + j))
+                along = rest_offset(zero, table[CENTRE, j], rest)
+                sums = zero, zero, zero, zero, zero, zero
+                sums = added_goal(sums, middle[0], middle[1], middle[0], middle[1], middle[2], middle[3], along)
+                for column in range(left, right):
+                    if column != j:
+                        c = load_quad(clusters, np.int32(row * columns + column))
+                        along = rest_offset(real(np.int32(j - column)), table[CENTRE, column], rest)
+                        sums = added_goal(sums, c[0], c[1], middle[0], middle[1], c[2], c[3], along)
+                down = rest_offset(real(np.int32(i - row)), row_table[CENTRE, row], rest)
+                way_x, way_y = added_goal_row(
+                    way_x, way_y, sums, p[0], p[1], middle[0], middle[1], table[COUNT, j], down
+                )
+            x, y = p[0], p[1]
+            if p[3] != zero:
+                share, matching = table[SHARE, j], record[X_MATCHING]
+                x = moved(x, row_table[SHARE, i], share, matching, way_x)
+                y = moved(y, row_table[SHARE, i], share, matching, way_y)
+            store_quad(target, k, x, y, p[2], p[3])
+
+    name = f"matching_{variant_name(real, math, region)}"
+    options = kernel_options(math)
+    return SimpleNamespace(match=make_kernel(match, name, **options), move=make_kernel(move, name, **options))
+
+
+class Matching:
+    """The clusters of a grid and their tables on the device. `launch`: the configuration of a thread a mass; `shape`: (rows,
+    columns); `on_device`: what takes arrays there."""
+
+    launches = 2  # of an iteration
+
+    def __init__(self, scene: Scene, real: Any, math: str, launch: tuple, on_device: Any):
+        self.kernels = make_matching(real, math, scene.method.region)
+        counts = scene.grid.rows, scene.grid.columns
+        self.shape = tuple(np.int32(count) for count in counts)
+        self.launch = launch
+        self.tables = tuple(on_device(matching_axis(count, scene.method.region).table(real)) for count in counts)
+        self.clusters = on_device(np.zeros(SIZE * scene.grid.particle_count, real))
+
+    def match(self, position: Any) -> None:
+        self.kernels.match[self.launch](position, self.clusters, *self.tables, *self.shape)
+
+    def move(self, position: Any, target: Any, record: Any) -> None:
+        self.kernels.move[self.launch](position, target, self.clusters, *self.tables, record, *self.shape)

@@ -1,0 +1,84 @@
+"""What the clusters' material adds on the GPU: shape tables, plastic strain, damping, and the kernels that use them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.quads import SIZE
+from gpu_backend.shape_matching.damping import make_damping_ends, make_gather
+from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER
+from gpu_backend.shape_matching.shapes import make_shaped_turn
+from model.scene.parts import Method
+from model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
+from model.shape_matching.clusters import Clusters
+
+
+class ClusterMaterial:
+    """Of `clusters`, as far as the scene's `parts` need it. `own` (entries,): entries in the particles' order. `plastic`: the
+    state's strains, three quads of a cluster, rows; `bent`: where a look at the state leaves them."""
+
+    def __init__(self, clusters: Clusters, own: np.ndarray, parts: frozenset[str], real: Any, math: str, stream: Any):
+        self._clusters, self._own, self._real, self._stream = clusters, own, real, stream
+        self.shaped, self.plastic_parts, self.damped = shaping(parts), "plastic" in parts, "cluster_damping" in parts
+        self._rebounds = "rigid-rebound" in parts
+        count = ROWS * SIZE * clusters.count
+        if self.shaped:
+            self._turn = make_shaped_turn(real, math, self.shaped)
+            self._shapes, length = self._zeros(count), count if self.plastic_parts else 1
+            self._plastic, self._kept, self._bent = (self._zeros(length) for _ in range(3))
+            self.upload(None)
+        if self.damped:
+            self._gather, self.ends = make_gather(real, math), make_damping_ends(real, math, parts)
+            self._slowing, self._motions = self._zeros(len(own)), self._zeros(count)
+
+    def _zeros(self, count: int) -> Any:
+        return cuda.to_device(np.zeros(count, self._real), stream=self._stream)
+
+    def change(self, method: Method) -> None:
+        """What hangs on the length of a substep."""
+        h = method.dt / method.substeps
+        if self.shaped:
+            table = shape_table(self._clusters, h, method.iterations).astype(self._real)
+            self._shapes.copy_to_device(table.reshape(-1), stream=self._stream)
+        if self.damped:
+            found = damping_factors(self._clusters, h, self._rebounds)[self._own].astype(self._real)
+            self._slowing.copy_to_device(found, stream=self._stream)
+
+    def turn(self, launch: Any, look: bool, *arguments: Any) -> None:
+        """See shape_matching/shapes.py. A `look` at the state leaves its strains as they are."""
+        self._turn[launch](*arguments, self._shapes, self._plastic, self._bent if look else self._plastic)
+
+    def gather(self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any) -> None:
+        """The clusters' rigid motions."""
+        blocks = max(1, -(-self._clusters.count // TOGETHER))
+        self._gather[blocks, THREADS, self._stream](position, velocity, *entries, leans, self._motions)
+
+    def slowing(self, gathered: tuple[Any, ...]) -> tuple[Any, ...]:
+        """What the kernels of `ends` read of clusters: `gathered` begins with the starts and clusters of particles."""
+        return *gathered[:2], self._slowing, self._motions
+
+    # ------------------------------------------------------------------ the state
+
+    def keep(self) -> None:
+        if self.plastic_parts:
+            self._kept.copy_to_device(self._plastic, stream=self._stream)
+
+    def restore(self) -> None:
+        if self.plastic_parts:
+            self._plastic.copy_to_device(self._kept, stream=self._stream)
+
+    def download(self) -> np.ndarray | None:
+        """(clusters, 3, 3) on the host; None where nothing is plastic."""
+        if not self.plastic_parts:
+            return None
+        return np.ascontiguousarray(self._plastic.copy_to_host().reshape(-1, ROWS, SIZE)[:, :, :AXES])
+
+    def upload(self, plastic: np.ndarray | None) -> None:
+        """None: no cluster is bent."""
+        if self.plastic_parts:
+            rows = np.zeros((self._clusters.count, ROWS, SIZE), self._real)
+            rows[:, :, :AXES] = np.eye(AXES) if plastic is None else plastic
+            self._plastic.copy_to_device(rows.reshape(-1), stream=self._stream)

@@ -1,0 +1,193 @@
+"""CUDA kernels of rigid bodies that come off colliders as a whole: a thread a particle takes down what colliders gave it,
+LANES threads sum up what a cluster makes of it, a thread a particle goes with its cluster. See
+model/shape_matching/rigid_rebound.py; sums have the order of model/formulas/cluster.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.shape_matching.damping import make_damping_ends, make_gather, make_slow
+from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
+from gpu_backend.xpbd.kernels import make_clock
+from gpu_backend.xpbd.point import make_motion
+from model.formulas import cluster, rebound
+from model.formulas.cluster import LANES
+from model.formulas.rebound import SUMS
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
+
+SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
+
+
+@cache
+def make_rebound(real: Any, math: str) -> SimpleNamespace:
+    """`weigh(position, struck, starts, indices, members, limits, motions)`: what motions clusters get, in blocks of THREADS,
+    from those of what their particles got, `struck`; `go(position, velocity, struck, own_starts, own_clusters, limits,
+    motions)`: particles; `differ(velocity, struck)`: `struck` from velocities after and, in it, before colliders. `limits`
+    (clusters,): 0 of those that do not come off as a whole."""
+    formulas, total = device_formulas(rebound.make, real, math), device_formulas(cluster.make, real, math).total
+    weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
+    scaled, rebounded = formulas.scaled, formulas.rebounded
+    zero, one, lanes, pitch, sums = real(0), np.int32(1), np.int32(LANES), np.int32(PITCH), np.int32(SUMS)
+
+    def weigh(position, struck, starts, indices, members, limits, motions):
+        shared = cuda.shared.array(SHARED, real)
+        lane, place = np.int32(cuda.threadIdx.x % lanes), np.int32(cuda.threadIdx.x // lanes)
+        c = np.int32(cuda.blockIdx.x * TOGETHER + place)
+        clusters = np.int32(limits.size)
+        asked, worth, row = zero, zero, np.int32(ROWS * c)
+        if c < clusters:
+            o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
+                p, q, m = load_quad(position, indices[e]), load_quad(struck, indices[e]), load_quad(members, e)
+                dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+                u = rigid(t[0], s[1], dz, s[2], dy)
+                v = rigid(t[1], s[2], dx, s[0], dz)
+                w = rigid(t[2], s[0], dy, s[1], dx)
+                asked = weighed(asked, m[3], q[0], q[1], q[2])
+                worth = weighed(worth, m[3], u, v, w)
+        base = np.int32(place * sums * pitch)
+        at = np.int32(base + lane)
+        shared[at], shared[at + pitch] = asked, worth
+        cuda.syncthreads()
+        if lane < sums:
+            k = np.int32(base + lane * pitch)
+            shared[k] = total(
+                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
+                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
+                shared[k + 13], shared[k + 14], shared[k + 15],
+            )  # fmt: skip
+        cuda.syncthreads()
+        if c < clusters and lane == 0:
+            by = enlarged(shared[base], shared[base + pitch], limits[c])
+            t, s = load_quad(motions, row + 1), load_quad(motions, row + 2)
+            o = load_quad(motions, row)
+            store_quad(motions, row, o[0], o[1], o[2], by)
+            store_quad(motions, row + 1, scaled(t[0], by), scaled(t[1], by), scaled(t[2], by), zero)
+            store_quad(motions, row + 2, scaled(s[0], by), scaled(s[1], by), scaled(s[2], by), zero)
+
+    def go(position, velocity, struck, own_starts, own_clusters, limits, motions):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(struck, k)
+            for n in range(own_starts[k], own_starts[k + one]):
+                if limits[own_clusters[n]] != zero:
+                    row = np.int32(ROWS * own_clusters[n])
+                    o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+                    dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+                    store_quad(
+                        velocity, k, rebounded(v[0], q[0], rigid(t[0], s[1], dz, s[2], dy)),
+                        rebounded(v[1], q[1], rigid(t[1], s[2], dx, s[0], dz)),
+                        rebounded(v[2], q[2], rigid(t[2], s[0], dy, s[1], dx)), zero,
+                    )  # fmt: skip
+
+    def differ(velocity, struck):
+        k = np.int32(cuda.grid(1))
+        if k < velocity.size // SIZE:
+            v, u = load_quad(velocity, k), load_quad(struck, k)
+            store_quad(struck, k, v[0] - u[0], v[1] - u[1], v[2] - u[2], zero)
+
+    name, options = f"bodies_rebound_{variant_name(real, math)}", kernel_options(math)
+    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in (weigh, go, differ)})
+
+
+@cache
+def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """strike(before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers,
+    counter, place, substeps, substep): as `finish` of shape_matching/damping.py, and what colliders gave into `struck`."""
+    collide, slow_mass, clock = (
+        make_motion(real, math, parts, AXES).collide,
+        make_slow(real, math),
+        make_clock(math, parts),
+    )
+    zero = real(0)
+
+    def strike(
+        before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers, counter,
+        place, substeps, substep,
+    ):  # fmt: skip
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            _, number = clock(counter, place, substeps, substep)
+            b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+            ux, uy, uz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
+            px, py, pz, vx, vy, vz = collide(b, p, ux, uy, uz, record, bodies, integers, number)
+            store_quad(position, k, px, py, pz, b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+            store_quad(struck, k, vx - ux, vy - uy, vz - uz, zero)
+
+    return make_kernel(strike, f"bodies_rebound_{variant_name(real, math, parts)}", **kernel_options(math))
+
+
+class Rebounds:
+    """Of the bodies of `clusters`, where a scene has any that come off as wholes; `own` (entries,): entries in the particles'
+    order. `struck`: a quad of each particle, its velocity before colliders, and then what they gave to it. `contacts`: those
+    of the scene, where they give back to rigid bodies; `turns`: whether colliders do."""
+
+    launches = 3  # beside `strike` instead of what it is instead of
+    bouncing = 10  # of `bounce`
+
+    def __init__(
+        self, clusters: Clusters, own: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
+        math: str, stream: Any,
+    ):  # fmt: skip
+        self.turns, self.contacts = "rigid-rebound" in parts, contacts if "rigid-bounce" in parts else None
+        self._clusters, self._stream, self._flat = clusters, stream, (max(1, -(-particles // THREADS)), THREADS, stream)
+        self._kernels, self._gather = make_rebound(real, math), make_gather(real, math)
+        self.strike = make_strike(real, math, parts)
+        if self.contacts:
+            self._slow, self._bounce = make_damping_ends(real, math, parts).slow, make_bodies_bounce(real, math)
+            self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
+            factors = whole_clusters(clusters)[clusters.owner][own].astype(real)
+            self._factors = cuda.to_device(factors, stream=stream)
+            self._scales = cuda.to_device(np.ones(particles, real), stream=stream)
+        limits = rebound_limits(clusters).astype(real)
+        zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
+        self._limits, self.struck, self._motions = (cuda.to_device(array, stream=stream) for array in (limits, *zeros))
+
+    def differ(self, velocity: Any) -> None:
+        """What colliders gave, where `struck` holds the velocities before them."""
+        self._kernels.differ[self._flat](velocity, self.struck)
+
+    def run(
+        self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
+    ) -> None:
+        """The velocities after it; other arrays as of the solver's other kernels."""
+        blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream
+        self._weigh(blocks, position, entries, leans)
+        self._kernels.go[self._flat](position, velocity, self.struck, *gathered[:2], self._limits, self._motions)
+
+    def bounce(
+        self, position: Any, old: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
+    ) -> None:
+        """The velocities after particles bounced off each other: of bodies as wholes, whose velocities become rigid motions,
+        with impulses that are enlarged for each pair by the lesser one of what both bodies ask for."""
+        blocks, flat = (max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream), self._flat
+        own, motions = gathered[:2], self._motions
+        self._gather[blocks](position, velocity, *entries, leans, motions)
+        self._slow[flat](position, velocity, *own, self._factors, motions)
+        arguments = *self.contacts.count_bouncing(position, old, velocity), self._scales, self.struck
+        plain, scaled = self._gives
+        plain[flat](*arguments)
+        self._weigh(blocks, position, entries, leans)
+        self._bounce.spread[flat](*own, self._limits, motions, self._scales)
+        scaled[flat](*arguments)
+        self._gather[blocks](position, self.struck, *entries, leans, motions)
+        self._bounce.join[flat](position, velocity, self.struck, *own, self._limits, motions)
+
+    def _weigh(self, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
+        """The motions that clusters make of what their particles got."""
+        starts, _, indices, members = entries
+        self._gather[blocks](position, self.struck, *entries, leans, self._motions)
+        self._kernels.weigh[blocks](position, self.struck, starts, indices, members, self._limits, self._motions)

@@ -1,0 +1,362 @@
+"""Soft and rigid bodies by shape matching on CUDA: clusters in compressed form, any number a particle.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses split among
+clusters; see model/shape_matching/clusters.py. A substep: `begin` predicts positions; `iterations` times clusters are
+summed up, turned, and particles moved towards their goals; the last of these ways also makes velocities and lets particles
+meet the colliders. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact`
+math all give the same bits, and the CPU's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
+from gpu_backend.contact.particles_project import make_contact_ends
+from gpu_backend.core.device import memory_info, require_gpu, simulated
+from gpu_backend.core.launch import Graphs, can_capture, new_stream
+from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.quads import SIZE
+from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from gpu_backend.mass_spring.cloth.point import COLLIDER_COUNTS, INTEGERS, knows_time
+from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
+from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
+from gpu_backend.shape_matching.links import make_link_projection
+from gpu_backend.shape_matching.material import ClusterMaterial
+from gpu_backend.shape_matching.rebound import Rebounds
+from gpu_backend.shape_matching.stages import bind_bodies_stages
+from model.core.errors import SceneError
+from model.core.memory import require
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.formulas.cluster import MOMENTS
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.scene import Scene
+from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
+from model.xpbd.plan import xpbd_plan
+
+KERNELS = ("graph", "launch", "stages")
+
+
+def choose_kernel(wanted: str | None) -> str:
+    """The kernel `wanted`, or the fastest there is. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for bodies on the gpu")
+    return wanted or ("graph" if can_capture() else "launch")
+
+
+class Bodies(QuadSimulation):
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    def __init__(self, scene: Scene, options: Options):
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.plan, self.kernel, self.threads = xpbd_plan(scene, options.live), choose_kernel(options.kernel), THREADS
+        self.clusters, self.particle_count = scene.crowd.loose, len(self.body.position)
+        self._require_space()
+        self.stream = new_stream()
+        self._flat = self._over(self.particle_count)
+        self._allocate()
+        self._build_or_explain()
+        self.reset()
+
+    def _over(self, count: int) -> tuple[int, int, Any]:
+        """A launch of at least `count` threads."""
+        return max(1, -(-count // THREADS)), THREADS, self.stream
+
+    def _require_space(self) -> None:
+        item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
+        needed = item * (8 * SIZE * self.particle_count + 2 * SIZE * entries + (MOMENTS + 7 * SIZE) * clusters)
+        needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.crowd, item)
+        if self.scene.contact:
+            needed += particle_contact_bytes(self.scene, item)
+        if not simulated():
+            what = f"{self.particle_count} particles, {entries} entries of clusters"
+            require(needed, memory_info()[0], "bodies", what, "GPU memory")
+
+    # ------------------------------------------------------------------ arrays
+
+    def _on_device(self, array: np.ndarray) -> Any:
+        flat = np.ascontiguousarray(array).reshape(-1)
+        return cuda.to_device(flat if flat.size else np.zeros(SIZE, array.dtype), stream=self.stream)
+
+    def _zeros(self, count: int) -> Any:
+        return self._on_device(np.zeros(count, self.real))
+
+    def _allocate(self) -> None:
+        scene, real, clusters = self.scene, self.real, self.clusters
+        quads = SIZE * self.particle_count
+        self.position, self.velocity = (
+            [self._zeros(quads), self._zeros(quads)],
+            [self._zeros(quads), self._zeros(quads)],
+        )
+        self.kept_position, self.kept_velocity = self._zeros(quads), self._zeros(quads)
+        self.rotation, self.turned, self.kept_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
+        self._current = 0
+        self.record = self._on_device(self._record)
+        kinds = [kind for kind, _ in scene.colliders]
+        self._integers = np.zeros(INTEGERS, np.uint64)
+        for place, kind in COLLIDER_COUNTS:
+            self._integers[place] = kinds.count(kind)
+        self.integers = self._on_device(self._integers)
+        self.bodies = self._on_device(collider_numbers(scene, real) if kinds else np.zeros(1, real))
+        self._counter = self._on_device(np.zeros(1, np.int64))
+        self._bad = self._on_device(np.zeros(1, np.int32))
+        self._counts = knows_time(self.plan.parts)
+        self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
+        members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(real)
+        self._firsts = self._on_device(first_particles(clusters))
+        self._entries = (
+            self._on_device(clusters.offsets), self._firsts, self._on_device(clusters.indices), self._on_device(members)
+        )  # fmt: skip
+        self._leans = self._on_device(leans(clusters, real))
+        self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
+        self.contacts = ParticleContacts(scene, real, self.options.math, self.stream) if scene.contact else None
+        starts, self._own = clusters.of_particle
+        self._own_members = self._on_device(self._in_own_order())
+        self._gathered = (
+            self._on_device(starts), self._on_device(clusters.owner[self._own]), self._own_members, self._frames
+        )  # fmt: skip
+
+        variant = real, self.options.math
+        self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
+        self._material.change(scene.method)
+        self._rebounds: Rebounds | None = None
+        if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
+            those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
+            self._rebounds = Rebounds(*those, *variant, self.stream)
+        self._lattices = Lattices(scene.crowd, *variant, self.stream)
+        self._lattices.change(scene.method)
+        links = self.scene.crowd.links
+        if links.count:
+            self._link_ends, self._link_values = self._on_device(links.ends.T), self._on_device(self._of_links())
+            self._multipliers = self._zeros(links.count)
+
+    def _of_links(self) -> np.ndarray:
+        """(2, links): rest lengths and compliances."""
+        method, crowd = self.scene.method, self.scene.crowd
+        found: np.ndarray = crowd.links.values(method.dt / method.substeps, crowd.mass).T.astype(self.real)
+        return found
+
+    def _in_own_order(self) -> np.ndarray:
+        """(entries, 4): rest offsets and factors, particle by particle."""
+        method = self.scene.method
+        factors = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
+        return np.concatenate([self.clusters.rest, factors[:, None]], axis=1)[self._own].astype(self.real)
+
+    # ------------------------------------------------------------------ kernels
+
+    def _kernel_parts(self) -> frozenset[str]:
+        found = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
+        return found | {"pins"} if "spare" in found else found  # what is parked stays
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        variant = self.real, self.options.math
+        self._parts = self._kernel_parts()
+        self._tools, self._cluster_kernels = make_cloth_tools(self.real), make_bodies_clusters(*variant)
+        self._ends = make_bodies_ends(*variant, self._parts)
+        self._contact_ends: Any = make_contact_ends(*variant, self._parts) if self.contacts else None
+        self._project_links = make_link_projection(*variant) if "links" in self._parts else None
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, bind_bodies_stages(self))
+            return
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if not simulated():
+            self._upload(self.body.position, self.body.velocity)  # all in one place would all meet
+            self._advance_steps(0, 1)
+            if self.contacts:
+                self.contacts.forget()
+            self._move(self.position[0])
+            cuda.synchronize()
+        if self.kernel == "graph" and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _match(self, position: Any, turned: Any, look: bool = False) -> None:
+        """The clusters' rotations for such positions, from those of the state into `turned`, and their frames; of lattices
+        into the state's own, in a `look` into others. A `look` at the state makes nothing creep."""
+        if self._lattices.copies:
+            self._lattices.match(position, self._lattices.turned if look else self._lattices.rotation, look)
+        if not self.clusters.count:
+            return
+        blocks = max(1, -(-self.clusters.count // TOGETHER))
+        self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
+        arrays = position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
+        if self._material.shaped:
+            self._material.turn(self._over(self.clusters.count), look, *arrays)
+        else:
+            self._cluster_kernels.turn[self._over(self.clusters.count)](*arrays)
+
+    def _move(self, position: Any) -> None:
+        """Particles towards the goals of their loose clusters."""
+        if self.clusters.count:
+            self._cluster_kernels.move[self._flat](position, *self._gathered)
+
+    def _link(self, position: Any, number: int, fresh: bool) -> None:
+        """The links of a colour; `fresh`: the first time in a substep."""
+        starts = self.scene.crowd.links.starts
+        start, stop = starts[number], starts[number + 1]
+        assert self._project_links is not None
+        self._project_links[self._over(int(stop - start))](
+            position, self._link_ends, self._link_values, self._multipliers, start, stop, starts[-1], fresh
+        )
+
+    # ------------------------------------------------------------------ a step
+
+    def _substep(self, place: int, substep: int) -> None:
+        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        before, velocity = self.position[self._current], self.velocity[self._current]
+        self._current = 1 - self._current
+        now, new_velocity = self.position[self._current], self.velocity[self._current]
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._ends.begin[self._flat](before, velocity, now, self.record, self.integers)
+        if self.contacts:
+            self.contacts.find(now)
+        for iteration in range(self.scene.method.iterations):
+            if iteration and not self.contacts:
+                self._move(now)
+            for number in range(self.scene.crowd.links.colours):
+                self._link(now, number, iteration == 0)
+            self._match(now, self.rotation)
+            self._lattices.move(now)
+            if self.contacts:
+                self._move(now)
+                self.contacts.project(before, now)
+        last = self.record, self.bodies, self.integers, *time
+        if self._material.damped:
+            self._damp(before, now, velocity, new_velocity)
+            slowing = self._material.slowing(self._gathered)
+            if self._rebounds and self._rebounds.turns:
+                self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *slowing, *last)
+                self._rebound(now, new_velocity)
+                return
+            self._material.ends.finish[self._flat](before, now, new_velocity, *slowing, *last)
+        elif self.contacts and self.contacts.bounces:
+            self._part(before, now, velocity, new_velocity)
+            self._contact_ends.collide[self._flat](before, now, new_velocity, *last)
+        elif self.contacts:
+            self._contact_ends.finish[self._flat](before, now, new_velocity, self.contacts.record, *last)
+        else:
+            self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
+
+    def _rebound(self, position: Any, velocity: Any) -> None:
+        """Rigid bodies as a whole, of what colliders gave to their particles."""
+        assert self._rebounds is not None
+        self._rebounds.run(position, velocity, self._entries, self._leans, self._gathered)
+
+    def _part(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+        """Velocities of a substep that began with `old` ones, and whose particles have left their contacts."""
+        assert self.contacts is not None
+        self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
+        if self.contacts.bounces:
+            self._bounce(now, old, velocity)
+
+    def _bounce(self, position: Any, old: Any, velocity: Any) -> None:
+        """Particles off each other, rigid bodies as wholes."""
+        assert self.contacts is not None
+        if self._rebounds and self._rebounds.contacts:
+            self._rebounds.bounce(position, old, velocity, self._entries, self._leans, self._gathered)
+        else:
+            self.contacts.bounce(position, old, velocity)
+
+    def _damp(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+        """Velocities of a substep whose last goals are known, and the clusters' rigid motions of them."""
+        if self.contacts:
+            self._part(before, now, old, velocity)
+        else:
+            self._material.ends.rate[self._flat](before, now, velocity, *self._gathered, self.record)
+        self._material.gather(now, velocity, self._entries, self._leans)
+
+    def _launch(self, parity: int, steps: int) -> None:
+        self._current = parity
+        for place in range(steps):
+            for substep in range(self.scene.method.substeps):
+                self._substep(place, substep)
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        method, contacts = self.scene.method, self.contacts
+        iteration = 3 + self.scene.crowd.links.colours + (contacts.projecting if contacts else 0)
+        iteration += self._lattices.launches
+        ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
+        if contacts and contacts.bounces:
+            whole = self._rebounds is not None and self._rebounds.contacts is not None
+            ends += (Rebounds.bouncing if whole else contacts.bouncing) + (not self._material.damped)
+        ends += Rebounds.launches if self._rebounds and self._rebounds.turns else 0
+        return method.substeps * (ends + iteration * method.iterations)
+
+    # ------------------------------------------------------------------ the contract
+
+    @property
+    def contacts_lost(self) -> int:
+        """Of particles' neighbours, those that there was no room for since the start."""
+        return self.contacts.lost if self.contacts else 0
+
+    def _keep(self) -> None:
+        super()._keep()
+        self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
+        self._lattices.keep()
+        self._material.keep()
+
+    def _restore(self) -> None:
+        super()._restore()
+        self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
+        self._lattices.restore()
+        self._material.restore()
+
+    def _parameters_changed(self) -> None:
+        if self.scene.crowd.links.count:
+            self._link_values.copy_to_device(self._of_links().reshape(-1), stream=self.stream)
+        self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
+        self._material.change(self.scene.method)
+        self._lattices.change(self.scene.method)
+        if self.contacts:
+            self.contacts.change(self.scene)
+        super()._parameters_changed()
+
+    def _weights_changed(self) -> None:
+        self._weight = (self.body.inverse_mass * self.scene.crowd.mass).astype(self.real)
+
+    def _of_all(self, loose: Any, of_lattices: Any, rows: int = 1) -> np.ndarray:
+        """(clusters, rows * 4): arrays of quads, those of loose clusters first."""
+        arrays = [loose] * bool(self.clusters.count) + [of_lattices] * bool(self._lattices.copies)
+        return np.concatenate([self._quads(array).reshape(-1, rows * SIZE) for array in arrays])
+
+    def _download_rotation(self) -> np.ndarray:
+        return self._of_all(self.rotation, self._lattices.rotation)
+
+    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
+        count = self.clusters.count
+        start = np.zeros((count + self._lattices.clusters, SIZE), self.real)
+        start[:, 0] = 1
+        quads = start if rotation is None else rotation
+        for array, values in ((self.rotation, quads[:count]), (self._lattices.rotation, quads[count:])):
+            if len(values):
+                array.copy_to_device(np.ascontiguousarray(values).reshape(-1), stream=self.stream)
+        if rotation is None:
+            self._match(self.position[self._current], self.rotation, look=True)
+            self._lattices.settle()
+        self.synchronize()
+
+    def _download_plastic(self) -> np.ndarray | None:
+        self.synchronize()
+        return self._material.download()
+
+    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
+        self._material.upload(plastic)
+
+    def _look(self) -> np.ndarray:
+        """(clusters, 3, 4): the rows of rotations, and centres, where particles are now."""
+        self._match(self.position[self._current], self.turned, look=True)
+        return self._of_all(self._frames, self._lattices.frames, ROWS).reshape(-1, ROWS, SIZE)
+
+    def _read_deformation(self) -> np.ndarray:
+        return np.ascontiguousarray(self._look()[:, :, :AXES])
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        centre = self._look()[:, :, AXES].copy()
+        return self._of_all(self.turned, self._lattices.turned), centre

@@ -1,0 +1,223 @@
+"""Position-based dynamics (XPBD, PBD) of a triangle mesh on CUDA: constraints in index arrays sorted by colour.
+
+M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. A substep: `begin` predicts positions; `iterations` times every
+colour of the edges, then of the hinges, is projected by a launch, then the long-range attachments; `end` makes velocities and
+lets masses meet the colliders. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage.
+In `exact` math all give the same bits, and the CPU's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import memory_info, require_gpu, simulated
+from gpu_backend.core.launch import Graphs, can_capture, new_stream
+from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.quads import SIZE
+from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from gpu_backend.mass_spring.cloth.point import COLLIDER_COUNTS, EXTERNAL_SEED, INTEGERS, WIND_SEED, knows_time
+from gpu_backend.xpbd.kernels import make_attach, make_end
+from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
+from gpu_backend.xpbd.mesh_projections import make_mesh_projection
+from gpu_backend.xpbd.stages import make_xpbd_stages
+from model.core.errors import SceneError
+from model.core.memory import require
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.geometry.tables import vertex_attachments, wind_lists
+from model.geometry.topology import mesh_of
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import Family, families
+from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
+
+KERNELS = ("graph", "launch", "stages")
+THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
+
+
+def choose_kernel(wanted: str | None) -> str:
+    """The kernel `wanted`, or the fastest there is. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a mesh on the gpu")
+    return wanted or ("graph" if can_capture() else "launch")
+
+
+class MeshPositionBased(QuadSimulation):
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    def __init__(self, scene: Scene, options: Options):
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.plan, self.kernel = xpbd_mesh_plan(scene, options.live), choose_kernel(options.kernel)
+        self.threads = THREADS
+        self.particle_count = len(self.body.position)
+        self._require_space()
+        self.stream = new_stream()
+        self._flat = self._over(self.particle_count)
+        self._allocate()
+        self._build_or_explain()
+        self.reset()
+
+    def _over(self, count: int) -> tuple[int, int, Any]:
+        """A launch of at least `count` threads."""
+        return max(1, -(-count // THREADS)), THREADS, self.stream
+
+    def _require_space(self) -> None:
+        item = np.dtype(self.real).itemsize
+        needed = 8 * SIZE * self.particle_count * item
+        for family in families(self.scene):
+            needed += family.corners.nbytes + (family.values.size + 3 * len(family.corners)) * item
+        if not simulated():
+            require(needed, memory_info()[0], "mesh", f"{self.particle_count} vertices", "GPU memory")
+
+    # ------------------------------------------------------------------ arrays
+
+    def _new_array(self) -> Any:
+        return self._on_device(np.zeros(SIZE * self.particle_count, self.real))
+
+    def _on_device(self, array: np.ndarray) -> Any:
+        return cuda.to_device(np.ascontiguousarray(array).reshape(-1), stream=self.stream)
+
+    def _allocate(self) -> None:
+        scene, real = self.scene, self.real
+        self.position, self.velocity = [self._new_array(), self._new_array()], [self._new_array(), self._new_array()]
+        self.kept_position, self.kept_velocity = self._new_array(), self._new_array()
+        self._current = 0
+        self.record = self._on_device(self._record)
+        kinds = [kind for kind, _ in scene.colliders]
+        self._integers = np.zeros(INTEGERS, np.uint64)
+        self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
+        self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
+        for place, kind in COLLIDER_COUNTS:
+            self._integers[place] = kinds.count(kind)
+        self.integers = self._on_device(self._integers)
+        self.bodies = self._on_device(collider_numbers(scene, real) if kinds else np.zeros(1, real))
+        self._counter = self._on_device(np.zeros(1, np.int64))
+        self._bad = self._on_device(np.zeros(1, np.int32))
+        self._counts = knows_time(self.plan.parts)
+        self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
+        assert scene.mesh is not None
+        self._lists = [self._on_device(array) for array in wind_lists(mesh_of(scene.mesh))]  # for normals too
+        anchors, reaches = vertex_attachments(scene, self.body, real, "attachments" in self.plan.parts)
+        self.attachments = anchors.shape[1] if "attachments" in self.plan.parts else 0  # of a mass
+        self.anchors, self.reaches = self._on_device(anchors), self._on_device(reaches)
+
+    # ------------------------------------------------------------------ kernels
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
+        variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
+        self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
+        self._attach = make_attach(*variant)
+        self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
+        for family in families(self.scene):
+            self._colours += self._projections(family)
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, self._stages())
+            return
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if not simulated():
+            self._advance_steps(0, 1)
+            cuda.synchronize()
+        if self.kernel == "graph" and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _projections(self, family: Family) -> list[tuple[str, Callable[[Any, Any, bool], None]]]:
+        """(stage, project(before, position, fresh)) of every colour of a family."""
+        parts, count = self.plan.parts, len(family.corners)
+        kernel = make_mesh_projection(self.real, self.options.math, parts, family.kind)
+        soft = f"{family.kind}-compliance" in parts
+        planes = (3 if family.model == "isometric" else 1) if soft else 0
+        multipliers = self._on_device(np.zeros(max(1, planes * count), self.real))
+        corners, values = self._on_device(family.corners.T), self._on_device(family.values.T.astype(self.real))
+
+        def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
+            launch, bounds = self._over(stop - start), (np.int32(start), np.int32(stop), np.int32(count))
+            return lambda before, position, fresh: kernel[launch](
+                position, before, corners, values, multipliers, *bounds, np.int32(fresh), self.record
+            )
+
+        bounds = family.starts.tolist()
+        return [(stage_name(family, c), project(*bounds[c : c + 2])) for c in range(family.colours)]
+
+    def _attach_all(self, before: Any, position: Any) -> None:
+        if self.attachments:
+            self._attach[self._flat](position, before, self.anchors, self.reaches, np.int32(self.attachments))
+
+    # ------------------------------------------------------------------ a step
+
+    def _substep(self, place: int, substep: int) -> None:
+        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        before, velocity = self.position[self._current], self.velocity[self._current]
+        self._current = 1 - self._current
+        now, new_velocity = self.position[self._current], self.velocity[self._current]
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._begin[self._flat](before, velocity, now, *self._lists, self.record, self.integers, *time)
+        for iteration in range(self.scene.method.iterations):
+            for _, project in self._colours:
+                project(before, now, iteration == 0)
+            self._attach_all(before, now)
+        self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
+
+    def _launch(self, parity: int, steps: int) -> None:
+        self._current = parity
+        for place in range(steps):
+            for substep in range(self.scene.method.substeps):
+                self._substep(place, substep)
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        method = self.scene.method
+        return method.substeps * (2 + method.iterations * (len(self._colours) + (self.attachments > 0)))
+
+    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
+        substeps, flat = self.scene.method.substeps, self._flat
+        position, velocity, before = self.position[0], self.velocity[0], self.position[1]
+        stage = make_xpbd_stages(self.real, self.options.math, forces_of(self.plan.parts), AXES)
+        now = {"step": -1, "substep": 0}
+        seen: set[str] = set()  # stages that have run in this substep: their multipliers live on
+
+        def number(step: int) -> np.int64:
+            return np.int64(step * substeps + now["substep"])
+
+        def predict(step: int, offset: float) -> None:
+            again = now["step"] == step and now["substep"] < substeps - 1
+            now.update(step=step, substep=now["substep"] + 1 if again else 0)
+            seen.clear()
+            before.copy_to_device(position, stream=self.stream)
+            self._set_counter(step)
+            time = self._counter, np.int64(0), np.int64(substeps), np.int64(now["substep"])
+            self._begin[flat](before, velocity, position, *self._lists, self.record, self.integers, *time)
+
+        def colour(name: str, project: Callable[[Any, Any, bool], None]) -> Callable[[int, float], None]:
+            def run(step: int, offset: float) -> None:
+                project(before, position, name not in seen)
+                seen.add(name)
+
+            return run
+
+        def update(step: int, offset: float) -> None:
+            stage.update_velocity[flat](before, position, velocity, self.record)
+
+        def collide(step: int, offset: float) -> None:
+            stage.collide[flat](before, position, velocity, self.record, self.bodies, self.integers, number(step))
+
+        return {name: colour(name, project) for name, project in self._colours} | {
+            "predict": predict,
+            "attachments": lambda step, offset: self._attach_all(before, position),
+            "update velocity": update,
+            "collide": collide,
+        }
+
+    # ------------------------------------------------------------------ the contract
+
+    def _normal_arguments(self) -> tuple[Any, ...]:
+        return tuple(self._lists)

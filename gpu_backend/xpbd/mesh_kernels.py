@@ -1,0 +1,119 @@
+"""CUDA kernels of a mesh's step, a thread a mass: the prediction with all forces, and normals for drawing.
+
+Velocities, colliders and attachments are the sheets' (xpbd/kernels.py); constraints are in xpbd/mesh_projections.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.cloth.kernels import make_block_air
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import inlined
+from gpu_backend.xpbd.kernels import make_clock
+from gpu_backend.xpbd.point import make_accelerations, make_motion
+from model.formulas import cloth, distance, wind
+from model.mass_spring.cloth_parameters import C_DRAG, C_LIFT
+
+AXES = 3
+
+
+def forces_of(parts: frozenset[str]) -> frozenset[str]:
+    """The parts that the kernels over masses depend on: those about constraints are not."""
+    return frozenset(part for part in parts if part.split("-")[0] not in ("structural", "bending"))
+
+
+@cache
+def make_vertex_wind(real: Any, math: str) -> Any:
+    """wind_of(position, velocity, k, offsets, at_vertex, corners, record, air): over the sheet's mass [m/s^2] on vertex k,
+    the sum over its triangles in their order."""
+    triangle_wind = device_formulas(wind.make, real, math).triangle_wind
+    mean, inline = device_formulas(cloth.make, real, math).mean, inlined(math)
+    zero, three, one, two = real(0), np.int32(3), np.int32(1), np.int32(2)
+
+    @inline
+    def triangle(position, velocity, ia, ib, ic, record, air):
+        a, b, c = load_quad(position, ia), load_quad(position, ib), load_quad(position, ic)
+        u, v, w = load_quad(velocity, ia), load_quad(velocity, ib), load_quad(velocity, ic)
+        return triangle_wind(
+            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
+            air[0] - mean(u[0], v[0], w[0]), air[1] - mean(u[1], v[1], w[1]), air[2] - mean(u[2], v[2], w[2]),
+            record[C_DRAG], record[C_LIFT],
+        )  # fmt: skip
+
+    @inline
+    def wind_of(position, velocity, k, offsets, at_vertex, corners, record, air):
+        x, y, z = zero, zero, zero
+        for n in range(offsets[k], offsets[k + one]):
+            place = three * at_vertex[n]
+            fx, fy, fz = triangle(
+                position, velocity, corners[place], corners[place + one], corners[place + two], record, air
+            )  # fmt: skip
+            x, y, z = x + fx, y + fy, z + fz
+        return x, y, z
+
+    return wind_of
+
+
+@cache
+def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps,
+    substep): from the state at the substep's beginning to the positions that constraints start from."""
+    forces, predict = make_accelerations(real, math, parts), make_motion(real, math, parts, AXES).predict
+    add_gravity, add_external, add_poke = forces.add_gravity, forces.add_external, forces.add_poke
+    added, wind_of = device_formulas(distance.make, real, math).added, make_vertex_wind(real, math)
+    clock, block_air = make_clock(math, parts), make_block_air(real, math, parts)
+    has_wind, zero = "wind" in parts, real(0)
+
+    def begin(
+        position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps, substep
+    ):  # fmt: skip
+        k = np.int32(cuda.grid(1))
+        step, number = clock(counter, place, substeps, substep)
+        air = block_air(record, integers, number, zero)
+        if k < position.size // SIZE:
+            p, v = load_quad(position, k), load_quad(velocity, k)
+            ax, ay, az = add_gravity(zero, zero, zero, record)
+            if has_wind:
+                fx, fy, fz = wind_of(position, velocity, k, offsets, at_vertex, corners, record, air)
+                ax, ay, az = added(ax, p[3], fx), added(ay, p[3], fy), added(az, p[3], fz)
+            ax, ay, az = add_external(ax, ay, az, k, p[3], record, integers, step)
+            ax, ay, az = add_poke(ax, ay, az, k, p[3], record, integers)
+            x, y, z = predict(p, v, ax, ay, az, record)
+            store_quad(predicted, k, x, y, z, p[3])
+
+    return make_kernel(begin, f"mesh_{variant_name(real, math, parts)}", **kernel_options(math))
+
+
+@cache
+def make_mesh_tools(real: Any) -> SimpleNamespace:
+    """`write_normal(position, out, offsets, at_vertex, corners)`: unit normals (vertices, 3) for drawing, of the triangles
+    at each vertex, by area."""
+    formulas = device_formulas(cloth.make, real, "exact")
+    cross, unit = formulas.cross, formulas.unit
+    zero, one, two, three = real(0), np.int32(1), np.int32(2), np.int32(3)
+
+    @inlined("exact")
+    def triangle(position, ia, ib, ic):
+        p, q, r = load_quad(position, ia), load_quad(position, ib), load_quad(position, ic)
+        return cross(q[0] - p[0], q[1] - p[1], q[2] - p[2], r[0] - p[0], r[1] - p[1], r[2] - p[2])
+
+    def write_normal(position, out, offsets, at_vertex, corners):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            x, y, z = zero, zero, zero
+            for n in range(offsets[k], offsets[k + one]):
+                place = three * at_vertex[n]
+                fx, fy, fz = triangle(position, corners[place], corners[place + one], corners[place + two])
+                x, y, z = x + fx, y + fy, z + fz
+            out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
+
+    return SimpleNamespace(write_normal=make_kernel(write_normal, f"mesh_{variant_name(real)}"))

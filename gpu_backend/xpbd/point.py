@@ -1,0 +1,166 @@
+"""What a position-based solver does to one mass, as device functions: its prediction, and its velocity afterwards.
+
+Masses are quads: x, y, z and the weight w, 0 where pinned, 1, or the sheet's mass over the mass's own where the scene has
+a `load`. In a plane z stays 0 and no arithmetic is done on it. What constraints do is in xpbd/constraints.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.contact.colliders import make_collide
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad
+from gpu_backend.mass_spring.cloth.point import EXTERNAL_SEED, POKED, make_wind
+from gpu_backend.mass_spring.grid.strips import inlined
+from model.formulas import distance, random
+from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X, C_POKE_Y, C_POKE_Z
+from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
+
+
+@cache
+def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """What accelerates a mass besides its constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]: `add_gravity`,
+    `add_wind`, `add_external`, `add_poke`; and `accelerate`, all of them."""
+    added = device_formulas(distance.make, real, math).added
+    external = device_formulas(random.make, real, math).add_external
+    wind_sum = make_wind(real, math, parts).wind_sum
+    inline = inlined(math)
+    philox = random.make_philox(inline)
+    has_gravity, has_wind, has_external = "gravity" in parts, "wind" in parts, "external" in parts
+    has_poke, has_load = "poke" in parts, "load" in parts
+    zero = real(0)
+
+    @inline
+    def add_force(ax, ay, az, fx, fy, fz, weight):
+        """A force over the sheet's mass, on a mass of that weight."""
+        if has_load:
+            return added(ax, weight, fx), added(ay, weight, fy), added(az, weight, fz)
+        return ax + fx, ay + fy, az + fz
+
+    @inline
+    def add_gravity(ax, ay, az, record):
+        if has_gravity:
+            ay = ay + record[C_GRAVITY]
+        return ax, ay, az
+
+    @inline
+    def add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, record, air):
+        if has_wind:
+            fx, fy, fz = wind_sum(position, velocity, k, i, j, rows, columns, p, v, record, air)
+            ax, ay, az = add_force(ax, ay, az, fx, fy, fz, p[3])
+        return ax, ay, az
+
+    @inline
+    def add_external(ax, ay, az, k, weight, record, integers, step):
+        if has_external:
+            word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
+            magnitude = record[C_EXTERNAL]
+            fx, fy = external(zero, magnitude, word_x), external(zero, magnitude, word_y)
+            fz = external(zero, magnitude, word_z)
+            ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
+        return ax, ay, az
+
+    @inline
+    def add_poke(ax, ay, az, k, weight, record, integers):
+        if has_poke:
+            if np.int64(integers[POKED]) == k + 1:  # as they are, the two kinds of integer would meet as doubles
+                fx, fy, fz = record[C_POKE_X], record[C_POKE_Y], record[C_POKE_Z]
+                ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
+        return ax, ay, az
+
+    @inline
+    def accelerate(position, velocity, k, i, j, rows, columns, p, v, record, integers, step, air):
+        """On mass k in row i, column j, at p and moving at v (quads), from the state at the substep's beginning."""
+        ax, ay, az = add_gravity(zero, zero, zero, record)
+        ax, ay, az = add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, record, air)
+        ax, ay, az = add_external(ax, ay, az, k, p[3], record, integers, step)
+        return add_poke(ax, ay, az, k, p[3], record, integers)
+
+    return SimpleNamespace(
+        add_gravity=add_gravity, add_wind=add_wind, add_external=add_external, add_poke=add_poke, accelerate=accelerate
+    )
+
+
+@cache
+def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
+    """`predict(p, v, ax, ay, az, record)` -> (x, y, z): where a mass would be without constraints; `rate_of(p, b, record)`
+    -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, record, bodies, integers, number)` ->
+    (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two ends."""
+    formulas = device_formulas(distance.make, real, math)
+    kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
+    touch = make_collide(real, math, parts)
+    inline = inlined(math)
+    has_pins, has_load, has_damping, solid = "pins" in parts, "load" in parts, "damping" in parts, axes == 3
+    zero, one = real(0), real(1)
+
+    @inline
+    def predict(p, v, ax, ay, az, record):
+        h, keep = record[C_DT], one
+        if has_damping:
+            keep = kept(record[X_DRAG], p[3]) if has_load else record[X_KEEP]
+        x = predicted(p[0], h, kicked(v[0], keep, h, ax))
+        y = predicted(p[1], h, kicked(v[1], keep, h, ay))
+        z = p[2]
+        if solid:
+            z = predicted(z, h, kicked(v[2], keep, h, az))
+        if has_pins:
+            if p[3] == zero:
+                x, y, z = p[0], p[1], p[2]
+        return x, y, z
+
+    @inline
+    def rate_of(p, b, record):
+        inverse = record[X_INVERSE_SUBSTEP]
+        vx, vy, vz = rate(p[0], b[0], inverse), rate(p[1], b[1], inverse), zero
+        if solid:
+            vz = rate(p[2], b[2], inverse)
+        if has_pins:
+            if b[3] == zero:
+                vx, vy, vz = zero, zero, zero
+        return vx, vy, vz
+
+    @inline
+    def collide(b, p, vx, vy, vz, record, bodies, integers, number):
+        if has_pins:
+            if b[3] == zero:
+                return p[0], p[1], p[2], vx, vy, vz
+        return touch(b, p[0], p[1], p[2], vx, vy, vz, record, bodies, integers, number)
+
+    @inline
+    def settle(b, p, record, bodies, integers, number):
+        vx, vy, vz = rate_of(p, b, record)
+        return collide(b, p, vx, vy, vz, record, bodies, integers, number)
+
+    return SimpleNamespace(predict=predict, rate_of=rate_of, collide=collide, settle=settle)
+
+
+@cache
+def make_tethers(real: Any, math: str) -> Any:
+    """tether_mass(p, weight, position, anchors, reaches, first, count) -> (x, y, z): after the long-range attachments of one
+    mass, the nearest first: numbers `first` ... `first + count - 1` of the flat arrays of anchors (masses) and reaches [m].
+    Anchors are pinned: any array of positions tells where they are."""
+    formulas = device_formulas(distance.make, real, math)
+    tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
+    zero = real(0)
+
+    @inlined(math)
+    def tether_mass(p, weight, position, anchors, reaches, first, count):
+        x, y, z = p[0], p[1], p[2]
+        if weight != zero:
+            for n in range(count):
+                a = load_quad(position, anchors[first + n])
+                dx, dy, dz = x - a[0], y - a[1], z - a[2]
+                factor = tether(squared_length(dx, dy, dz), reaches[first + n])
+                x, y, z = (
+                    tethered(x, a[0], dx, factor),
+                    tethered(y, a[1], dy, factor),
+                    tethered(z, a[2], dz, factor),
+                )
+        return x, y, z
+
+    return tether_mass

@@ -1,0 +1,280 @@
+"""Position-based dynamics (XPBD, PBD) of a grid or a cloth on CUDA, the state on the device throughout.
+
+M. Macklin, M. Mueller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics", MIG 2016, algorithm
+1, in substeps (M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019). A substep: `begin` predicts positions,
+`iterations` times all constraints are projected (colour by colour, or all at once for Jacobi) and then the long-range
+attachments, `end` makes velocities of what became of the positions and lets the masses meet the colliders.
+
+Kernels, a ladder: `stages` (stage by stage), `launch` (the substep above, every colour a launch), `graph` (the same captured
+as a CUDA graph; what a cloth that meets itself runs on), `tiled` (a launch does all colours of some iterations, tile by
+tile, in a graph) and `one-block` (a small sheet in one block, many steps a launch); xpbd/choice.py says which is taken
+when. In `exact` math all give the same bits, and the CPU's.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.self_contact import Contacts, contact_bytes
+from gpu_backend.core.device import memory_info, require_gpu, simulated
+from gpu_backend.core.launch import Graphs, can_capture, new_stream
+from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.quads import SIZE
+from gpu_backend.core.simulation import NOTHING_BAD
+from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from gpu_backend.mass_spring.cloth.point import (
+    COLLIDER_COUNTS,
+    EXTERNAL_SEED,
+    INTEGERS,
+    WIND_SEED,
+    knows_time,
+)  # fmt: skip
+from gpu_backend.mass_spring.grid.kernels import BLOCK, MOST_BLOCKS_DOWN
+from gpu_backend.shape_matching.matching import Matching
+from gpu_backend.xpbd.choice import xpbd_kernel
+from gpu_backend.xpbd.constraints import compliant
+from gpu_backend.xpbd.kernels import (
+    blocks_over,
+    compact_shape,
+    make_attach,
+    make_begin,
+    make_colour,
+    make_end,
+    make_jacobi,
+    make_plane_tools,
+    multiplier_planes,
+)
+from gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
+from gpu_backend.xpbd.stages import bind_xpbd_stages
+from model.core.build import rest_positions
+from model.core.errors import SceneError
+from model.core.memory import require
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.geometry.geodesic import sheet_attachments
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.scene import Scene
+from model.xpbd.plan import colour_order, families, xpbd_plan
+
+NOT_YET = ("motion", "mesh")
+
+
+class PositionBased(QuadSimulation):
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    def __init__(self, scene: Scene, options: Options):
+        for name, kind in scene.kinds.items():
+            if kind in NOT_YET:
+                raise SceneError(
+                    f"{name}.kind", kind, "is not known to the position-based solvers on the gpu; leave it out"
+                )
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.plan = xpbd_plan(scene, options.live)
+        self._chosen = xpbd_kernel(scene, self.real, self.plan.parts, options.kernel)
+        self.kernel = self._chosen.kernel
+        tile = self._chosen.tile
+        self.threads = tile.threads if tile else BLOCK[0] * BLOCK[1]
+        rows, columns = self.body.rows, self.body.columns
+        self.particle_count = rows * columns
+        self._require_space()
+        self.stream = new_stream()
+        self._grid = (blocks_over(rows, columns), BLOCK, self.stream)
+        self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
+        self._allocate()
+        self._build_or_explain()
+        self.reset()
+
+    def _require_space(self) -> None:
+        rows, columns = self.body.rows, self.body.columns
+        sheet = "cloth" if self.scene.cloth else "grid"
+        scalars = 9 * SIZE + 2 * multiplier_planes(self.plan.parts)  # arrays, those of the stages counted
+        item = np.dtype(self.real).itemsize
+        needed = scalars * self.particle_count * item
+        if self.scene.self_collision:
+            needed += contact_bytes(self.particle_count, item)
+        if not simulated():
+            require(needed, memory_info()[0], f"{sheet}.rows x {sheet}.columns", f"{rows} x {columns}", "GPU memory")
+        if blocks_over(rows, columns)[1] > MOST_BLOCKS_DOWN:
+            raise SceneError(
+                f"{sheet}.rows", rows, f"at most {MOST_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the sheet"
+            )
+
+    # ------------------------------------------------------------------ arrays
+
+    def new_array(self) -> Any:
+        """A device array of quads, zeros."""
+        return self._on_device(np.zeros(SIZE * self.particle_count, self.real))
+
+    def _on_device(self, array: np.ndarray) -> Any:
+        return cuda.to_device(array, stream=self.stream)
+
+    def _allocate(self) -> None:
+        self.position, self.velocity = [self.new_array(), self.new_array()], [self.new_array(), self.new_array()]
+        self.kept_position, self.kept_velocity, self.scratch = (self.new_array() for _ in range(3))
+        self._current = 0
+        self.record = self._on_device(self._record)
+        scene = self.scene
+        kinds = [kind for kind, _ in scene.colliders]
+        self._integers = np.zeros(INTEGERS, np.uint64)
+        self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
+        self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
+        for place, kind in COLLIDER_COUNTS:
+            self._integers[place] = kinds.count(kind)
+        self.integers = self._on_device(self._integers)
+        rows = collider_numbers(scene, self.real)
+        self.bodies = self._on_device(rows if kinds else np.zeros(1, self.real))
+        self._counter = self._on_device(np.zeros(1, np.int64))
+        self._bad = self._on_device(np.full(1, NOTHING_BAD, np.int32))
+        inverse, mass = self.body.inverse_mass, scene.grid.mass  # their product may be 1 less a rounding
+        self._weight = np.where(inverse == 1 / mass, 1.0, inverse * mass).astype(self.real)
+        self.shape = (np.int32(self.body.rows), np.int32(self.body.columns))
+        self._counts = knows_time(self.plan.parts)
+        self.matching: Matching | None = None
+        if scene.method.matches_shapes:
+            self.matching = Matching(scene, self.real, self.options.math, self._grid, self._on_device)
+        self.contacts = None
+        if scene.self_collision:
+            self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)
+        planes = multiplier_planes(self.plan.parts)
+        self.multipliers = self._on_device(np.zeros(max(1, planes * self.particle_count), self.real))
+        self.attachments = 0  # of a mass
+        self.anchors, self.reaches = self._on_device(np.zeros(1, np.int32)), self._on_device(np.zeros(1, self.real))
+        if "attachments" in self.plan.parts:
+            self._allocate_attachments()
+
+    def _allocate_attachments(self) -> None:
+        """(particles, count) anchors and reaches; a mass without that many repeats the nearest."""
+        attachments = self.scene.attachments
+        assert attachments is not None
+        anchor, length = sheet_attachments(rest_positions(self.scene.grid), self.body.pinned, attachments.anchors)
+        missing = anchor < 0
+        anchor, length = np.where(missing, anchor[:, :1], anchor), np.where(missing, length[:, :1], length)
+        self.attachments = attachments.anchors
+        self.anchors = self._on_device(np.ascontiguousarray(anchor, np.int32).reshape(-1))
+        self.reaches = self._on_device((length * (1 + attachments.slack)).astype(self.real).reshape(-1))
+
+    # ------------------------------------------------------------------ kernels
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        self._tools = make_cloth_tools(self.real)
+        if self.scene.dimensions == 2:
+            self._tools = SimpleNamespace(**vars(self._tools) | vars(make_plane_tools(self.real)))
+        self._block = BlockLauncher(self, self._chosen) if self.kernel == "one-block" else None
+        self._tiled = TiledLauncher(self, self._chosen) if self.kernel == "tiled" else None
+        if self._block is None and self._tiled is None:
+            self._make_passes()
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, bind_xpbd_stages(self))
+            return
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if not simulated():
+            self._upload(self.body.position, self.body.velocity)  # masses in one place would all be in contact
+            self._advance_steps(0, 1)
+            cuda.synchronize()
+        if self.kernel in ("graph", "tiled") and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _make_passes(self) -> None:
+        variant, axes = (self.real, self.options.math, self.plan.parts), self.scene.dimensions
+        self._begin, self._end = make_begin(*variant, axes), make_end(*variant, axes)
+        self._attach = make_attach(self.real, self.options.math)
+        self._gauss_seidel = "gauss-seidel" in self.plan.parts
+        soft = [family for family in families(self.plan.parts) if compliant(self.plan.parts, family)]
+        self._colours = []
+        if self.matching:
+            return
+        if not self._gauss_seidel:
+            self._jacobi = make_jacobi(*variant, axes)
+            return
+        for family, colour in colour_order(self.plan.parts):
+            blocks = blocks_over(*compact_shape(family, self.body.rows, self.body.columns))
+            kernel = make_colour(*variant, family, colour, axes)
+            plane = soft.index(family) if family in soft else 0
+            self._colours.append((kernel, (blocks, BLOCK, self.stream), np.int32(plane)))
+
+    def project_colour(self, entry: int, before: Any, position: Any, fresh: bool) -> None:
+        """The constraints of one colour; `fresh`: in a substep's first iteration."""
+        kernel, launch, plane = self._colours[entry]
+        kernel[launch](position, before, self.multipliers, plane, np.int32(fresh), self.record, *self.shape)
+
+    def project_all(self, before: Any, position: Any, target: Any, fresh: bool) -> None:
+        """One Jacobi iteration from `position` to `target`."""
+        self._jacobi[self._grid](
+            position, before, target, self.multipliers, np.int32(fresh), self.record, *self.shape
+        )  # fmt: skip
+
+    def attach(self, before: Any, position: Any) -> None:
+        if self.attachments:
+            self._attach[self._flat](position, before, self.anchors, self.reaches, np.int32(self.attachments))
+
+    # ------------------------------------------------------------------ a step
+
+    def _substep(self, place: int, substep: int) -> None:
+        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        if self._tiled is not None:
+            self._tiled.substep(place, substep)
+            return
+        before, velocity = self.position[self._current], self.velocity[self._current]
+        self._current = 1 - self._current
+        target, new_velocity = self.position[self._current], self.velocity[self._current]
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        iterations = self.scene.method.iterations
+        jacobi = not self._gauss_seidel and bool(families(self.plan.parts))
+        turns = (jacobi or self.matching is not None) and iterations % 2 == 1  # so that the last one ends in `target`
+        now, other = (self.scratch, target) if turns else (target, self.scratch)
+        self._begin[self._grid](before, velocity, now, self.record, self.integers, *time, *self.shape)
+        if self.contacts:
+            self.contacts.find(before, now)
+        for iteration in range(iterations):
+            if jacobi:
+                self.project_all(before, now, other, iteration == 0)
+                now, other = other, now
+            if self.matching:
+                self.matching.match(now)
+                self.matching.move(now, other, self.record)
+                now, other = other, now
+            for entry in range(len(self._colours)):
+                self.project_colour(entry, before, now, iteration == 0)
+            self.attach(before, now)
+            if self.contacts:
+                self.contacts.project(before, now)
+        self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
+
+    def _launch(self, parity: int, steps: int) -> None:
+        self._current = parity
+        for place in range(steps):
+            for substep in range(self.scene.method.substeps):
+                self._substep(place, substep)
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        method = self.scene.method
+        if self._tiled is not None:
+            return method.substeps * self._tiled.launches
+        iteration = self.matching.launches if self.matching else max(1, len(self._colours)) + (self.attachments > 0)
+        if self.contacts:
+            return method.substeps * (
+                2 + self.contacts.finding + method.iterations * (iteration + self.contacts.projecting)
+            )
+        return method.substeps * (2 + method.iterations * iteration)
+
+    def _advance_steps(self, step: int, steps: int) -> None:
+        if self._block is None:
+            super()._advance_steps(step, steps)
+            return
+        self._set_counter(step)
+        self._block.advance(steps)
+
+    # ------------------------------------------------------------------ the contract
+
+    def _parameters_changed(self) -> None:
+        if self.contacts:
+            self.contacts.change(self.scene)
+        super()._parameters_changed()

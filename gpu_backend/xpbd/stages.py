@@ -1,0 +1,173 @@
+"""The stages of a position-based solver's plan as CUDA kernels, each over the whole sheet and in memory of its own: slow,
+easy to read, to time and to test against the fused kernels. In all, `a` is the acceleration (quads)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.mass_spring.cloth.kernels import make_block_air
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.xpbd.constraints import make_gather
+from gpu_backend.xpbd.point import make_accelerations, make_motion
+from model.xpbd.plan import JACOBI, colour_order
+
+
+@cache
+def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
+    """The stages that look at one mass: what accelerates it, its prediction, its velocity, its colliders."""
+    forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, axes)
+    add_gravity, add_wind, add_external, add_poke = (
+        forces.add_gravity, forces.add_wind, forces.add_external, forces.add_poke
+    )  # fmt: skip
+    predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
+    jacobi, block_air = make_gather(real, math, parts, axes), make_block_air(real, math, parts)
+    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, bool(parts & JACOBI)
+    zero = real(0)
+
+    def gravity(record, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b = load_quad(a, k)
+            ax, ay, az = add_gravity(b[0], b[1], b[2], record)
+            store_quad(a, k, ax, ay, az, zero)
+
+    def wind(position, velocity, record, integers, number, a, rows, columns):
+        air = block_air(record, integers, number, zero)
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            rows, columns = np.int32(rows), np.int32(columns)
+            i, j = np.int32(k // columns), np.int32(k % columns)
+            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+            ax, ay, az = add_wind(
+                b[0], b[1], b[2], position, velocity, k, i, j, rows, columns, p, v, record, air
+            )  # fmt: skip
+            store_quad(a, k, ax, ay, az, zero)
+
+    def external(position, record, integers, step, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b, p = load_quad(a, k), load_quad(position, k)
+            ax, ay, az = add_external(b[0], b[1], b[2], k, p[3], record, integers, step)
+            store_quad(a, k, ax, ay, az, zero)
+
+    def poke(position, record, integers, a):
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            b, p = load_quad(a, k), load_quad(position, k)
+            ax, ay, az = add_poke(b[0], b[1], b[2], k, p[3], record, integers)
+            store_quad(a, k, ax, ay, az, zero)
+
+    def predict(before, velocity, a, position, record, rows, columns):
+        """`a` is 0 afterwards, for the next substep's forces to be added to."""
+        k = np.int32(cuda.grid(1))
+        if k < a.size // SIZE:
+            rows, columns = np.int32(rows), np.int32(columns)
+            p, b = load_quad(before, k), load_quad(a, k)
+            x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], record)
+            spare = p[3]
+            if has_shares:
+                spare = share_of(valence_of(np.int32(k // columns), np.int32(k % columns), rows, columns), spare)
+            store_quad(position, k, x, y, z, spare)
+            store_quad(a, k, zero, zero, zero, zero)
+
+    def update_velocity(before, position, velocity, record):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b, p = load_quad(before, k), load_quad(position, k)
+            vx, vy, vz = rate_of(p, b, record)
+            store_quad(position, k, p[0], p[1], p[2], b[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    def collide(before, position, velocity, record, bodies, integers, number):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], record, bodies, integers, number)
+            store_quad(position, k, px, py, pz, p[3])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    variant, options = f"xpbd_{variant_name(real, math, axes, parts)}", kernel_options(math)
+    found = (gravity, wind, external, poke, predict, update_velocity, collide)
+    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in found})
+
+
+def bind_xpbd_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+    """What runs each named stage of `sim`, a gpu_backend.xpbd.solver.PositionBased. The state keeps its buffer; the substep's
+    first positions are copied aside."""
+    axes, parts, method = sim.scene.dimensions, sim.plan.parts, sim.scene.method
+    stage, flat = make_xpbd_stages(sim.real, sim.options.math, parts, axes), sim._flat
+    position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
+    a, before = sim.new_array(), sim.new_array()
+    now = {"step": -1, "substep": 0, "iteration": 0}
+    projections = len(colour_order(parts)) if "gauss-seidel" in parts else 1
+
+    def number(step: int) -> np.int64:
+        if now["step"] != step:
+            now.update(step=step, substep=0)
+        return np.int64(step * method.substeps + now["substep"])
+
+    def predict(step: int, offset: float) -> None:
+        before.copy_to_device(position, stream=sim.stream)
+        stage.predict[flat](before, velocity, a, position, record, *sim.shape)
+        now["iteration"] = 0
+
+    def project(entry: int) -> Callable[[int, float], None]:
+        def run(step: int, offset: float) -> None:
+            sim.project_colour(entry, before, position, fresh=now["iteration"] == 0)
+            now["iteration"] += entry == projections - 1
+
+        return run
+
+    def project_all(step: int, offset: float) -> None:
+        sim.project_all(before, position, sim.scratch, fresh=now["iteration"] == 0)
+        position.copy_to_device(sim.scratch, stream=sim.stream)
+        now["iteration"] += 1
+
+    def move(step: int, offset: float) -> None:
+        sim.matching.move(position, sim.scratch, record)
+        position.copy_to_device(sim.scratch, stream=sim.stream)
+
+    def wind(step: int, offset: float) -> None:
+        stage.wind[flat](position, velocity, record, integers, number(step), a, *sim.shape)
+
+    def end_substep() -> None:
+        now["substep"] += 1
+        if now["substep"] == method.substeps:  # the same step may be done again after a rewind
+            now["step"] = -1
+
+    def update_velocity(step: int, offset: float) -> None:
+        number(step)
+        stage.update_velocity[flat](before, position, velocity, record)
+        if not sim.plan.has("collide"):
+            end_substep()
+
+    def collide(step: int, offset: float) -> None:
+        stage.collide[flat](before, position, velocity, record, sim.bodies, integers, number(step))
+        end_substep()
+
+    colours = {
+        f"project {family.name} {colour}": project(entry) for entry, (family, colour) in enumerate(colour_order(parts))
+    }
+    return colours | {
+        "gravity": lambda step, offset: stage.gravity[flat](record, a),
+        "wind": wind,
+        "external force": lambda step, offset: stage.external[flat](position, record, integers, np.int64(step), a),
+        "poke": lambda step, offset: stage.poke[flat](position, record, integers, a),
+        "predict": predict,
+        "project all": project_all,
+        "match clusters": lambda step, offset: sim.matching.match(position),
+        "move to goals": move,
+        "find contacts": lambda step, offset: sim.contacts.find(before, position),
+        "project contacts": lambda step, offset: sim.contacts.project(before, position),
+        "attachments": lambda step, offset: sim.attach(before, position),
+        "update velocity": update_velocity,
+        "collide": collide,
+    }

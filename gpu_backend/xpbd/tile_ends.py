@@ -1,0 +1,220 @@
+"""How a tile's masses and multipliers come to a block and leave it again, as device functions.
+
+A thread looks after the same masses of the tile throughout. What the block owns is all that it writes; what it reads
+includes the halo.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.mass_spring.grid.strips import inlined
+from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_gather
+from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
+from gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each
+from gpu_backend.xpbd.tile import SheetTile
+from model.xpbd.plan import colour_order, families
+
+
+@cache
+def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
+    """How a tile's masses come into shared memory and leave it; `origin` is the place of its first mass in the sheet.
+
+    - `open_substep`: predicts from the state; `load`: from what the launch before left;
+    - `attach`: the long-range attachments; `store`: what the block owns, for the next launch;
+    - `close_substep`: velocities and colliders of what it owns, into the new state.
+    """
+    accelerate = make_accelerations(real, math, parts).accelerate
+    motion, tether_mass = make_motion(real, math, parts, axes), make_tethers(real, math)
+    predict, settle = motion.predict, motion.settle
+    jacobi = make_gather(real, math, parts, axes)
+    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, "gauss-seidel" not in parts
+    spot, each = make_lattice(math, tile.rows.size, tile.columns.size, False), masses_each(tile)
+    masses, threads = np.int32(tile.rows.size * tile.columns.size), np.int32(tile.threads)
+    pitch, damped, tethered, zero = np.int32(tile.pitch), dampers(parts), "attachments" in parts, real(0)
+    first_row, first_column = np.int32(tile.rows.before), np.int32(tile.columns.before)
+    end_row, end_column = np.int32(first_row + tile.rows.owned), np.int32(first_column + tile.columns.owned)
+    inline = inlined(math)
+
+    @inline
+    def mass(slot, origin, rows, columns):
+        """(whether the sheet has it, its place in the tile, its number, i, j) of a thread's mass."""
+        item = np.int32(cuda.threadIdx.x + slot * threads)
+        i, j = spot(item)
+        row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
+        there = item < masses and row >= 0 and row < rows and column >= 0 and column < columns
+        return there, np.int32(i * pitch + j), np.int32(row * columns + column), row, column
+
+    @inline
+    def owned(slot, origin, rows, columns):
+        """(whether the block owns it, its place in the tile, its number)."""
+        there, here, k, row, column = mass(slot, origin, rows, columns)
+        i, j = np.int32(row - origin[0]), np.int32(column - origin[1])
+        inside = i >= first_row and i < end_row and j >= first_column and j < end_column
+        return there and inside, here, k
+
+    @inline
+    def open_substep(position, velocity, shared, before, origin, record, integers, step, air, rows, columns):
+        for slot in range(each):
+            there, here, k, i, j = mass(slot, origin, rows, columns)
+            if there:
+                p, v = load_quad(position, k), load_quad(velocity, k)
+                ax, ay, az = accelerate(position, velocity, k, i, j, rows, columns, p, v, record, integers, step, air)
+                x, y, z = predict(p, v, ax, ay, az, record)
+                spare = p[3]
+                if has_shares:
+                    spare = share_of(valence_of(i, j, rows, columns), spare)
+                store_quad(shared, here, x, y, z, spare)
+                if damped:
+                    store_quad(before, here, p[0], p[1], p[2], p[3])
+        cuda.syncthreads()
+
+    @inline
+    def load(source, state, shared, before, origin, rows, columns):
+        for slot in range(each):
+            there, here, k, _, _ = mass(slot, origin, rows, columns)
+            if there:
+                p = load_quad(source, k)
+                store_quad(shared, here, p[0], p[1], p[2], p[3])
+                if damped:
+                    b = load_quad(state, k)
+                    store_quad(before, here, b[0], b[1], b[2], b[3])
+        cuda.syncthreads()
+
+    @inline
+    def attach(shared, old, state, anchors, reaches, count, origin, rows, columns):
+        if tethered:
+            for slot in range(each):
+                there, here, k, _, _ = mass(slot, origin, rows, columns)
+                if there:
+                    p = load_quad(shared, old + here)
+                    weight = load_quad(state, k)[3]
+                    x, y, z = tether_mass(p, weight, state, anchors, reaches, np.int64(k) * count, count)
+                    store_quad(shared, old + here, x, y, z, p[3])
+            cuda.syncthreads()
+
+    @inline
+    def store(shared, old, target, origin, rows, columns):
+        for slot in range(each):
+            mine, here, k = owned(slot, origin, rows, columns)
+            if mine:
+                p = load_quad(shared, old + here)
+                store_quad(target, k, p[0], p[1], p[2], p[3])
+
+    @inline
+    def close_substep(shared, old, state, target, velocity, origin, record, bodies, integers, number, rows, columns):
+        for slot in range(each):
+            mine, here, k = owned(slot, origin, rows, columns)
+            if mine:
+                b = load_quad(state, k)
+                px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), record, bodies, integers, number)
+                store_quad(target, k, px, py, pz, b[3])
+                store_quad(velocity, k, vx, vy, vz, zero)
+
+    return SimpleNamespace(
+        mass=mass, owned=owned, open_substep=open_substep, load=load, attach=attach, store=store,
+        close_substep=close_substep,
+    )  # fmt: skip
+
+
+@cache
+def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
+    """`fetch(multipliers, planes, origin, rows, columns)`: a thread's multipliers from the planes that the launch before
+    left, halo included; `leave(...)`: those of the constraints that the block owns, by their first mass, into the planes."""
+    inline = inlined(math)
+    if "gauss-seidel" not in parts:
+        return _jacobi_moves(real, math, parts, axes, tile)
+    moves: list[tuple[Any, Any]] = []
+    slot = 0
+    plane_of = {family: n for n, family in enumerate(f for f in families(parts) if compliant(parts, f))}
+    for family, colour in colour_order(parts):
+        if family in plane_of:
+            moves.append(_colour_moves(math, tile, family, colour, slot, plane_of[family]))
+            slot += colour_slots(tile, family)
+
+    def run_all(functions: list[Any]) -> Any:
+        if not functions:
+
+            @inline
+            def nothing(multipliers, planes, origin, rows, columns):
+                pass
+
+            return nothing
+        head, rest = functions[0], run_all(functions[1:])
+
+        @inline
+        def both(multipliers, planes, origin, rows, columns):
+            head(multipliers, planes, origin, rows, columns)
+            rest(multipliers, planes, origin, rows, columns)
+
+        return both
+
+    return SimpleNamespace(fetch=run_all([f for f, _ in moves]), leave=run_all([s for _, s in moves]))
+
+
+def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_slot: int, plane: int) -> tuple[Any, Any]:
+    """fetch and leave of one colour."""
+    constraint_place, slots = make_constraint_place(math, tile, family, colour), colour_slots(tile, family)
+    down, along = np.int32(family.rows), np.int32(abs(family.columns))
+    lead = np.int32(1 if family.columns < 0 else 0)  # of a rising diagonal the first mass lies to the right of (i, j)
+    most_rows, most_columns = np.int32(tile.rows.size), np.int32(tile.columns.size)
+    first_row, first_column = np.int32(tile.rows.before), np.int32(tile.columns.before)
+    end_row, end_column = np.int32(first_row + tile.rows.owned), np.int32(first_column + tile.columns.owned)
+    inline = inlined(math)
+
+    @inline
+    def place_of(slot, origin, rows, columns):
+        """(whether it is in sheet and tile, whether the block owns it, its number in the planes)."""
+        there, i, j = constraint_place(slot)
+        row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
+        there = there and row >= 0 and column >= 0 and row + down < rows and column + along < columns
+        there = there and i + down < most_rows and j + along < most_columns
+        mine = i >= first_row and i < end_row and j + lead >= first_column and j + lead < end_column
+        return there, there and mine, np.int64(plane) * rows * columns + np.int32(row * columns + column)
+
+    @inline
+    def fetch(multipliers, planes, origin, rows, columns):
+        for slot in range(slots):
+            there, _, at = place_of(slot, origin, rows, columns)
+            if there:
+                multipliers[first_slot + slot] = planes[at]
+
+    @inline
+    def leave(multipliers, planes, origin, rows, columns):
+        for slot in range(slots):
+            _, mine, at = place_of(slot, origin, rows, columns)
+            if mine:
+                planes[at] = multipliers[first_slot + slot]
+
+    return fetch, leave
+
+
+def _jacobi_moves(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
+    ends, each = make_tile_ends(real, math, parts, axes, tile), masses_each(tile)
+    mass, owned = ends.mass, ends.owned
+    slots = 4 * sum(f"{kind}-compliance" in parts for kind in KINDS)
+    inline = inlined(math)
+
+    @inline
+    def fetch(multipliers, planes, origin, rows, columns):
+        for slot in range(each):
+            there, _, k, _, _ = mass(slot, origin, rows, columns)
+            if there:
+                for n in range(slots):
+                    multipliers[slot * slots + n] = planes[np.int64(n) * rows * columns + k]
+
+    @inline
+    def leave(multipliers, planes, origin, rows, columns):
+        for slot in range(each):
+            mine, _, k = owned(slot, origin, rows, columns)
+            if mine:
+                for n in range(slots):
+                    planes[np.int64(n) * rows * columns + k] = multipliers[slot * slots + n]
+
+    return SimpleNamespace(fetch=fetch, leave=leave)

@@ -1,0 +1,175 @@
+"""The kernels that project in shared memory: `one-block`, a small sheet that stays there for many steps, and `tiled`.
+
+A block of `tiled` loads its tile with a halo (xpbd/tile.py), does some iterations of all colours and writes what it owns
+into other buffers, which the next launch reads: one launch for what `graph` needs one a colour for. The first launch of a
+substep predicts, halo included; the last one makes velocities and meets the colliders. No block waits for another.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.mass_spring.cloth.kernels import make_block_air
+from gpu_backend.mass_spring.grid.point import kernel_options
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
+from gpu_backend.xpbd.constraints import dampers, make_constants
+from gpu_backend.xpbd.kernels import make_clock
+from gpu_backend.xpbd.sweep import copies, make_jacobi_sweep, make_sweep, register_multipliers
+from gpu_backend.xpbd.tile import SheetTile
+from gpu_backend.xpbd.tile_ends import make_multiplier_moves, make_tile_ends
+from model.xpbd.plan import families
+
+
+@cache
+def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+    """iterate(iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
+    columns) -> where in `shared` the positions are afterwards."""
+    attach = make_tile_ends(real, math, parts, axes, tile).attach
+    colours = "gauss-seidel" in parts
+    sweep = make_sweep(real, math, parts, axes, tile) if colours else None
+    jacobi_sweep = None if colours else make_jacobi_sweep(real, math, parts, axes, tile)
+    some, inline = bool(families(parts)), inlined(math)
+
+    if colours or not some:
+        sweep = sweep or make_sweep(real, math, parts, axes, tile)
+
+        @inline
+        def iterate(
+            iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
+            columns,
+        ):  # fmt: skip
+            old = np.int32(0)
+            for _ in range(iterations):
+                sweep(shared, before, multipliers, constants, bounds)
+                attach(shared, old, state, anchors, reaches, count, origin, rows, columns)
+            return old
+    else:
+
+        @inline
+        def iterate(
+            iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
+            columns,
+        ):  # fmt: skip
+            old = np.int32(0)
+            for _ in range(iterations):
+                old = jacobi_sweep(
+                    shared, old, before, multipliers, constants, bounds, state, origin, rows, columns
+                )  # fmt: skip
+                attach(shared, old, state, anchors, reaches, count, origin, rows, columns)
+            return old
+
+    return iterate
+
+
+@cache
+def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+    """one_block(position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps, substeps, iterations,
+    rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the tile's threads."""
+    ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
+    open_substep, close_substep = ends.open_substep, ends.close_substep
+    constants_of, clock, block_air = make_constants(math), make_clock(math, parts), make_block_air(real, math, parts)
+    kept, scalar = register_multipliers(parts, tile), np.dtype(real) if simulated() else real
+    before_place = np.int32((copies(parts) - dampers(parts)) * tile.quads * 4 if dampers(parts) else 0)
+    zero, no_place = real(0), np.int32(0)
+
+    def one_block(
+        position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps, substeps, iterations,
+        rows, columns,
+    ):  # fmt: skip
+        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
+        before = shared[before_place:]
+        multipliers = cuda.local.array(kept, real)
+        rows, columns = np.int32(rows), np.int32(columns)
+        bounds, origin = (no_place, rows, no_place, columns), (no_place, no_place)
+        constants = constants_of(record)
+        for place in range(steps):
+            for substep in range(substeps):
+                step, number = clock(counter, place, substeps, substep)
+                air = block_air(record, integers, number, zero)
+                for slot in range(kept):
+                    multipliers[slot] = zero
+                open_substep(
+                    position, velocity, shared, before, origin, record, integers, step, air, rows, columns
+                )  # fmt: skip
+                old = iterate(
+                    iterations, shared, before, multipliers, constants, bounds, position, anchors, reaches, count,
+                    origin, rows, columns,
+                )  # fmt: skip
+                close_substep(
+                    shared, old, position, position, velocity, origin, record, bodies, integers, number, rows, columns
+                )  # fmt: skip
+                cuda.syncthreads()
+
+    name = f"xpbd_{variant_name(real, math, axes, parts, tile.name)}"
+    return make_kernel(one_block, name, launch_bounds=(tile.threads, 1), **kernel_options(math))
+
+
+@cache
+def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+    """tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record, bodies,
+    integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns): some iterations of a substep.
+
+    `state` holds the positions and `velocity` the velocities at the substep's beginning; an `opening` launch begins with
+    them, another one with `source` and the multipliers of `planes`; a `closing` one leaves the new state, another one
+    positions and multipliers for the next. A block a tile.
+    """
+    ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
+    moves = make_multiplier_moves(real, math, parts, axes, tile)
+    open_substep, load, store, close_substep = ends.open_substep, ends.load, ends.store, ends.close_substep
+    fetch, leave = moves.fetch, moves.leave
+    constants_of, clock, block_air = make_constants(math), make_clock(math, parts), make_block_air(real, math, parts)
+    kept, scalar = register_multipliers(parts, tile), np.dtype(real) if simulated() else real
+    before_place = np.int32((copies(parts) - dampers(parts)) * tile.quads * 4 if dampers(parts) else 0)
+    first_row, first_column = (
+        np.int32(tile.rows.start - tile.rows.before),
+        np.int32(tile.columns.start - tile.columns.before),
+    )
+    step_down, step_across = np.int32(tile.rows.owned), np.int32(tile.columns.owned)
+    size_down, size_across = np.int32(tile.rows.size), np.int32(tile.columns.size)
+    zero, no_place = real(0), np.int32(0)
+
+    def tiled(
+        state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record, bodies,
+        integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns,
+    ):  # fmt: skip
+        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
+        before = shared[before_place:]
+        multipliers = cuda.local.array(kept, real)
+        rows, columns = np.int32(rows), np.int32(columns)
+        i = np.int32(cuda.blockIdx.y * step_down + first_row)
+        j = np.int32(cuda.blockIdx.x * step_across + first_column)
+        origin = (i, j)
+        bounds = (
+            np.int32(max(no_place, -i)), np.int32(min(size_down, rows - i)),
+            np.int32(max(no_place, -j)), np.int32(min(size_across, columns - j)),
+        )  # fmt: skip
+        step, number = clock(counter, place, substeps, substep)
+        constants = constants_of(record)
+        for slot in range(kept):
+            multipliers[slot] = zero
+        if opening:
+            air = block_air(record, integers, number, zero)
+            open_substep(state, velocity, shared, before, origin, record, integers, step, air, rows, columns)
+        else:
+            fetch(multipliers, planes, origin, rows, columns)
+            load(source, state, shared, before, origin, rows, columns)
+        old = iterate(
+            iterations, shared, before, multipliers, constants, bounds, state, anchors, reaches, count, origin, rows,
+            columns,
+        )  # fmt: skip
+        if closing:
+            close_substep(
+                shared, old, state, target, new_velocity, origin, record, bodies, integers, number, rows, columns
+            )  # fmt: skip
+        else:
+            store(shared, old, target, origin, rows, columns)
+            leave(multipliers, new_planes, origin, rows, columns)
+
+    name = f"xpbd_{variant_name(real, math, axes, parts, tile.name)}"
+    return make_kernel(tiled, name, launch_bounds=(tile.threads, 1), **kernel_options(math))

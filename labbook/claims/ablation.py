@@ -1,0 +1,38 @@
+"""What the lab book may say about what scenes need (`softlab ablate`); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.advise.ablation_results import NEEDED, NOT_NEEDED
+from labbook.claims.claim import Claim
+from labbook.words import count
+from plots.core.data import Results
+from plots.figures.ablation import told_tables
+
+
+def needs(results: Results) -> Claim:
+    """One sentence a scene and backend: the parts that it needs, and what is enough."""
+    _, tables = told_tables(results)
+    if not tables:
+        return Claim("What the scenes need was not measured.")
+    numbers: dict[str, float] = {}
+    for table in tables:
+        verdicts = [table.verdict(row) for row in table.rows]
+        name = f"{table.title}, {table.backend}"
+        numbers |= {f"{name}: {verdict}": float(verdicts.count(verdict)) for verdict in (NEEDED, NOT_NEEDED)}
+    return Claim(" ".join(table.sentence() for table in tables), numbers, True)
+
+
+def idle(results: Results) -> Claim:
+    """How much of what was left out was not needed."""
+    _, tables = told_tables(results)
+    rows = [(table, row) for table in tables for row in table.rows]
+    if not rows:
+        return Claim("Nothing was left out of a scene.")
+    spare = sum(table.verdict(row) == NOT_NEEDED for table, row in rows)
+    text = f"Of {count(len(rows))} things that were left out, {count(spare)} changed less than the method's own error."
+    return Claim(text, {"rows": float(len(rows)), "spare": float(spare)}, True)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {"ablation-needs": needs, "ablation-idle": idle}

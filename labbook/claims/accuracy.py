@@ -1,0 +1,169 @@
+"""What the lab book may say about accuracy; see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.accuracy.equal_error import TARGETS
+from bench.experiments.accuracy.equal_error import equal_error as ways_to
+from labbook import words
+from labbook.claims.claim import Claim, on_gpu
+from labbook.words import number, seconds
+from model.core.integrators import INTEGRATORS
+from plots.core.accuracy_points import Point, observed_order, order_points, points, reaching
+from plots.core.data import Results
+from plots.figures.work_precision import accurate_source
+
+__all__ = ["CLAIMS", "TARGETS"]
+
+NEAR = 0.25  # how far an observed order may be from the declared one to count as the same
+SCENE = "S1"  # the scene whose numbers the text quotes; tables hold both
+
+
+def found_points(results: Results) -> list[Point]:
+    """The accuracy runs of the source that the chapter is about, of the scene that the text quotes."""
+    source = accurate_source(results)
+    return points(source, SCENE) if source else []
+
+
+def lab_newton(results: Results) -> Claim:
+    """The hand-out's step against Newton's law."""
+    mine = order_points(found_points(results), "lab")
+    order = observed_order([(p.dt, p.error) for p in mine])
+    if order is None:
+        return Claim("The hand-out's step was not held against Newton's law.")
+    coarse, fine = max(mine, key=lambda p: p.dt), min(mine, key=lambda p: p.dt)
+    flat = abs(order) < NEAR
+    text = (
+        f"In {SCENE}, its error against Newton's law is {number(coarse.error, 2)} spacings at "
+        f"{seconds(coarse.dt, 2)} and {number(fine.error, 2)} at {seconds(fine.dt, 2)}: observed order {order:.2f}, "
+    )
+    text += "so smaller steps do not help." if flat else "so the step size does change it."
+    return Claim(text, {"order": order, "coarse": coarse.error, "fine": fine.error}, flat)
+
+
+def lab_half(results: Results) -> Claim:
+    """The hand-out's step against the equation with half the acceleration."""
+    mine = [p for p in order_points(found_points(results), "lab") if p.half]
+    order = observed_order([(p.dt, p.half or 0.0) for p in mine])
+    if order is None:
+        return Claim("It was not held against the equation with half the acceleration.")
+    fine = min(mine, key=lambda p: p.dt)
+    first = abs(order - 1) < NEAR
+    text = (
+        f"Against the equation with half the acceleration it is {number(fine.half or 0.0, 2)} spacings at "
+        f"{seconds(fine.dt, 2)}, observed order {order:.2f}"
+    )
+    text += ": this is the equation it solves." if first else "; first order was expected and is not seen here."
+    return Claim(text, {"order": order, "fine": fine.half or 0.0}, first)
+
+
+def orders(results: Results) -> Claim:
+    """Observed against declared orders of the integrators that have a declared order."""
+    found = found_points(results)
+    parts, numbers, near = [], {}, True
+    for name in ("semi-implicit-euler", "velocity-verlet", "rk4"):
+        order = observed_order([(p.dt, p.error) for p in order_points(found, name) if p.resolved])
+        if order is not None:
+            parts.append(f"{order:.2f} for {name} (declared {INTEGRATORS[name].order})")
+            numbers[name] = order
+            near = near and abs(order - INTEGRATORS[name].order) < NEAR
+    if not parts:
+        return Claim("The orders of the other integrators were not measured.")
+    verdict = "" if near else "; not all of them are near what they declare"
+    return Claim(f"In {SCENE}, in float64, the observed orders are {words.listed(parts)}{verdict}.", numbers, near)
+
+
+def broken(results: Results) -> Claim:
+    """How many runs diverged, and of which integrators."""
+    found = found_points(results)
+    lost = [p for p in found if p.diverged]
+    if not found:
+        return Claim("No accuracy runs were measured.")
+    names = list(dict.fromkeys(p.integrator for p in lost))
+    if not lost:
+        return Claim(f"None of the {len(found)} runs of {SCENE} diverged.", {"diverged": 0}, True)
+    text = f"Of the {len(found)} runs of {SCENE}, {len(lost)} diverged, all with {words.listed(names)}."
+    return Claim(text, {"diverged": len(lost)}, True)
+
+
+def float32_floor(results: Results) -> Claim:
+    """Where float32 stops to gain: the least error in float32 against float64 of the same integrator, rk4."""
+    found = [p for p in found_points(results) if p.integrator == "rk4" and not p.diverged and p.backend == "cpu"]
+    least = {
+        precision: min((p for p in found if p.precision == precision), key=lambda p: p.error, default=None)
+        for precision in ("float32", "float64")
+    }
+    single, double = least["float32"], least["float64"]
+    if single is None or double is None:
+        return Claim("Where float32 stops to gain was not measured.")
+    numbers = {"float32": single.error, "float64": double.error}
+    if single.error < 2 * double.error:
+        return Claim("At these step sizes, float32 and float64 reach about the same error.", numbers, False)
+    text = (
+        f"The least error that rk4 reaches in float32 is {number(single.error, 2)} spacings, against "
+        f"{number(double.error, 2)} in float64: below that, rounding decides."
+    )
+    return Claim(text, numbers, True)
+
+
+def fastest(results: Results, target: float = 1e-3) -> Claim:
+    """The configuration that reaches an error soonest, and whether the next integrator is clearly slower."""
+    able = reaching(found_points(results), target)
+    at = f"An error of {number(target, 1)} spacings in {SCENE}"
+    if not able:
+        return Claim(
+            f"{at} was reached by no timed configuration." if found_points(results) else "No costs were measured."
+        )
+    best = able[0]
+    other = next((p for p in able if p.integrator != best.integrator), None)
+    text = f"{at} is reached soonest by {best.name}: {seconds(best.seconds or 0.0)} of wall time a simulated second"
+    numbers = {"seconds": best.seconds or 0.0, "error": best.error}
+    if other is None:
+        return Claim(f"{text}; no other integrator reaches it at these step sizes.", numbers, True)
+    clear = best.high is not None and other.low is not None and best.high < other.low
+    numbers["next"] = other.seconds or 0.0
+    after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}"
+    text += f"; {after}." if clear else f"; {after}, no difference beyond the spread."
+    return Claim(text, numbers, clear)
+
+
+def equal_error(results: Results, target: float = 1e-3) -> Claim:
+    """GPU against CPU at equal error."""
+    for source in (*results.featured, *results.background):
+        found = points(source, SCENE)
+        best = {name: reaching([p for p in found if p.backend == name], target)[:1] for name in ("cpu", "gpu")}
+        if best["cpu"] and best["gpu"]:
+            break
+    else:
+        return Claim("GPU and CPU were not compared at equal error.")
+    cpu, gpu = best["cpu"][0], best["gpu"][0]
+    ratio = (cpu.seconds or 0.0) / (gpu.seconds or 1.0)
+    bounds = (cpu.low, cpu.high, gpu.low, gpu.high)
+    clear = None not in bounds and ((cpu.low or 0) > (gpu.high or 0) or (cpu.high or 0) < (gpu.low or 0))
+    at = (
+        f"{on_gpu(source)}, at an error of {number(target, 1)} spacings in {SCENE} and with the fastest configuration "
+        "of each,"
+    )
+    if not clear:
+        return Claim(f"{at} GPU and CPU differ by no more than the spread.", {"ratio": ratio}, False)
+    one, other, factor = ("GPU", "CPU", ratio) if ratio > 1 else ("CPU", "GPU", 1 / ratio)
+    text = f"{at} the {one} is {words.times(factor)} as fast as the {other}"
+    numbers = {"ratio": ratio}
+    copied = ways_to(found, [target])[0].speed_up_copied
+    if copied is not None:
+        numbers["copied"] = copied
+        there = words.times(copied if ratio > 1 else 1 / copied)
+        text += f", and {there} with the copy of the end state to the host in both times"
+    return Claim(f"{text}.", numbers, True)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "lab-newton": lab_newton,
+    "lab-half": lab_half,
+    "orders": orders,
+    "broken": broken,
+    "float32-floor": float32_floor,
+    "fastest": fastest,
+    "equal-error": equal_error,
+}

@@ -1,0 +1,319 @@
+"""What the lab book may say about three solvers on one bar, and about laws of bodies (`softlab bar`); see
+labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
+from bench.experiments.bar_body import CLUSTERS, REACH
+from bench.experiments.bar_strip import (
+    ACROSS,
+    DECAY,
+    FRAME,
+    FREQUENCY,
+    LENGTH,
+    SAG,
+    WEIGHT,
+    chain_frequency,
+    chain_of_clusters,
+    chain_sag,
+    implicit_frequency,
+    method_of,
+    strip,
+    verlet_frequency,
+)
+from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
+from labbook import words
+from labbook.claims.claim import Claim
+from labbook.words import number, percent, seconds
+from plots.core.bar_points import JELLY, Bar, bars, first_backend, series
+from plots.core.data import Results
+
+NEAR = 1e-4  # what agrees with a closed form to so much follows it
+EQUAL = 1e-6  # relative: of numbers in exact math on two backends
+
+
+def _found(results: Results) -> list[Bar]:
+    found, _ = bars(results)
+    return first_backend(found) if found else []
+
+
+def _strips(results: Results, solver: str, size: float = 1) -> list[Bar]:
+    return series(_found(results), solver, lambda bar: bar.fine, size=size)
+
+
+def _one(found: list[Bar], fine: int, substeps: int) -> Bar | None:
+    return next((bar for bar in found if (bar.fine, bar.substeps) == (fine, substeps)), None)
+
+
+def _off(bar: Bar, name: str, exact: float) -> float:
+    return abs(bar.values[name] / exact - 1)
+
+
+def springs(results: Results) -> Claim:
+    """Mass-spring, and XPBD with iterations to spare, are a chain of springs."""
+    explicit = [bar for bar in _strips(results, "mass-spring") if {SAG, FREQUENCY} <= set(bar.values)]
+    refused = [bar for bar in _strips(results, "mass-spring") if bar.refused]
+    implicit = [bar for bar in _strips(results, "xpbd, converged") if {SAG, FREQUENCY} <= set(bar.values)]
+    if not explicit or not implicit:
+        return Claim("A bar of springs was not measured.")
+    forces = max(
+        max(_off(b, SAG, chain_sag(b.fine)),
+            _off(b, FREQUENCY, verlet_frequency(chain_frequency(b.fine), FRAME / b.substeps)))
+        for b in explicit
+    )  # fmt: skip
+    at_once = [b for b in implicit if b.substeps == FINEST]
+    positions = max(
+        (max(_off(b, SAG, chain_sag(b.fine)),
+             _off(b, FREQUENCY, implicit_frequency(chain_frequency(b.fine), FRAME / b.substeps))) for b in at_once),
+        default=float("inf"),
+    )  # fmt: skip
+    coarse = min(explicit, key=lambda b: b.fine)
+    text = (
+        f"Mass-spring sags and swings as a chain of springs does, to {number(forces, 1)} of it; XPBD, with iterations to "
+        f"spare and {FINEST} substeps, to {number(positions, 1)}. With {coarse.fine} masses that is "
+        f"{percent((coarse.part(SAG) or 1) - 1)} more sag than a rod's."
+    )
+    if refused:
+        most = max(bar.substeps for bar in refused)
+        text += (
+            f" Up to {most} steps a frame mass-spring is refused at {SOME_LINKS} masses: over the limit of its springs."
+        )
+    return Claim(text, {"mass-spring": forces, "xpbd": positions}, max(forces, positions) < NEAR)
+
+
+def iterations(results: Results) -> Claim:
+    """One iteration of XPBD carries a load on by one mass: too few substeps make it softer, the more the finer it is."""
+    found = {name: _strips(results, name) for name in ("xpbd", "xpbd, converged")}
+    few = [bar for bar in found["xpbd"] if bar.fine == SOME_LINKS and SAG in bar.values]
+    fine = [bar for bar in found["xpbd"] if bar.substeps == FINEST and SAG in bar.values]
+    if len(few) < 2 or len(fine) < 2:
+        return Claim("One iteration of XPBD a substep was not measured on the bar.")
+    worst, finest = min(few, key=lambda b: b.substeps), max(fine, key=lambda b: b.fine)
+    right = _one(found["xpbd, converged"], worst.fine, worst.substeps)
+    numbers = {
+        "few": worst.values[SAG] / chain_sag(worst.fine), "fine": finest.values[SAG] / chain_sag(finest.fine),
+        "converged": right.values[SAG] / chain_sag(right.fine) if right and SAG in right.values else 1.0,
+    }  # fmt: skip
+    text = (
+        f"With one iteration a substep XPBD sags by {words.times(numbers['few'])} what its springs say at "
+        f"{_substeps(worst)} a frame, and with iterations to spare by {number(numbers['converged'], 3)} times; at "
+        f"{FINEST} substeps one iteration leaves it {percent(_sag(few, FINEST) - 1)} too soft with {SOME_LINKS} masses, "
+        f"and {percent(numbers['fine'] - 1)} with {finest.fine}"
+    )
+    grows = numbers["few"] > 1.1 and numbers["fine"] > _sag(few, FINEST)
+    told = ": an iteration carries a load on by a mass or a colour, so that a finer bar asks for more of them."
+    return Claim(text + (told if grows else "."), numbers, grows)
+
+
+def _substeps(bar: Bar) -> str:
+    return f"{bar.substeps} substep{'' if bar.substeps == 1 else 's'}"
+
+
+def _sag(found: list[Bar], substeps: int) -> float:
+    """Over the chain's, of SOME_LINKS at so many substeps; 1 where it was not measured."""
+    bar = _one(found, SOME_LINKS, substeps)
+    return bar.values[SAG] / chain_sag(bar.fine) if bar and SAG in bar.values else 1.0
+
+
+def windows(results: Results) -> Claim:
+    """The lattice of clusters is its own linear system; what windows at the ends and too few substeps do to it."""
+    found = [bar for bar in _found(results) if bar.solver == "shape-matching" and {SAG, FREQUENCY} <= set(bar.values)]
+    if not found:
+        return Claim("A bar by shape matching was not measured.")
+    sags, swings = [], []
+    for bar in found:
+        method = method_of(bar.solver, bar.substeps, region=int(bar.size))
+        sag, frequency = chain_of_clusters(strip(bar.fine, method))
+        sags.append(_off(bar, SAG, sag))
+        swings.append(_off(bar, FREQUENCY, frequency))
+    large = max(found, key=lambda b: (b.size, -b.fine, b.substeps))
+    small = _one([b for b in found if b.size == 1], large.fine, large.substeps)
+    numbers = {"sag": max(sags), "frequency": max(swings), "largest": large.part(SAG) or 0.0}
+    text = (
+        f"Shape matching is the linear system of its clusters: sags agree with it to {number(max(sags), 1)}, frequencies to "
+        f"{number(max(swings), 1)}, as the swing is not quite one mode of theirs"
+    )
+    if small and large.size > 1:
+        numbers["smallest"] = small.part(SAG) or 0.0
+        text += (
+            ". All windows are as stiff in a long, even stretch, but those that an end cuts off are softer: with "
+            f"{large.fine} masses and {_substeps(large)} windows of {_window(small)} sag by "
+            f"{number(numbers['smallest'])} times what a rod does, of {_window(large)} by {number(numbers['largest'])}"
+        )
+    return Claim(text + ".", numbers, max(sags) < NEAR)
+
+
+def _window(bar: Bar) -> str:
+    wide = 2 * int(bar.size) + 1
+    return f"{wide}{words.SPACE}{words.TIMES}{words.SPACE}{wide}"
+
+
+def shear(results: Results) -> Claim:
+    """Held at its side: springs hang down, clusters bend."""
+    hanging: list[Bar] = []
+    bending: list[Bar] = []
+    for solver, found in (("mass-spring", hanging), ("xpbd", hanging), ("shape-matching", bending)):
+        bar = _one(_strips(results, solver), SOME_LINKS, FINEST)
+        if bar and ACROSS in bar.values:
+            found.append(bar)
+    if not hanging or not bending:
+        return Claim("What resists shear was not measured.")
+    least, clusters = min(bar.values[ACROSS] for bar in hanging), bending[0]
+    numbers = {"springs": least / LENGTH, "clusters": clusters.part(ACROSS) or 0.0}
+    clear = numbers["springs"] > 0.9 and numbers["clusters"] < 2
+    return Claim(
+        f"Held at its left side, under an acceleration of {number(WEIGHT, 1)} m/s², the strip of springs ends hanging down "
+        f"from there, its end {percent(least / LENGTH)} of its length lower, under mass-spring and XPBD alike: nothing in it "
+        f"resists shear, whatever the load. The one of clusters bends by {percent(clusters.values[ACROSS] / LENGTH)} of its "
+        f"length, {number(numbers['clusters'])} times a beam of the same material.",
+        numbers, clear,
+    )  # fmt: skip
+
+
+def losses(results: Results) -> Claim:
+    """What each takes from an undamped swing."""
+    parts, numbers = [], {}
+    for solver, name in (("mass-spring", "mass-spring"), ("xpbd", "XPBD"), ("shape-matching", "shape matching")):
+        found = [bar for bar in _strips(results, solver) if bar.fine == SOME_LINKS and DECAY in bar.values]
+        bar = _one(found, SOME_LINKS, FINEST)
+        if bar:
+            numbers[solver] = abs(bar.values[DECAY])
+            told = "nothing" if numbers[solver] < 1e-9 else f"{number(numbers[solver], 2)} of it a second"
+            parts.append(f"{name} takes {told}")
+    if len(parts) < 3:
+        return Claim("What the solvers take from the bar's swing was not measured.")
+    text = (
+        f"Of the amplitude of a swing that nothing damps, at {FINEST} steps or substeps a frame, {words.listed(parts)}."
+    )
+    return Claim(text, numbers, numbers["mass-spring"] < 1e-9 < min(numbers["xpbd"], numbers["shape-matching"]))
+
+
+def overlap(results: Results) -> Claim:
+    """The jelly bar: what overlap and spacing make of a stiffness, and where clusters make one material."""
+    found = [bar for bar in _found(results) if bar.solver == JELLY and FREQUENCY in bar.values]
+    by_size = [b for b in found if (b.fine, b.substeps) == (SOME_LAYERS, FINEST)]
+    if len(by_size) < 2:
+        return Claim("A jelly bar was not measured at several overlaps.")
+    by_size.sort(key=lambda b: b.size)
+    parts = [
+        f"{number(100 * (bar.part(FREQUENCY) or 0.0), 3)}{words.SPACE}% at {number(bar.size, 3)} "
+        f"({number(bar.values[CLUSTERS], 2)} clusters a particle)"
+        for bar in by_size
+    ]
+    stiffer = (by_size[-1].values[REACH] / by_size[0].values[REACH]) ** 2
+    numbers = {f"{bar.size:g}": bar.part(FREQUENCY) or 0.0 for bar in by_size} | {"stiffer": stiffer}
+    return Claim(
+        "A cluster stiffness is no material: drawn out evenly, the bar is as stiff as that times the mean square of the "
+        f"offsets in its clusters, {words.times(stiffer)} as much at an overlap of {number(by_size[-1].size, 2)} as at "
+        f"{number(by_size[0].size, 2)}. With that taken out, it swings at {words.listed(parts)} of a rod's frequency.",
+        numbers, abs(numbers.get(f"{SOME_OVERLAP:g}", 0.0) - 1) < 0.05,
+    )  # fmt: skip
+
+
+def jelly_substeps(results: Results) -> Claim:
+    """The jelly bar against substeps."""
+    found = series(_found(results), JELLY, lambda b: b.substeps, fine=SOME_LAYERS, size=SOME_OVERLAP)
+    found = [bar for bar in found if {SAG, FREQUENCY} <= set(bar.values)]
+    if len(found) < 2:
+        return Claim("A jelly bar was not measured at several numbers of substeps.")
+    few, many = found[0], found[-1]
+    numbers = {"few": few.part(SAG) or 0.0, "many": many.part(SAG) or 0.0, "decay": many.values[DECAY]}
+    return Claim(
+        f"The standing jelly bar is shortened by {number(numbers['few'])} times what a rod is at {_substeps(few)} a frame, "
+        f"by {number(numbers['many'])} at {_substeps(many)}; it swings at {percent(few.part(FREQUENCY) or 0.0)} and "
+        f"{percent(many.part(FREQUENCY) or 0.0)} of a rod's frequency.",
+        numbers, abs(numbers["many"] - 1) < abs(numbers["few"] - 1),
+    )  # fmt: skip
+
+
+def _laws(results: Results, law: str) -> list[Bar]:
+    """The rows of a law of its first precision, by substeps."""
+    found = [bar for bar in _found(results) if bar.law == law]
+    return sorted((b for b in found if b.precision == "float64"), key=lambda b: b.substeps)
+
+
+def spin(results: Results) -> Claim:
+    """S7 and A8: a rigid body loses spin by its law."""
+    found = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
+    if not found:
+        return Claim("The spin of a rigid body was not measured.")
+    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
+    parts = [f"{percent(bar.values[KEPT])} at {_substeps(bar)} a frame" for bar in found]
+    return Claim(
+        f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: what the law "
+        f"says, to {number(off, 1)}.",
+        {"off": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
+    )  # fmt: skip
+
+
+def flight(results: Results) -> Claim:
+    """A thrown, spinning soft body: momenta."""
+    found = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
+    if not found:
+        return Claim("The momenta of a thrown soft body were not measured.")
+    off = max(bar.values[MOMENTUM] for bar in found)
+    parts = [f"{percent(1 - bar.values[KEPT])} at {_substeps(bar)} a frame" for bar in found]
+    return Claim(
+        f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity gives it; of its "
+        f"angular momentum it loses {words.listed(parts)} within {seconds(SECONDS[FLIGHT], 1)}, as "
+        "position-based solvers do.",
+        {"momentum": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
+    )  # fmt: skip
+
+
+def rest(results: Results) -> Claim:
+    """A dropped soft body lies still."""
+    found = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
+    if not found:
+        return Claim("Whether a dropped soft body comes to rest was not measured.")
+    parts = [f"{number(bar.values[ENERGY], 1)} at {_substeps(bar)} a frame" for bar in found]
+    still = [bar for bar in found if bar.values[ENERGY] < STILL]
+    text = (
+        f"The kinetic energy of a soft body that was dropped is, after {seconds(SECONDS[DROP], 2)}, {words.listed(parts)} of "
+        f"the drop's, where under {number(STILL, 1)} counts as rest"
+    )
+    if 0 < len(still) < len(found):
+        text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"
+    numbers = {str(bar.substeps): bar.values[ENERGY] for bar in found}
+    return Claim(text + ".", numbers, bool(still))
+
+
+def backends(results: Results) -> Claim:
+    """Whether both backends say the same."""
+    held: dict[object, dict[str, Bar]] = {}
+    for bar in bars(results)[0]:
+        key = (bar.precision, bar.solver, bar.fine, bar.size, bar.substeps, bar.law)
+        held.setdefault(key, {})[bar.backend] = bar
+    if not held:
+        return Claim("The bar was not measured on any backend.")
+    both = [pair for pair in held.values() if len(pair) == 2]
+    if not both:
+        (name,) = {name for pair in held.values() for name in pair} or {"cpu"}
+        return Claim(f"These are of the {name.upper()} alone, so that the backends are not compared.")
+    off = 0.0
+    for pair in both:
+        one, other = pair.values()
+        for name in one.values.keys() & other.values.keys():
+            scale = max(abs(one.values[name]), abs(other.values[name]), 1e-9)
+            off = max(off, abs(one.values[name] - other.values[name]) / scale)
+    same = off < EQUAL
+    what = "the same numbers" if same else "other numbers, a bug of this lab:"
+    text = f"On {len(both)} configurations CPU and GPU give {what} to {number(off, 1) if off else 'the last bit'}."
+    return Claim(text, {"off": off, "configurations": float(len(both))}, same)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "bar-springs": springs,
+    "bar-iterations": iterations,
+    "bar-windows": windows,
+    "bar-shear": shear,
+    "bar-losses": losses,
+    "bar-overlap": overlap,
+    "bar-jelly-substeps": jelly_substeps,
+    "body-spin": spin,
+    "body-flight": flight,
+    "body-rest": rest,
+    "bar-backends": backends,
+}

@@ -1,0 +1,44 @@
+"""What the lab book may say about threads beside another program (`softlab busy`); see labbook/claims/claim.py for the
+rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.busy import ALONE, LIMIT, NICED, SAME, BusyPoint, points
+from labbook import words
+from labbook.claims.claim import Claim
+from plots.core.data import Results
+
+NAMES = {
+    ALONE: "with the cores to themselves",
+    NICED: "beside a niced program",
+    SAME: "beside one of the same priority",
+}
+
+
+def busy(results: Results) -> Claim:
+    """The worst scene in each company: its step on all threads over that on one."""
+    found: list[BusyPoint] = []
+    for source in (*results.featured, *results.background):
+        found = found or points(source.measures)
+    if not found:
+        return Claim("What another program costs threads was not measured.")
+    parts, numbers = [], {}
+    for kind, name in NAMES.items():
+        mine = [p for p in found if p.beside == kind]
+        if mine:
+            worst = max(mine, key=lambda p: p.ratio)
+            numbers[kind] = worst.ratio
+            parts.append(f"{name} at most {words.number(worst.ratio)} times ({worst.scene})")
+    policies = words.listed(sorted({p.wait_policy for p in found}))
+    scenes, threads = len({p.scene for p in found}), words.listed(sorted({str(p.threads) for p in found}))
+    text = (
+        f"A step on {threads} threads takes, of what it takes on one in the same company, {words.listed(parts)}: the worst "
+        f"of {words.count(scenes)} scenes, wait policy {policies}."
+    )
+    supported = all(ratio <= LIMIT for kind, ratio in numbers.items() if kind != ALONE)
+    return Claim(text, numbers, supported)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {"busy": busy}

@@ -1,0 +1,255 @@
+"""What the lab book may say: every claim is a function of the results that returns a sentence made from the data.
+
+A claim is `supported` when the repeats of what it compares do not overlap (or a number it needs is there at all).
+Otherwise its sentence is neutral: no difference beyond the spread, or not measured. Timings whose answer was wrong take
+no part. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from bench.store.results import Timing
+from labbook import words
+from labbook.words import masses, percent, seconds, times
+from plots.core.data import THREAD_WORDS, Results, Source, is_wrong
+from plots.figures.bandwidth import copy_bandwidth, fraction
+from plots.figures.precisions import float64_pairs
+
+FLAT = 1.5  # a time that grew by less counts as flat
+
+
+@dataclass(frozen=True)
+class Claim:
+    """`sentence`: one or two sentences, whole; `numbers`: what they were made from; `supported`: by the data."""
+
+    sentence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    supported: bool = False
+
+
+def cpu_source(results: Results) -> Source | None:
+    """The machine whose CPU times the text quotes: the first featured one that has any, of forced kernels at least."""
+    for held in ("timings", "kernels"):
+        for source in results.featured:
+            if any(timing.backend == "cpu" for timing in getattr(source, held)):
+                return source
+    return None
+
+
+def on_gpu(source: Source) -> str:
+    """`On the NVIDIA H200`, and that these are the committed measurements where they are not the reader's own."""
+    return f"On the {source.gpu}{'' if source.own else ' (committed measurements)'}"
+
+
+def where(backend: str, source: Source) -> str:
+    """`the GPU (NVIDIA H200)`."""
+    return f"the {backend.upper()} ({source.gpu if backend == 'gpu' else source.processor})"
+
+
+def clearly(a: Timing, b: Timing) -> int:
+    """-1 where every repeat of a is faster than every repeat of b, 1 where slower, 0 where they overlap."""
+    return -1 if a.high < b.low else 1 if a.low > b.high else 0
+
+
+def sound(times_: list[Timing]) -> list[Timing]:
+    """Those whose answer was right."""
+    return [timing for timing in times_ if not is_wrong(timing)]
+
+
+# ---------------------------------------------------------------------- threads
+
+
+def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
+    """(1x, `word`) timings of one size, smallest first."""
+    held = {(t.rows, t.columns): t for t in sound(source.select("cpu", "1x"))}
+    return [(held[t.rows, t.columns], t) for t in sound(source.select("cpu", word)) if (t.rows, t.columns) in held]
+
+
+def threads_at(results: Results, end: int) -> Claim:
+    """2x and 4x threads against 1x at the smallest (`end` 0) or the largest (-1) size all were measured at."""
+    source = cpu_source(results)
+    found = {word: thread_pairs(source, word) for word in THREAD_WORDS[1:]} if source else {}
+    found = {word: both for word, both in found.items() if both}
+    if not found:
+        return Claim("More threads than cores were not measured.")
+    parts, numbers, supported = [], {}, True
+    size = found[next(iter(found))][end][0].particles
+    for word, both in found.items():
+        base, more = both[end]
+        if base.particles != size:
+            continue
+        verdict = clearly(more, base)
+        ratio = more.median / base.median
+        numbers[word] = ratio
+        supported = supported and verdict != 0
+        if verdict > 0:
+            parts.append(f"a step with {word} threads takes {times(ratio)} as long as with 1x")
+        elif verdict < 0:
+            parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x")
+        else:
+            parts.append(f"{word} threads show no difference to 1x beyond the spread")
+    return Claim(f"At {masses(size)}, {words.listed(parts)}.", numbers | {"masses": size}, supported)
+
+
+def threads_best(results: Results) -> Claim:
+    """At how many sizes more threads than cores are clearly faster than as many."""
+    source = cpu_source(results)
+    found = {word: thread_pairs(source, word) for word in THREAD_WORDS[1:]} if source else {}
+    sizes = sorted({base.particles for both in found.values() for base, _ in both})
+    if not sizes:
+        return Claim("Whether more threads than cores ever help was not measured.")
+    faster = {base.particles for both in found.values() for base, more in both if clearly(more, base) < 0}
+    slower = {base.particles for both in found.values() for base, more in both if clearly(more, base) > 0} - faster
+    numbers = {"sizes": len(sizes), "faster": len(faster), "slower": len(slower)}
+    if not faster and slower:
+        text = (
+            f"At none of the {len(sizes)} square sizes are 2x or 4x threads faster than 1x beyond the spread; "
+            f"at {len(slower)} of them one or both are slower."
+        )
+    elif faster:
+        text = (
+            f"At {len(faster)} of the {len(sizes)} square sizes 2x or 4x threads are faster than 1x beyond the spread, "
+            f"the smallest of them {masses(min(faster))}; at {len(slower)} others one or both are slower."
+        )
+    else:
+        text = f"At none of the {len(sizes)} square sizes do 2x or 4x threads differ from 1x beyond the spread."
+    return Claim(text, numbers, bool(faster or slower))
+
+
+def region_cost(results: Results) -> Claim:
+    """What starting and ending a parallel region costs with few and with many threads."""
+    source = cpu_source(results)
+    costs = (source.machine.record.get("region_seconds") if source else None) or {}
+    cores = source.machine.record.get("cores") if source else None
+    known = {int(threads): cost for threads, cost in costs.items()}
+    if not cores or cores not in known or len(known) < 2 or max(known) <= cores:
+        return Claim("What an empty parallel region costs was not measured.")
+    most = max(known)
+    layer, policy = source.threading if source else (None, None)
+    text = (
+        f"An empty parallel region costs {seconds(known[cores], 2)} with {cores} threads and "
+        f"{seconds(known[most], 2)} with {most} (layer {layer or 'unknown'}, wait policy {policy or 'unknown'})."
+    )
+    return Claim(text, {"few": known[cores], "many": known[most]}, True)
+
+
+# ---------------------------------------------------------------------- one backend
+
+
+def _bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
+    name = "GPU" if backend == "gpu" else "CPU"
+    largest = sound(source.select(backend, word))[-1:] if source else []
+    share = fraction(source, largest[0]) if source and largest else None
+    limit = copy_bandwidth(source, backend) if source else None
+    if source is None or share is None or limit is None:
+        return Claim(f"How much of the {name}'s copy bandwidth a step reaches was not measured.")
+    beyond = (
+        "; more than all of it is possible where the grid stays in a cache, or where a pass does several steps"
+        if share > 1
+        else ""
+    )
+    start = f"{on_gpu(source)}, a" if backend == "gpu" else "With 1x threads, a"
+    text = (
+        f"{start} step of {masses(largest[0].particles)} moves {words.bandwidth(share * limit)}, {percent(share)} of "
+        f"the {name}'s measured copy bandwidth{beyond}."
+    )
+    return Claim(text, {"share": share, "masses": largest[0].particles}, True)
+
+
+def cpu_bandwidth(results: Results) -> Claim:
+    """What share of the copy bandwidth the CPU reaches at its largest grid."""
+    return _bandwidth_reached(cpu_source(results), "cpu", "1x")
+
+
+def gpu_bandwidth(results: Results) -> Claim:
+    """What share of the copy bandwidth the GPU reaches at its largest grid."""
+    return _bandwidth_reached(results.with_gpu(), "gpu", None)
+
+
+def _float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
+    name = "GPU" if backend == "gpu" else "CPU"
+    both = float64_pairs(source, backend, word) if source else []
+    if source is None or not both:
+        return Claim(f"What float64 costs on the {name} was not measured.")
+    single, double = both[-1]
+    ratio = double.median / single.median
+    start = f"{on_gpu(source)}, at" if backend == "gpu" else "On the CPU, at"
+    if clearly(double, single) == 0:
+        text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than the spread."
+        return Claim(text, {"ratio": ratio}, False)
+    text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32."
+    return Claim(text, {"ratio": ratio, "masses": single.particles}, True)
+
+
+def cpu_float64(results: Results) -> Claim:
+    """float64 against float32 on the CPU's largest grid."""
+    return _float64_cost(cpu_source(results), "cpu", "1x")
+
+
+def gpu_float64(results: Results) -> Claim:
+    """float64 against float32 on the GPU's largest grid."""
+    return _float64_cost(results.with_gpu(), "gpu", None)
+
+
+def gpu_flat(results: Results) -> Claim:
+    """Up to which size the GPU's time hardly depends on the number of masses."""
+    source = results.with_gpu()
+    curve = sound(source.select("gpu")) if source else []
+    if source is None or len(curve) < 2:
+        return Claim("How the GPU's time depends on the size of the grid was not measured.")
+    flat = curve[0]
+    for timing in curve[1:]:
+        if timing.median > FLAT * curve[0].median:
+            break
+        flat = timing
+    numbers = {"masses": flat.particles, "factor": flat.particles / curve[0].particles}
+    if flat is curve[0]:
+        text = f"{on_gpu(source)}, the time of a step grows from the smallest size, {masses(flat.particles)}, on."
+        return Claim(text, numbers, False)
+    factor = flat.particles / curve[0].particles
+    text = (
+        f"{on_gpu(source)}, a step takes {seconds(curve[0].median)} at {masses(curve[0].particles)} and "
+        f"{seconds(flat.median)} at {times(factor)} as many: so far, launching and waiting decide, not the masses."
+    )
+    return Claim(text, numbers, True)
+
+
+def gpu_growth(results: Results) -> Claim:
+    """How the GPU's time grows between its two largest squares."""
+    source = results.with_gpu()
+    curve = sound(source.select("gpu")) if source else []
+    if source is None or len(curve) < 2:
+        return Claim("How the GPU's time grows at large sizes was not measured.")
+    left, right = curve[-2:]
+    more, longer = right.particles / left.particles, right.median / left.median
+    text = (
+        f"Between its two largest squares, {masses(left.particles)} and {masses(right.particles)}, {times(more)} the "
+        f"masses take {times(longer)} the time."
+    )
+    return Claim(text, {"masses": more, "time": longer}, clearly(right, left) > 0)
+
+
+def launch_cost(results: Results) -> Claim:
+    """What one launch from Python costs on the GPU's machine."""
+    source = results.with_gpu()
+    cost = source.machine.record.get("gpu_launch_seconds") if source else None
+    if source is None or not cost:
+        return Claim("What one launch costs was not measured.")
+    return Claim(f"{on_gpu(source)}, even an empty launch costs {seconds(cost, 2)}.", {"seconds": cost}, True)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "threads-small": lambda results: threads_at(results, 0),
+    "threads-large": lambda results: threads_at(results, -1),
+    "threads-best": threads_best,
+    "region-cost": region_cost,
+    "cpu-bandwidth": cpu_bandwidth,
+    "gpu-bandwidth": gpu_bandwidth,
+    "cpu-float64": cpu_float64,
+    "gpu-float64": gpu_float64,
+    "gpu-flat": gpu_flat,
+    "gpu-growth": gpu_growth,
+    "launch-cost": launch_cost,
+}

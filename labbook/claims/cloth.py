@@ -1,0 +1,133 @@
+"""What the lab book may say about position-based cloth (`softlab projections`); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
+from bench.experiments.projections import ProjectionPoint, beside_published, newton_ratios
+from labbook import words
+from labbook.claims.claim import Claim, where
+from plots.core.data import Results
+from plots.figures.projections import panels
+
+SIZE = 256  # rows and columns that rates are told of
+NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}
+
+
+def _point(found: list[ProjectionPoint], ordering: str, neighbours: int, iterations: int) -> ProjectionPoint | None:
+    wanted = (SIZE, SIZE, ordering, neighbours, 10, iterations)
+    keys = ((p.rows, p.columns, p.ordering, p.neighbours, p.substeps, p.iterations) for p in found)
+    return next((p for p, key in zip(found, keys, strict=True) if key == wanted), None)
+
+
+def _rate(value: float) -> str:
+    """`2 420 million projections a second`."""
+    return f"{words.number(value / 1e6)} million projections a second"
+
+
+def rates(results: Results) -> Claim:
+    """Projections a second of both orderings on each backend, at one size."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        told = []
+        for ordering, name in NAMES.items():
+            point = _point(found, ordering, 4, 1)
+            if point:
+                numbers[f"{backend} {ordering}"] = point.rate
+                told.append(f"{name} does {_rate(point.rate)}")
+        if told:
+            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+    if not parts:
+        return Claim("Projections were not timed at the size that is told of here.")
+    size = f"{SIZE}{words.SPACE}{words.TIMES}{words.SPACE}{SIZE}"
+    return Claim(
+        f"With springs to four neighbours, {size} masses and 10 substeps of one iteration: {'; '.join(parts)}.",
+        numbers,
+        True,
+    )
+
+
+def per_projection(results: Results) -> Claim:
+    """What a colour by colour order costs beside one over all constraints at once, a projection, over all sizes."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        pairs: dict[tuple[int, ...], dict[str, float]] = {}
+        for p in found:
+            if p.rows == p.columns and p.substeps == 10:
+                pairs.setdefault((p.rows, p.neighbours, p.iterations), {})[p.ordering] = p.rate
+        ratios = [both["jacobi"] / both["gauss-seidel"] for both in pairs.values() if set(NAMES) <= set(both)]
+        if ratios:
+            numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
+            parts.append(
+                f"{words.number(min(ratios), 2)} to {words.times(max(ratios))} as many on {where(backend, source)}"
+            )
+    if not parts:
+        return Claim("The two orderings were not timed side by side.")
+    return Claim(
+        f"Jacobi projects {words.listed(parts)} as Gauss-Seidel does in the same time, over sizes and neighbours; what its "
+        "iterations are worth is another question.",
+        numbers, True,
+    )  # fmt: skip
+
+
+def published(results: Results) -> Claim:
+    """Published frames over ours, on each backend."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        ratios = [entry.seconds / point.step for entry, point in beside_published(found)]
+        if ratios:
+            numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
+            span = f"{words.number(min(ratios), 2)} to {words.times(max(ratios))}"
+            parts.append(f"{span} the time of a step on {where(backend, source)}")
+    if not parts:
+        return Claim("No published cloth was timed.")
+    return Claim(f"The published frames took {words.listed(parts)}.", numbers, True)
+
+
+def newton(results: Results) -> Claim:
+    """The time that was reported of Newton's iterations over ours."""
+    for backend, _, found in panels(results):
+        ratios = dict(newton_ratios(found)) if backend == "gpu" else {}
+        if ratios:
+            sizes = [
+                f"{words.times(ratio)} at {size}{words.SPACE}{words.TIMES}{words.SPACE}{size}"
+                for size, ratio in ratios.items()
+            ]
+            return Claim(
+                "An iteration of NVIDIA Newton 1.8 as reported on the same GPU, whose constraints are triangles and bending "
+                f"beside springs, takes {words.listed(sizes)} the time of one over twelve neighbours here.",
+                {str(size): ratio for size, ratio in ratios.items()}, min(ratios.values()) > 1,
+            )  # fmt: skip
+    return Claim("No GPU was timed beside what was reported of Newton.")
+
+
+def discretisation(results: Results) -> Claim:
+    """What cutting a sheet along one diagonal, or along alternating ones, does to it."""
+    for source in (*results.featured, *results.background):
+        told = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
+        found = {(m.description["diagonals"], m.name): m.value for m in reversed(told)}
+        if {(way, name) for way in WAYS for name in (BIAS, RATIO)} <= set(found):
+            one, both = (found[way, BIAS] or 0.0 for way in WAYS)
+            ratios = [found[way, RATIO] or 0.0 for way in WAYS]
+            exact = [words.number(exact_ratio(way)) for way in WAYS]
+            return Claim(
+                f"A square sheet held at its corners sags to its own mirror image. Cut along one diagonal it lies "
+                f"{words.number(one, 2)} spacings off its mirror image, with alternating diagonals {words.number(both, 2)}; "
+                f"against a stretch along the diagonals it is {words.times(ratios[0])} as stiff as across them (exact: "
+                f"{exact[0]}), with alternating ones {words.times(ratios[1])} (exact: {exact[1]}).",
+                {"one": one, "alternating": both, "ratio one": ratios[0], "ratio alternating": ratios[1]}, one > both,
+            )  # fmt: skip
+    return Claim("What the way of cutting a sheet into triangles does was not measured.")
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "projection-rates": rates,
+    "projection-orderings": per_projection,
+    "projection-published": published,
+    "projection-newton": newton,
+    "discretisation": discretisation,
+}

@@ -1,0 +1,109 @@
+"""What the lab book may say about the costs of looking for divergence and of determinism; see labbook/claims/claim.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.findings_costs import LOOKS
+from bench.experiments.findings_determinism import DETERMINISM, RUNS
+from labbook import words
+from labbook.claims.claim import Claim, on_gpu
+from labbook.words import percent
+from plots.core.costs_points import Cost, costs, look_costs, source_of
+from plots.core.data import Results, Source
+from plots.findings.looks import BOUND
+
+NAMES = {"cpu": "the CPU", "gpu": "the GPU"}
+
+
+def _where(source: Source, backend: str) -> str:
+    return NAMES[backend] if backend == "cpu" else on_gpu(source).removeprefix("On ")
+
+
+def looks_cost(results: Results) -> Claim:
+    """The largest share of a look on each backend, and whether it is under the bound."""
+    parts, numbers, busy = [], {}, False
+    for backend in NAMES:
+        source = source_of(results, LOOKS, backend)
+        found = look_costs(source, backend) if source else []
+        if source is None or not found:
+            continue
+        worst = max(found, key=lambda cost: cost.share or 0.0)
+        share = numbers[backend] = worst.share or 0.0
+        busy = busy or any(cost.suspect for cost in found)
+        parts.append(
+            f"{percent(share)} of the time on {_where(source, backend)} (the most of {len(found)} grids: "
+            f"{words.masses(worst.particles)}, {worst.precision}, every {words.count(worst.interval)} steps)"
+        )
+    if not parts:
+        return Claim("What looking for a diverged state costs was not measured.")
+    cheap = 100 * max(numbers.values()) < BOUND
+    verdict = f"under {BOUND:g}{words.SPACE}%" if cheap else f"not under {BOUND:g}{words.SPACE}% everywhere"
+    if busy:  # steps that neighbours slow down make looks seem cheap
+        verdict += ", but some of it was measured on a busy machine"
+    return Claim(f"A look costs at most {words.listed(parts)}: {verdict}.", numbers, cheap and not busy)
+
+
+def determinism_cost(results: Results) -> Claim:
+    """Gather against scatter with atomics on the GPU, and against what it would otherwise be on the CPU; float32, the
+    largest grid of each backend."""
+    parts, numbers, supported = [], {}, False
+    gpu, cpu = (source_of(results, DETERMINISM, backend) for backend in ("gpu", "cpu"))
+    if gpu:
+        ways = _largest(costs(gpu, DETERMINISM, "gpu"))
+        if "atomics" in ways:
+            atomics = ways["atomics"]
+            numbers["atomics"] = atomics.ratio
+            supported = atomics.least > 1 or atomics.most < 1
+            every = [c for c in costs(gpu, DETERMINISM, "gpu") if c.way == "atomics" and c.different is not None]
+            other, runs = sum(c.different or 0 for c in every), len(every) * (RUNS - 1)
+            numbers["different"] = other
+            parts.append(
+                f"{on_gpu(gpu)} a scatter with atomic additions {_compared(atomics)} the gather takes "
+                f"({words.masses(atomics.particles)}, float32), and {words.count(other)} of {words.count(runs)} repeated "
+                "runs ended in other bits than the first" + _coloured(ways, numbers)
+            )
+    if cpu:
+        ways = _largest(costs(cpu, DETERMINISM, "cpu"))
+        told = [
+            f"{text} {_compared(ways[way])} it takes"
+            for way, text in (
+                ("colours", "a scatter in four colours"),
+                ("twice", "a gather that evaluates each spring twice"),
+            )
+            if way in ways
+        ]
+        if told:
+            numbers |= {f"cpu {way}": cost.ratio for way, cost in ways.items()}
+            supported = supported or all(cost.least > 1 or cost.most < 1 for cost in ways.values())
+            size = words.masses(next(iter(ways.values())).particles)
+            parts.append(
+                f"On the CPU the lab's order is fixed and each spring still evaluated once, its pull carried to the other "
+                f"end: {words.listed(told)} ({size}, float32)"
+            )
+    if not parts:
+        return Claim("What determinism costs was not measured.")
+    return Claim(". ".join(parts) + ".", numbers, supported)
+
+
+def _largest(found: list[Cost]) -> dict[str, Cost]:
+    """The costs in float32 at the largest grid, by way."""
+    single = [cost for cost in found if cost.precision == "float32"]
+    most = max((cost.particles for cost in single), default=0)
+    return {cost.way: cost for cost in single if cost.particles == most}
+
+
+def _compared(cost: Cost) -> str:
+    if cost.least <= 1 <= cost.most:
+        return "takes, within the spread, the time"
+    return f"takes {words.times(cost.ratio)} the time"
+
+
+def _coloured(ways: dict[str, Cost], numbers: dict[str, float]) -> str:
+    if "colours" not in ways:
+        return ""
+    numbers["gpu colours"] = ways["colours"].ratio
+    return f"; in four colours, which repeats, it {_compared(ways['colours'])}"
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {"looks-cost": looks_cost, "determinism-cost": determinism_cost}

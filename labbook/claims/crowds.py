@@ -1,0 +1,127 @@
+"""What the lab book may say about how fast bodies are (`softlab crowds`); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.experiments.crowds import CrowdPoint
+from labbook import words
+from labbook.claims.claim import Claim, where
+from plots.core.data import Results
+from plots.figures.crowds import panels
+
+
+def heaps(results: Results) -> Claim:
+    """Frames a second of heaps that collide, the smallest and the largest."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        mine = [p for p in found if p.kind == "heap"]
+        told = []
+        for point in mine[:: max(1, len(mine) - 1)]:
+            numbers[f"{backend} {point.bodies}"] = 1 / point.step
+            told.append(
+                f"{words.count(point.bodies)} bodies of {words.count(point.particles)} particles do "
+                f"{words.number(1 / point.step)} frames a second"
+            )
+        if told:
+            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+    if not parts:
+        return Claim("Heaps of bodies were not timed.")
+    return Claim(f"In a heap, with contacts and two substeps a frame: {'; '.join(parts)}.", numbers, True)
+
+
+def clusters(results: Results) -> Claim:
+    """A step of bodies that meet nothing: what clusters cost."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        both = {p.kind: p for p in found if p.bodies == 50 and p.kind in ("soft", "rigid")}
+        if set(both) == {"soft", "rigid"}:
+            numbers |= {f"{backend} {kind}": p.step for kind, p in both.items()}
+            parts.append(
+                f"{words.seconds(both['rigid'].step)} as rigid ones and {words.seconds(both['soft'].step)} as soft ones "
+                f"on {where(backend, source)}"
+            )
+    if not parts:
+        return Claim("Clusters alone were not timed.")
+    return Claim(f"A step of fifty free bodies takes {words.listed(parts)}.", numbers, True)
+
+
+def contacts(results: Results) -> Claim:
+    """What contacts cost: a substep of a heap over one of the same bodies that meet nothing."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        ratios = [(heap.bodies, _ratio(heap, found)) for heap in found if heap.kind == "heap"]
+        told = {bodies: ratio for bodies, ratio in ratios if ratio is not None}
+        if told:
+            numbers |= {f"{backend} {bodies}": ratio for bodies, ratio in told.items()}
+            span = sorted({min(told.values()), max(told.values())})
+            parts.append(f"{' to '.join(words.times(ratio) for ratio in span)} on {where(backend, source)}")
+    if not parts:
+        return Claim("What contacts cost was not timed.")
+    return Claim(f"With contacts a substep takes {words.listed(parts)} as long as without.", numbers, True)
+
+
+def _ratio(heap: CrowdPoint, found: list[CrowdPoint]) -> float | None:
+    free = next((p for p in found if p.kind == "soft" and p.bodies == heap.bodies), None)
+    return free.rate / heap.rate if free else None
+
+
+def windows(results: Results) -> Claim:
+    """What a wider cluster costs on a grid: sums along rows are shared, so that it is less than its area."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        grids: dict[int, dict[int, float]] = {}
+        for point in found:
+            if point.kind == "grid":
+                grids.setdefault(point.particles, {})[point.region] = point.step
+        ratios = [by_region[4] / by_region[1] for by_region in grids.values() if {1, 4} <= set(by_region)]
+        if ratios:
+            numbers[f"{backend} most"] = max(ratios)
+            parts.append(f"at most {words.times(max(ratios))} on {where(backend, source)}")
+    if not parts:
+        return Claim("Clusters of different widths were not timed on a grid.")
+    area = (2 * 4 + 1) ** 2 / (2 * 1 + 1) ** 2
+    return Claim(
+        f"A window of 9{words.SPACE}{words.TIMES}{words.SPACE}9 masses in place of one of 3{words.SPACE}{words.TIMES}"
+        f"{words.SPACE}3, {words.number(area)} times the members, takes {words.listed(parts)} the time.",
+        numbers, all(value < area for value in numbers.values()),
+    )  # fmt: skip
+
+
+def cubes(results: Results) -> Claim:
+    """What a wider cluster costs in a cube: sums along axes take what they take, whatever their width."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in panels(results):
+        known: dict[int, dict[int, float]] = {}
+        for point in found:
+            if point.kind == "lattice":
+                known.setdefault(point.particles, {})[point.region] = point.step
+        both = {particles: steps for particles, steps in known.items() if {1, 4} <= set(steps)}
+        if both:
+            particles, steps = max(both.items())
+            numbers |= {f"{backend} ratio": steps[4] / steps[1], f"{backend} step": steps.get(2, steps[1])}
+            told = f"; {words.seconds(steps[2])} in windows of 125" if 2 in steps else ""
+            parts.append(
+                f"{words.times(steps[4] / steps[1])} on {where(backend, source)} ({words.count(particles)} particles{told})"
+            )
+    if not parts:
+        return Claim("Clusters of different widths were not timed in a cube.")
+    volume = (2 * 4 + 1) ** 3 / (2 * 1 + 1) ** 3
+    return Claim(
+        f"In a cube, windows of 729 masses in place of 27 take {words.listed(parts)} the time.",
+        numbers, all(value < volume for name, value in numbers.items() if name.endswith("ratio")),
+    )  # fmt: skip
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "crowd-heaps": heaps,
+    "crowd-clusters": clusters,
+    "crowd-contacts": contacts,
+    "crowd-windows": windows,
+    "crowd-cubes": cubes,
+}

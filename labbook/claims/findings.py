@@ -1,0 +1,177 @@
+"""What the lab book may say about single findings (bench/experiments/findings.py); see labbook/claims/claim.py for the
+rules."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR
+from labbook import words
+from labbook.claims.accuracy import NEAR, SCENE, found_points
+from labbook.claims.claim import Claim, on_gpu
+from labbook.words import number, percent, seconds
+from model.core.integrators import INTEGRATORS
+from plots.core.accuracy_points import observed_order
+from plots.core.data import Results
+from plots.findings.dissipation import NOTHING, theory
+from plots.findings.points import Row, exact_pairs, of_finding, source_with
+
+# The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size it runs at [s],
+# and the largest eigenvalue of the Laplacian of a grid with diagonals, which bounds w^2 m / k in any state.
+CLOTH = {"stiffness": 8000.0, "mass": 0.1, "damping": 0.25, "dt": 5e-6, "eigenvalue": 12.0}
+
+
+def verlet_damping(results: Results) -> Claim:
+    """An explicit damper makes velocity Verlet first order, an implicit one does not."""
+    _, found = of_finding(results, DAMPING)
+    mine = {scheme: [row for row in found if row.scheme == scheme] for scheme in DAMPERS}
+    orders = {scheme: observed_order([(row.dt, row.value) for row in rows]) for scheme, rows in mine.items()}
+    implicit, explicit = (orders[scheme] for scheme in DAMPERS)
+    if implicit is None or explicit is None:
+        return Claim("What an explicit damper costs velocity Verlet was not measured.")
+    fine, plain = (min(mine[scheme], key=lambda row: row.dt) for scheme in DAMPERS)
+    numbers = {"implicit": implicit, "explicit": explicit, "ratio": plain.value / fine.value}
+    text = (
+        f"With the damper implicit in the second half kick the observed order is {implicit:.2f}, with an explicit one "
+        f"{explicit:.2f}"
+    )
+    if abs(implicit - 2) > NEAR or abs(explicit - 1) > NEAR:
+        return Claim(f"{text}; second and first order were expected.", numbers, False)
+    text += (
+        f": an order is lost, and at {seconds(fine.dt, 2)} the error is {words.times(numbers['ratio'])} as large for the "
+        "same forces."
+    )
+    return Claim(text, numbers, True)
+
+
+def cloth_limit(results: Results) -> Claim:
+    """The compute-shader cloth's step against semi-implicit Euler's with the same springs: from the limits alone."""
+    w = math.sqrt(CLOTH["eigenvalue"] * CLOTH["stiffness"] / CLOTH["mass"])
+    gamma = CLOTH["damping"] / CLOTH["mass"]
+    taylor, better = (INTEGRATORS[name].limit(w, gamma) for name in ("taylor", "semi-implicit-euler"))
+    text = (
+        f"With the compute-shader cloth's own constants the limit of its step (taylor) is {seconds(taylor, 4)}, of which it "
+        f"uses {percent(CLOTH['dt'] / taylor)}; semi-implicit Euler holds to {seconds(better)} with the same springs, "
+        f"{number(better / taylor)} times as far, for the same forces."
+    )
+    return Claim(text, {"taylor": taylor, "better": better, "ratio": better / taylor}, True)
+
+
+def _least(rows: Sequence[Row], scheme: str, precision: str) -> Row | None:
+    mine = [row for row in rows if (row.scheme, row.precision) == (scheme, precision) and math.isfinite(row.value)]
+    return min(mine, key=lambda row: row.value, default=None)
+
+
+def floor(results: Results) -> Claim:
+    """The least error in float32, and that smaller steps make it worse again."""
+    _, found = of_finding(results, FLOOR)
+    parts, numbers, worse = [], {}, True
+    for scheme in dict.fromkeys(row.scheme for row in found):
+        least = _least(found, scheme, "float32")
+        mine = [row for row in found if (row.scheme, row.precision) == (scheme, "float32")]
+        if least is None:
+            continue
+        smallest = min(mine, key=lambda row: row.dt)
+        numbers[scheme] = least.value
+        worse = worse and smallest.value > 2 * least.value
+        parts.append(f"{number(least.value, 2)} spacings with {scheme}, at {seconds(least.dt, 2)}")
+    if not parts:
+        return Claim("Where the error in float32 stops to fall was not measured.")
+    text = f"In float32 the least error on {SCENE} is {words.listed(parts)}"
+    if not worse:
+        return Claim(f"{text}; no rise at smaller steps was seen.", numbers, False)
+    return Claim(f"{text}; still smaller steps make it worse, because each of them rounds once more.", numbers, True)
+
+
+def far_away(results: Results) -> Claim:
+    """B14: the hand-out's step and velocity Verlet far from the origin in float32."""
+    _, found = of_finding(results, AWAY)
+    farthest = max((row.offset for row in found), default=0.0)
+    at = {row.scheme: row.value for row in found if row.offset == farthest}
+    if farthest == 0 or not {"lab", "velocity-verlet"} <= set(at):
+        return Claim("Far from the origin, float32 was not measured.")
+    lab, verlet = at["lab"], at["velocity-verlet"]
+    where = f"At {number(farthest, 1)} m from the origin a falling chain in float32 is off by"
+    text = f"{where} {number(lab, 2)} spacings after a second with lab and by {number(verlet, 2)} with velocity-verlet"
+    if lab < 2 * verlet:
+        return Claim(f"{text}: no clear difference.", at, False)
+    return Claim(f"{text}: lab rounds its velocity, a difference of two positions, in every step.", at, True)
+
+
+def dissipation(results: Results) -> Claim:
+    """What integrators take from an undamped oscillation by themselves, and whether it is what theory says."""
+    _, found = of_finding(results, DISSIPATION)
+    if not found:
+        return Claim("What a step damps by itself was not measured.")
+    off = max((abs(row.value - theory(row.scheme, row.dt)) for row in found if abs(row.value) <= NOTHING), default=0.0)
+    shown = [row for row in found if abs(row.value) > NOTHING]
+    relative = max((abs(row.value / theory(row.scheme, row.dt) - 1) for row in shown), default=0.0)
+    dt = max((row.dt for row in found if row.dt <= 0.01), default=found[0].dt)
+    schemes = list(dict.fromkeys(row.scheme for row in found))
+    none = [name for name in schemes if all(abs(row.value) <= NOTHING for row in found if row.scheme == name)]
+    parts = []
+    for row in (row for row in shown if row.dt == dt):
+        share = math.expm1(-row.value)
+        change = (
+            f"grows to {words.times(1 + share)} its size"
+            if share > 1
+            else f"{_changes(share)} by {percent(abs(share))}"
+        )
+        parts.append(f"{change} under {row.scheme}")
+    numbers = {"relative": relative, "off": off}
+    start = (
+        f"Within a second of steps of {seconds(dt, 2)} an undamped oscillation {words.listed(parts)}" if parts else ""
+    )
+    kept = f"{words.listed(none)} keep it to rounding" if none else ""
+    text = "; ".join(filter(None, (start, kept)))
+    agree = relative < 1e-2
+    verdict = "as the eigenvalues of a step say" if agree else "which is not what the eigenvalues of a step say"
+    return Claim(f"{text}, {verdict} (to {number(relative, 1)} of it).", numbers, agree)
+
+
+def _changes(share: float) -> str:
+    return "grows" if share > 0 else "shrinks"
+
+
+def exact_cost(results: Results) -> Claim:
+    """Time of a step in exact over fast math, by backend, in float32 at the largest size."""
+    parts, numbers, supported = [], {}, False
+    for backend, name in (("cpu", "CPU"), ("gpu", "GPU")):
+        source = source_with(results, lambda s, backend=backend: bool(exact_pairs(s, backend, "float32")))  # type: ignore[misc]
+        if source is None:
+            continue
+        fast, exact = exact_pairs(source, backend, "float32")[-1]
+        ratio = exact.median / fast.median
+        numbers[backend] = ratio
+        where = f"the {name}" if backend == "cpu" else on_gpu(source).removeprefix("On ")
+        if exact.low > fast.high:
+            supported = True
+            parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")
+        else:
+            parts.append(f"no longer beyond the spread on {where} ({words.masses(fast.particles)})")
+    if not parts:
+        return Claim("What exact math costs was not measured.")
+    return Claim(f"A step of velocity Verlet in exact math takes {words.listed(parts)}.", numbers, supported)
+
+
+def growth(results: Results) -> Claim:
+    """Whether errors of trajectories mean anything: the growth of a disturbance up to the horizon."""
+    known = [p.growth for p in found_points(results) if p.growth is not None]
+    if not known:
+        return Claim("How much a disturbance grows was not measured.")
+    text = f"By the end of {SCENE} a disturbance of a billionth of a spacing has changed by a factor of {number(known[0], 2)}"
+    if known[0] <= 1:
+        return Claim(f"{text}: the motion forgets it, and errors keep their meaning.", {"growth": known[0]}, True)
+    return Claim(f"{text}; errors are to be read with that in mind.", {"growth": known[0]}, False)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "verlet-damping": verlet_damping,
+    "cloth-limit": cloth_limit,
+    "float32-least": floor,
+    "far-away": far_away,
+    "dissipation": dissipation,
+    "exact-cost": exact_cost,
+    "growth": growth,
+}

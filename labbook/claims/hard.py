@@ -1,0 +1,179 @@
+"""What the lab book may say about the hard cases, and its tables of them; see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from bench.stress.cases import NOT_YET
+from bench.stress.laws import SLOW_DOWN
+from bench.stress.results import CODES, HardRow, disagreements, in_words, rounding_differences, table_of
+from labbook import words
+from labbook.claims.claim import Claim
+from labbook.words import count, number
+from plots.core.data import Results, provenance
+from plots.figures.hard import hard_rows
+
+NOT_RUN = "The hard cases were not run."
+HOME = 1e-6  # m: nearer to the hanging grid counts as having returned to it
+
+
+def found_rows(results: Results) -> list[HardRow]:
+    """The verdicts that the chapter is about."""
+    return hard_rows(results)[0]
+
+
+def told(row: HardRow, name: str) -> float | None:
+    return next((check.value for check in row.checks if check.name == name), None)
+
+
+def verdicts(results: Results) -> Claim:
+    """How many runs came to which verdict."""
+    return count_verdicts(found_rows(results))
+
+
+def count_verdicts(rows: Sequence[HardRow]) -> Claim:
+    """How many of these runs came to which verdict."""
+    if not rows:
+        return Claim(NOT_RUN)
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
+    cases = len({row.case for row in rows})
+    text = (
+        f"Of {count(len(rows))} runs of {count(cases)} cases, {count(counts['pass'])} passed, "
+        f"{count(counts['refused'])} were refused with a diagnosis, and {count(counts['known'])} failed as their method "
+        "implies; "
+    )
+    if counts["fail"]:
+        bad = list(dict.fromkeys(row.case for row in rows if row.verdict == "fail"))
+        text += f"{count(counts['fail'])} failed otherwise, which is a bug of this lab: {words.listed(bad)}."
+    else:
+        text += "none failed otherwise."
+    return Claim(text, {**{k: float(v) for k, v in counts.items()}, "runs": float(len(rows))}, not counts["fail"])
+
+
+def backends(results: Results) -> Claim:
+    """Whether both backends come to the same verdicts."""
+    return compare_backends(found_rows(results))
+
+
+def compare_backends(rows: Sequence[HardRow]) -> Claim:
+    """Whether both backends come to the same verdicts in these runs."""
+    if not rows:
+        return Claim("The verdicts of the two backends were not compared.")
+    names = sorted({row.backend for row in rows})
+    if len(names) < 2:
+        return Claim(f"They were run on the {names[0].upper()} alone, so the backends are not compared here.")
+    different, rounded = disagreements(rows), rounding_differences(rows)
+    pairs = len({(row.case, row.integrator, row.precision) for row in rows})
+    if not different:
+        text = (
+            f"The verdicts of CPU and GPU are the same in {'all ' if not rounded else ''}{count(pairs - len(rounded))} "
+            "combinations of case, method and precision."
+        )
+        if rounded:
+            text += (
+                f" In {count(len(rounded))} more a failure that the method implies shows on one of them alone, because fast "
+                f"math rounds differently there ({'; '.join(rounded)})."
+            )
+    else:
+        text = f"Of {count(pairs)} combinations, CPU and GPU differ in {count(len(different))}, a bug of this lab: "
+        text += f"{'; '.join(different)}."
+    return Claim(text, {"different": float(len(different)), "pairs": float(pairs)}, not different)
+
+
+def known(results: Results) -> Claim:
+    """What fails by the nature of its method, and why."""
+    reasons: dict[str, list[str]] = {}
+    for row in found_rows(results):
+        if row.verdict == "known":
+            reasons.setdefault(row.diagnosis, []).append(f"{row.integrator} in {row.case.split()[0]}")
+    if not reasons:
+        return Claim("No run failed by the nature of its method.")
+    parts = [f"{words.listed(list(dict.fromkeys(where)))}: {reason}" for reason, where in reasons.items()]
+    return Claim(
+        f"Failures that the method itself implies: {'; '.join(parts)}.", {"reasons": float(len(reasons))}, True
+    )
+
+
+def far(results: Results) -> Claim:
+    """B14: what is left of a chain far from the origin, in float32."""
+    rows = [r for r in found_rows(results) if r.case.startswith("B14") and r.precision == "float32"]
+    name = "distance from the run at the origin"
+    parts, numbers = [], {}
+    for integrator in ("velocity-verlet", "lab"):
+        values = [v for r in rows if r.integrator == integrator and (v := told(r, name)) is not None]
+        if values:
+            numbers[integrator] = max(values)
+            parts.append(f"{number(max(values), 2)} units in the last place with {integrator}")
+    if not parts:
+        return Claim("Chains far from the origin were not run in float32.")
+    text = (
+        f"A chain let go far from the origin ends, in float32, at most {words.listed(parts)} from its run at the origin"
+    )
+    if "lab" in numbers and numbers["lab"] > numbers.get("velocity-verlet", 0.0):
+        text += ": the hand-out takes its velocity from two rounded positions, the others store it"
+    return Claim(text + ".", numbers, True)
+
+
+def collapsed(results: Results) -> Claim:
+    """B5: where a grid collapsed to a point ends."""
+    rows = [r for r in found_rows(results) if r.case == "B5 point" and r.precision == "float64"]
+    away = [v for r in rows if (v := told(r, "distance from the hanging grid")) is not None]
+    if not away:
+        return Claim("A grid collapsed to a point was not run.")
+    home = sum(value < HOME for value in away)
+    returned = count(home) if home else "none"
+    text = f"Of {count(len(away))} runs from a single point in float64, {returned} came back to the hanging grid"
+    if home < len(away):
+        text += f", the others to rest in another equilibrium, up to {number(max(away), 2)} m from it"
+    return Claim(text + ".", {"runs": float(len(away)), "home": float(home), "farthest": max(away)}, True)
+
+
+def denormal(results: Results) -> Claim:
+    """B15: what denormal numbers cost."""
+    rows = [r for r in found_rows(results) if r.case == "B15"]
+    ratios: dict[str, float] = {}
+    for row in rows:
+        value = told(row, "time over that of ordinary numbers")
+        if value is not None:
+            ratios[row.backend] = max(value, ratios.get(row.backend, 0.0))
+    if not ratios:
+        return Claim("What denormal numbers cost was not measured.")
+    parts = [f"{number(value, 2)} on the {backend.upper()}" for backend, value in ratios.items()]
+    within = "within" if max(ratios.values()) <= SLOW_DOWN else "more than"
+    text = (
+        f"Denormal numbers slow a step down by a factor of at most {words.listed(parts)}, {within} the {SLOW_DOWN:g} "
+    )
+    text += "aimed at."
+    return Claim(text, ratios, True)
+
+
+def hard_tables(results: Results) -> list[dict[str, Any]]:
+    """The verdicts, a line a case."""
+    found, sources = hard_rows(results)
+    if not found:
+        return []
+    names, lines = table_of(found)
+    rows = [[case, title, lead, in_words(names, cells)] for case, title, lead, cells in lines]
+    head = ["Case", "What", "Measured, worst in float64 (bound)", "Verdict"]
+    return [table(f"Hard cases. {provenance(sources)}", head, rows)]
+
+
+def waiting_tables(_: Results) -> list[dict[str, Any]]:
+    """The rows that no solver here can run yet."""
+    return [table("Rows that wait for other solvers", ["Row", "Why"], [[*item] for item in NOT_YET.items()])]
+
+
+def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """A table of words as the template prints it."""
+    return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": len(head)}
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "hard-verdicts": verdicts,
+    "hard-backends": backends,
+    "hard-known": known,
+    "hard-far": far,
+    "hard-collapsed": collapsed,
+    "hard-denormals": denormal,
+}

@@ -1,0 +1,145 @@
+"""What the lab book may say about the hard cases of bodies, and its table of them; see labbook/claims/claim.py for the
+rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from bench.experiments.body_laws import SECONDS, SPIN
+from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
+from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
+from bench.stress.results import HardRow, in_words, table_of
+from labbook import words
+from labbook.claims.claim import Claim
+from labbook.claims.hard import compare_backends, count_verdicts, table, told
+from labbook.words import count, number, percent, seconds
+from plots.core.data import Results, provenance
+from plots.figures.hard_bodies import body_rows
+
+FEW = 0.02  # of the spin: what rounding may take without being told of
+
+
+def _rows(results: Results) -> list[HardRow]:
+    return body_rows(results)[0]
+
+
+def verdicts(results: Results) -> Claim:
+    """How many runs came to which verdict."""
+    rows = _rows(results)
+    return count_verdicts(rows) if rows else Claim("The hard cases of bodies were not run.")
+
+
+def backends(results: Results) -> Claim:
+    """Whether both backends come to the same verdicts."""
+    return compare_backends(_rows(results))
+
+
+def _one(rows: list[HardRow], case: str, precision: str = "float64") -> HardRow | None:
+    """The run of a case in a precision, on the first backend that has it."""
+    return next((row for row in rows if (row.case, row.precision) == (case, precision)), None)
+
+
+def _values(row: HardRow | None, *names: str) -> list[float]:
+    """The numbers of a run by name; none where one is missing."""
+    found = [told(row, name) for name in names] if row else [None]
+    return [value for value in found if value is not None] if None not in found else []
+
+
+def spin(results: Results) -> Claim:
+    """S7 and A8: what a rigid body keeps of its spin, and where float32 stops following the law."""
+    rows = _rows(results)
+    cases = sorted({row.case for row in rows if row.case.startswith("S7 ")}, key=_substeps)
+    found = {case: values for case in cases if (values := _values(_one(rows, case), SPIN_KEPT, OFF_LAW, OFF_NEWTON))}
+    if not found:
+        return Claim("The spin of a rigid body was not judged.")
+    parts = [f"{percent(kept)} with {_substeps(case)}" for case, (kept, _, _) in found.items()]
+    off = max(values[1] for values in found.values())
+    last = list(found)[-1]
+    text = (
+        f"A rigid body that turns once a second keeps of that, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
+        f"substeps a frame, as its law says to {number(off, 1)}; with {_substeps(last)} it then is "
+        f"{number(found[last][2], 2)} spacings from where Newton's law has it."
+    )
+    numbers = {"off": off, "kept": found[last][0]}
+    single = {case: values for case in found if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}
+    worst = max(single, key=lambda case: single[case][1], default="")
+    if worst and single[worst][1] > FEW:
+        numbers["float32"] = single[worst][0]
+        text += (
+            f" In float32 {percent(single[worst][0])} is left with {_substeps(worst)} substeps: a rotation that is within "
+            "rounding of the nearest is not touched, and of a turn that small rounding is a part."
+        )
+    return Claim(text, numbers, off < FEW)
+
+
+def _substeps(case: str) -> int:
+    return int(case.split()[1])
+
+
+def shapes(results: Results) -> Claim:
+    """A10: what was squashed or mirrored comes back."""
+    rows = [row for row in _rows(results) if row.case.startswith("A10") and told(row, OUT_OF_SHAPE) is not None]
+    if not rows:
+        return Claim("Bodies were not squashed.")
+    worst = max(told(row, OUT_OF_SHAPE) or 0.0 for row in rows)
+    ways = len({row.case for row in rows})
+    return Claim(
+        "A jelly that was squashed flat, onto a line or into a point, mirrored or turned inside out finds its shape again, "
+        f"in {count(len(rows))} runs of {count(ways)} such starts to {percent(worst)} of a spacing.",
+        {"worst": worst, "runs": float(len(rows))}, all(row.verdict == "pass" for row in rows),
+    )  # fmt: skip
+
+
+def apart(results: Results) -> Claim:
+    """B17: how fast what begins in another leaves it."""
+    rows = [row for row in _rows(results) if row.case.startswith("B17") and told(row, PARTING) is not None]
+    if not rows:
+        return Claim("Bodies were not begun inside each other.")
+    fastest = max(told(row, PARTING) or 0.0 for row in rows)
+    return Claim(
+        f"Bodies that begin in each other part at {number(fastest, 2)} m/s at most, where twice the speed of separation is "
+        "allowed.",
+        {"fastest": fastest}, all(row.verdict == "pass" for row in rows),
+    )  # fmt: skip
+
+
+def load(results: Results) -> Claim:
+    """B18: a stack sinks as the weight above says, and so does what carries a heavy one."""
+    rows = _rows(results)
+    stack, borne = (
+        _values(_one(rows, "B18 stack"), SINKING, LOWERED),
+        _values(_one(rows, "B18 load"), BORNE, DEPTH, RATIO),
+    )
+    if not stack or not borne:
+        return Claim("What bodies sink into each other under load was not judged.")
+    (off, lowered), (wrong, depth, ratio) = stack, borne
+    return Claim(
+        f"In a stack of ten bricks every interface sinks by what the weight above it asks of one projection a substep, to "
+        f"{number(off, 1)} of a substep's fall, so that the top comes down by {percent(lowered)} of a brick; a brick on one "
+        f"of a part in {number(ratio, 3)} of its mass goes {percent(depth)} of the particles' distance into it, as predicted "
+        f"to {number(wrong, 1)} of that.",
+        {"stack": off, "load": wrong, "depth": depth}, max(off, wrong) < FEW,
+    )  # fmt: skip
+
+
+def body_tables(results: Results) -> list[dict[str, Any]]:
+    """The verdicts, a line a case, and where each bound comes from."""
+    found, sources = body_rows(results)
+    if not found:
+        return []
+    names, lines = table_of(found)
+    bases = {row.case: row.basis for row in found}
+    rows = [[case, title, lead, bases[case], in_words(names, cells)] for case, title, lead, cells in lines]
+    head = ["Case", "What", "Measured, worst in float64 (bound)", "The bound is", "Verdict"]
+    return [table(f"Hard cases of bodies. {provenance(sources)}", head, rows)]
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "hard-bodies": verdicts,
+    "hard-body-backends": backends,
+    "hard-body-spin": spin,
+    "hard-body-shapes": shapes,
+    "hard-body-apart": apart,
+    "hard-body-load": load,
+}

@@ -1,0 +1,229 @@
+"""What the lab book may say of the kernels: what each rung gains, its roofs, joules, starts; see labbook/claims/claim.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bench.measure.starts import COLD, WARM
+from labbook import words
+from labbook.claims.claim import Claim, clearly, on_gpu, sound
+from labbook.words import masses, number, percent, seconds, times
+from plots.core.data import Results, Source
+from plots.core.ladder import defaults, fastest, machine_of
+from plots.figures.joules import has_joules, joules, watts
+from plots.figures.roofline import roofs
+
+NAMES = {"cpu": "CPU", "gpu": "GPU"}
+BELOW = {  # each rung, its backend, and the rung that it is held against
+    "launch": ("gpu", "stages"),
+    "graph": ("gpu", "launch"),
+    "one-block": ("gpu", "graph"),
+    "resident": ("gpu", "graph"),
+    "tiles": ("gpu", "graph"),
+    "fused": ("cpu", "stages"),
+    "tiled": ("cpu", "fused"),
+    "team": ("cpu", "fused"),
+}
+
+
+def on(source: Source, backend: str) -> str:
+    """`On the NVIDIA H200`, `On the AMD EPYC, 2 cores`, and whether these are the committed measurements."""
+    if backend == "gpu":
+        return on_gpu(source)
+    return f"On the {source.processor}{'' if source.own else ' (committed measurements)'}"
+
+
+def rung(results: Results, kernel: str) -> Claim:
+    """A kernel against the rung below it, at the size where it gains most, and the sizes where it is the fastest."""
+    backend, below = BELOW[kernel]
+    source = machine_of(results, backend)
+    kernels = source.ladder(backend) if source else {}
+    if source is None or kernel not in kernels:
+        return Claim(f"The {NAMES[backend]}'s kernel {kernel} was not timed.")
+    held = {t.particles: t for t in sound(kernels.get(below, []))}
+    both = [(t, held[t.particles]) for t in sound(kernels[kernel]) if t.particles in held]
+    if not both:
+        return Claim(f"The {NAMES[backend]}'s kernels {kernel} and {below} were not timed at one size.")
+    where = on(source, backend)
+    gains = [(under.median / t.median, t, under) for t, under in both if clearly(t, under) < 0]
+    if not gains:
+        text = f"{where}, {kernel} is at none of the {len(both)} sizes faster than {below} beyond the spread."
+        return Claim(text, {"sizes": len(both)}, False)
+    gain, best, under = max(gains, key=lambda found: found[0])
+    at = (
+        f"at {masses(best.particles)}" if len(both) > 1 else f"at {masses(best.particles)}, the only size that both ran"
+    )
+    text = (
+        f"{where}, {at}, a step takes {seconds(best.median)} with {kernel} and {seconds(under.median)} with {below}: "
+        f"{times(gain)} as fast{', its largest gain' if len(gains) > 1 else ''}."
+    )
+    return Claim(f"{text} {_first_of_all(source, backend, kernel)}", {"gain": gain, "masses": best.particles}, True)
+
+
+def _first_of_all(source: Source, backend: str, kernel: str) -> str:
+    """At how many sizes a kernel is the fastest."""
+    ranked = fastest(source, backend)
+    mine = [t.particles for t in ranked if t.kernel == kernel]
+    if not mine:
+        return f"It is the fastest of all at none of the {len(ranked)} sizes."
+    span = masses(mine[0]) if len(mine) == 1 else f"{words.count(mine[0])} to {masses(mine[-1])}"
+    return f"It is the fastest of all at {len(mine)} of the {len(ranked)} sizes ({span})."
+
+
+def choice(results: Results, backend: str) -> Claim:
+    """Whether the kernel that a backend chooses by itself is the fastest."""
+    source = machine_of(results, backend)
+    chosen = {t.particles: t for t in defaults(source, backend)} if source else {}
+    best = [t for t in fastest(source, backend) if t.particles in chosen] if source else []
+    if source is None or not best:
+        return Claim(f"Whether the {NAMES[backend]} chooses its fastest kernel was not measured.")
+    slower = [(chosen[t.particles].median / t.median, t) for t in best if clearly(chosen[t.particles], t) > 0]
+    good = len(best) - len(slower)
+    text = (
+        f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond the spread, at "
+        f"{good} of the {len(best)} sizes"
+    )
+    numbers: dict[str, float] = {"good": good, "sizes": len(best)}
+    if slower:
+        ratio, worst = max(slower, key=lambda found: found[0])
+        numbers["worst"] = ratio
+        text += f"; at worst, at {masses(worst.particles)}, it takes {times(ratio)} as long as {worst.kernel}"
+    return Claim(f"{text}.", numbers, True)
+
+
+def roof(results: Results, backend: str) -> Claim:
+    """The largest share of the one-step-per-pass roof that any kernel reaches, and of the arithmetic one."""
+    source = machine_of(results, backend, lambda s: roofs(s, backend) is not None)
+    found = roofs(source, backend) if source else None
+    ranked = fastest(source, backend) if source else []
+    if source is None or found is None or not ranked:
+        return Claim(f"How the {NAMES[backend]}'s kernels stand against its roofs was not measured.")
+    best = max(ranked, key=found.share)
+    share = found.share(best)
+    numbers = {"share": share, "masses": best.particles}
+    more = "more" if share > 1 else "no more"
+    text = (
+        f"{on(source, backend)}, the highest is {percent(share)} of one step per pass, by {best.kernel} at "
+        f"{masses(best.particles)}: {more} than any kernel could reach that does one step per pass from memory"
+    )
+    if found.arithmetic_share and found.rate:
+        numbers["arithmetic"] = share / found.arithmetic_share
+        text += (
+            f". Of the measured {number(found.rate / 1e9)}{words.SPACE}G operations a second it uses "
+            f"{percent(share / found.arithmetic_share)}"
+        )
+    return Claim(f"{text}.", numbers, True)
+
+
+def energy(results: Results) -> Claim:
+    """Joules of the thriftiest and of the most wasteful kernel at the largest size of each backend that counts them."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend in ("cpu", "gpu"):
+        source = machine_of(results, backend, lambda s, name=backend: has_joules(s, name))  # type: ignore[misc]
+        if source is None:
+            continue
+        counted = [(t, j) for ts in source.ladder(backend).values() for t in ts if (j := joules(source, t)) is not None]
+        size = max(t.particles for t, _ in counted)
+        here = sorted(((j, t) for t, j in counted if t.particles == size), key=lambda found: found[0])
+        (least, thrifty), (most, wasteful) = here[0], here[-1]
+        numbers |= {f"{backend} least": least, f"{backend} most": most}
+        text = (
+            f"{on(source, backend)}, at {masses(size)}, a million mass-steps take {number(least, 2)}{words.SPACE}J with "
+            f"{thrifty.kernel} (at {number(watts(source, thrifty) or 0.0, 2)}{words.SPACE}W)"
+        )
+        if wasteful is not thrifty:
+            text += (
+                f" and {number(most, 2)}{words.SPACE}J with {wasteful.kernel} (at "
+                f"{number(watts(source, wasteful) or 0.0, 2)}{words.SPACE}W)"
+            )
+        parts.append(f"{text}.")
+    if not parts:
+        return Claim("No joules were counted: the machine has no energy counter that may be read.")
+    return Claim(" ".join(parts), numbers, True)
+
+
+def starts(results: Results) -> Claim:
+    """What a first step takes, cold and warm, on each backend."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend in ("cpu", "gpu"):
+        for source in (*results.featured, *results.background):
+            mine = {m.name: m.value for m in source.measures if m.description["backend"] == backend}
+            cold, warm = mine.get(COLD), mine.get(WARM)
+            if cold is not None and warm is not None:
+                name = "GPU" if backend == "gpu" else "CPU"
+                parts.append(f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on the {name}")
+                numbers |= {f"{backend} cold": cold, f"{backend} warm": warm}
+                break
+    if not parts:
+        return Claim("How long a user waits for the first step was not measured.")
+    text = f"The whole process of one step of the lab grid, from the command to its end, takes {'; '.join(parts)}."
+    return Claim(text, numbers, True)
+
+
+# ---------------------------------------------------------------------- more threads than cores
+
+
+def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
+    """A kernel with 4x threads against itself with 1x, or (`against`) against another kernel with 4x, on the smallest
+    grid that both ran."""
+    source = machine_of(results, "cpu")
+    more = source.ladder("cpu", word="4x").get(kernel, []) if source else []
+    other = source.ladder("cpu", word="4x" if against else "1x").get(against or kernel, []) if source else []
+    held = {t.particles: t for t in sound(other)}
+    both = [(t, held[t.particles]) for t in sound(more) if t.particles in held]
+    if source is None or not both:
+        return Claim(f"The kernel {kernel} was not timed with more threads than cores.")
+    crowd, base = both[0]
+    name = f"{against} with 4x" if against else "with 1x"
+    ratio = crowd.median / base.median
+    at = f"{on(source, 'cpu')}, at {masses(crowd.particles)} and with 4x threads, a step of {kernel} takes"
+    numbers = {"ratio": ratio, "masses": crowd.particles}
+    verdict = clearly(crowd, base)
+    if verdict == 0:
+        return Claim(f"{at} {seconds(crowd.median)}, no other than {name} beyond the spread.", numbers, False)
+    factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"
+    return Claim(f"{at} {seconds(crowd.median)}, {factor} {name}.", numbers, True)
+
+
+def policies(results: Results) -> Claim:
+    """What an empty region costs where idle threads spin, and where they sleep, with few threads and with many."""
+    source = next((s for s in results.featured if s.machine.record.get("region_policies")), None)
+    costs = (source.machine.record["region_policies"] if source else None) or {}
+    spin, sleep = ({int(n): cost for n, cost in (costs.get(p) or {}).items()} for p in ("active", "passive"))
+    cores = source.machine.record.get("cores") if source else None
+    many = max(set(spin) & set(sleep), default=0)
+    if source is None or not cores or cores not in spin or cores not in sleep or many <= cores:
+        return Claim("What spinning and sleeping cost was not measured.")
+    few_times, many_times = sleep[cores] / spin[cores], spin[many] / sleep[many]
+    text = (
+        f"With {cores} threads on {cores} cores an empty region costs {seconds(spin[cores], 2)} when idle threads spin and "
+        f"{seconds(sleep[cores], 2)} when they sleep; with {many}, {seconds(spin[many], 2)} and {seconds(sleep[many], 2)}. "
+    )
+    if few_times > 1 and many_times > 1:
+        text += "Spinning is quicker as long as each thread has a core, and slower once they share them."
+    elif few_times > 1:
+        text += "Spinning is the quicker of the two in both cases here."
+    else:
+        text += "Sleeping is not the slower of the two here even where each thread has a core."
+    numbers = {"spin few": spin[cores], "sleep few": sleep[cores], "spin many": spin[many], "sleep many": sleep[many]}
+    return Claim(text, numbers, True)
+
+
+def _rung_claim(kernel: str) -> Callable[[Results], Claim]:
+    return lambda results: rung(results, kernel)
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    **{f"rung-{kernel}": _rung_claim(kernel) for kernel in BELOW},
+    "choice-cpu": lambda results: choice(results, "cpu"),
+    "choice-gpu": lambda results: choice(results, "gpu"),
+    "roof-cpu": lambda results: roof(results, "cpu"),
+    "roof-gpu": lambda results: roof(results, "gpu"),
+    "energy": energy,
+    "starts": starts,
+    "crowded-fused": lambda results: crowded(results, "fused"),
+    "crowded-team": lambda results: crowded(results, "team", "fused"),
+    "policies": policies,
+}

@@ -1,0 +1,168 @@
+"""What the lab book may say about stability; see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+
+from bench.experiments.stability.points import Edge, MapPoint, disagreements
+from labbook import words
+from labbook.claims.claim import Claim
+from labbook.words import number, percent, seconds, times
+from plots.core.data import Results
+from plots.figures.stability import stability_runs
+
+CLOSE = 0.01  # how far a measured edge may be off the analytic one
+TRAP, REPAIR = "taylor", "semi-implicit-euler"
+
+
+def found(results: Results) -> tuple[list[MapPoint], list[Edge]]:
+    """The map and the edges that the chapter is about."""
+    points, edges, _ = stability_runs(results)
+    return points, edges
+
+
+def _where(entries: list[Edge] | list[MapPoint]) -> str:
+    """`on the CPU and the GPU, in float32 and float64`."""
+    backends = [name.upper() for name in ("cpu", "gpu") if any(e.place.backend == name for e in entries)]
+    precisions = [name for name in ("float32", "float64") if any(e.place.precision == name for e in entries)]
+    return f"on the {words.listed(backends).replace(' and ', ' and the ')}, in {words.listed(precisions)}"
+
+
+def edges(results: Results) -> Claim:
+    """How far the measured edges of the chain lie off the analytic limits."""
+    chain = [e for e in found(results)[1] if e.place.chain]
+    if not chain:
+        return Claim("The edges of the linear chain were not measured.")
+    worst = max(chain, key=lambda e: abs(e.off))
+    numbers = {"worst": abs(worst.off), "edges": len(chain)}
+    names = dict.fromkeys(e.place.integrator for e in chain)
+    if not isfinite(worst.off) or abs(worst.off) > CLOSE:
+        text = (
+            f"Of the {len(chain)} edges measured {_where(chain)}, that of {worst.place.integrator} lies "
+            f"{percent(abs(worst.off))} off the analytic one, farther than the {percent(CLOSE)} that bisection allows for."
+        )
+        return Claim(text, numbers, False)
+    text = (
+        f"The edges found by bisection on the chain, {len(chain)} of them for {len(names)} integrators {_where(chain)}, "
+        f"lie within {percent(abs(worst.off))} of the analytic limits."
+    )
+    return Claim(text, numbers, True)
+
+
+def under(results: Results) -> Claim:
+    """Whether anything diverged at or under its limit."""
+    points = found(results)[0]
+    if not points:
+        return Claim("The map of stability was not measured.")
+    safe = [p for p in points if not p.over]
+    lost = [p for p in safe if p.lost]
+    numbers = {"under": len(safe), "diverged": len(lost)}
+    if lost:
+        names = words.listed(list(dict.fromkeys(p.place.integrator for p in lost)))
+        text = (
+            f"Of the {len(safe)} runs at or under the limit, {len(lost)} grew or diverged all the same, with {names}."
+        )
+        return Claim(text, numbers, True)
+    return Claim(f"Not one of the {len(safe)} runs at or under the limit grew or diverged.", numbers, bool(safe))
+
+
+def over(results: Results) -> Claim:
+    """How much room the bound for any state leaves this grid."""
+    points = [p for p in found(results)[0] if p.over and p.place.limit > 0]
+    lost = [p for p in points if p.lost]
+    if not points:
+        return Claim("No run was over its limit.")
+    numbers: dict[str, float] = {"over": len(points), "diverged": len(lost)}
+    kept = [p for p in points if not p.diverged]
+    text = f"Of the {len(points)} runs over it, {len(lost)} diverged or grew"
+    if not kept:
+        return Claim(f"{text}: here the bound for any state is the edge itself.", numbers, True)
+    farthest = max(kept, key=lambda p: p.place.dt / p.place.limit)
+    numbers["farthest"] = farthest.place.dt / farthest.place.limit
+    text += (
+        f"; the others stayed bounded, with step sizes up to {times(numbers['farthest'])} the limit "
+        f"({farthest.place.integrator}): near rest, the bound for any state leaves room."
+    )
+    return Claim(text, numbers, True)
+
+
+def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Claim:
+    """Whether all backends, or both precisions, say the same of every point."""
+    one, many = words_of
+    differing, shared = disagreements(found(results)[0], between)
+    if not shared:
+        return Claim(f"The map was run {one} only, so {many} were not compared.")
+    numbers = {"differing": differing, "shared": shared}
+    if differing:
+        return Claim(f"Between {many}, {differing} of {shared} points differ on what diverged.", numbers, True)
+    return Claim(f"Between {many}, none of {shared} points differs on what diverged.", numbers, True)
+
+
+def backends(results: Results) -> Claim:
+    """CPU against GPU."""
+    return agreement(results, "backend", ("on one backend", "backends"))
+
+
+def precisions(results: Results) -> Claim:
+    """float32 against float64."""
+    return agreement(results, "precision", ("in one precision", "precisions"))
+
+
+def trap(results: Results) -> Claim:
+    """The measured price of the plausible repair: taylor's edge against semi-implicit Euler's, damped."""
+    chain = [e for e in found(results)[1] if e.place.chain and e.place.damping > 0]
+    first = {name: next((e for e in chain if e.place.integrator == name), None) for name in (TRAP, REPAIR)}
+    short, long = first[TRAP], first[REPAIR]
+    if short is None or long is None or not 0 < short.measured < long.measured:
+        return Claim(f"The edges of {TRAP} and {REPAIR} were not both measured, or do not differ as expected.")
+    ratio = long.measured / short.measured
+    text = (
+        f"On the damped chain, {TRAP} breaks at {seconds(short.measured)} and {REPAIR}, at the same cost, at "
+        f"{seconds(long.measured)}: {times(ratio)} the step size."
+    )
+    return Claim(text, {"ratio": ratio}, True)
+
+
+def first_loss(results: Results) -> Claim:
+    """How soon what diverges does so: the steps until it is found."""
+    steps = sorted(p.step for p in found(results)[0] if p.step is not None)
+    if not steps:
+        return Claim("No run of the map diverged." if found(results)[0] else "No run of the map was made.")
+    middle = steps[len(steps) // 2]
+    text = (
+        f"Half of the runs that diverge do so within {words.count(middle)} steps, the last after "
+        f"{words.count(steps[-1])}."
+    )
+    return Claim(text, {"median": middle, "last": steps[-1]}, True)
+
+
+def edge_rows(results: Results) -> list[list[str]]:
+    """Cells of the table of edges: integrator, damping, analytic, then each backend and precision; see edge_head."""
+    chain = [e for e in found(results)[1] if e.place.chain]
+    rows = []
+    for name, damping in dict.fromkeys((e.place.integrator, e.place.damping) for e in chain):
+        mine = {(e.place.backend, e.place.precision): e for e in chain if e.place.integrator == name
+                and e.place.damping == damping}  # fmt: skip
+        cells = [number(1000 * next(iter(mine.values())).analytic, 5)]
+        for pair in edge_pairs(results):
+            edge = mine.get(pair)
+            cells.append("\N{EN DASH}" if edge is None else number(1000 * edge.measured, 5))
+        rows.append([name, f"{damping:g}", *cells])
+    return rows
+
+
+def edge_pairs(results: Results) -> list[tuple[str, str]]:
+    """The (backend, precision) pairs that measured edges of the chain."""
+    return sorted({(e.place.backend, e.place.precision) for e in found(results)[1] if e.place.chain})
+
+
+CLAIMS: dict[str, Callable[[Results], Claim]] = {
+    "stability-edges": edges,
+    "stability-under": under,
+    "stability-over": over,
+    "stability-backends": backends,
+    "stability-precisions": precisions,
+    "stability-trap": trap,
+    "stability-first-loss": first_loss,
+}

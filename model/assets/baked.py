@@ -1,0 +1,173 @@
+"""Bodies kept on disk: made once for a mesh, its parameters and the code that made them, loaded ever after.
+
+A file's name is the hash of all that; what lies in it are the arrays themselves, bit for bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.assets.skin import INFLUENCES, Skin
+from model.assets.soft_body import MATERIAL, BakedBody, Meshes, Report, RigidBody
+from model.core.digest import ROOT, source_digest
+from model.core.disk_cache import cache_folder, read_arrays, write_arrays
+from model.core.errors import InputError, SoftlabError
+from model.geometry.shapes import Shape
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.lattice import Lattice
+
+VERSION = 2  # of the files: what is in them, and how
+SOURCES = (
+    *(
+        "assets/baked",
+        "shape_matching/clustering",
+        "shape_matching/clusters",
+        "shape_matching/lattice",
+        "assets/material",
+        "geometry/mesh",
+        "geometry/edges",
+        "geometry/mesh_files",
+        "geometry/neighbours",
+        "geometry/normals",
+        "assets/sampling",
+        "geometry/shapes",
+    ),
+    *(
+        "assets/skin",
+        "assets/soft_body",
+        "assets/soft_lattice",
+        "assets/soft_sheet",
+        "geometry/solid",
+        "assets/strokes",
+        "geometry/surface_nets",
+        "geometry/voxels",
+    ),
+)
+
+Source = Shape | str | Path | Meshes
+
+
+def baked(
+    parameters: RigidBody, mesh: Source, *, scale: float = 1.0, folder: Path | None = None, keep: bool = True
+) -> BakedBody:
+    """`parameters.bake` of a mesh: one of the lab's shapes, a file (whose coordinates are multiplied by `scale` [m per
+    unit]), or what `from_mesh` takes. From `folder` (the user's cache) where it was made before, else made and put there.
+
+    The same bits either way. A file that is older, damaged or cannot be written costs the time to make the body again.
+    `keep` False: neither read nor written. Raises what `read_mesh` and `from_mesh` raise.
+    """
+    if not keep:
+        return parameters.bake(_mesh(mesh, scale))
+    key = body_key(parameters, mesh, scale)
+    bare = parameters.model_copy(update={name: field.default for name, field in _material(parameters).items()})
+    file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
+    held = read_arrays(file)
+    found = _unpacked(held, key) if held else None
+    if found is None:
+        found = bare.bake(_mesh(mesh, scale))
+        write_arrays(file, **_packed(found, key))
+    return parameters.furnish(found)
+
+
+def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
+    """32 hexadecimal digits of the mesh (a file's bytes, a shape's fields, or the arrays), of all parameters but the
+    material's, and of the code. Raises InputError (a file that cannot be read)."""
+    digest = hashlib.sha256(f"{VERSION} {_sources()} {type(parameters).__name__} ".encode())
+    digest.update(parameters.model_dump_json(exclude=set(_material(parameters))).encode())
+    if isinstance(mesh, Shape):
+        digest.update(b" shape " + mesh.model_dump_json().encode())
+    elif isinstance(mesh, str | Path):
+        digest.update(f" file {Path(mesh).suffix.lower()} {scale!r} ".encode() + _bytes(Path(mesh)))
+    else:
+        position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
+        position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+        told = [] if isinstance(mesh, tuple) else mesh.repairs
+        digest.update(f" arrays {position.shape} {triangles.shape} {json.dumps(told)} ".encode())
+        digest.update(position.tobytes() + triangles.tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _material(parameters: RigidBody) -> dict[str, Any]:
+    """The fields that bodies are furnished by after they were baked."""
+    return {name: field for name, field in type(parameters).model_fields.items() if name in MATERIAL}
+
+
+@cache
+def _sources() -> str:
+    return source_digest(*(ROOT / "model" / f"{name}.py" for name in SOURCES))
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}") from None
+
+
+def _mesh(mesh: Source, scale: float) -> Meshes:
+    if isinstance(mesh, Shape):
+        return mesh.mesh()
+    if isinstance(mesh, str | Path):
+        from model.geometry.mesh import read_mesh
+
+        return read_mesh(mesh, scale)
+    return mesh
+
+
+def _packed(body: BakedBody, key: str) -> dict[str, Any]:
+    """Arrays by name: nothing that would have to be pickled."""
+    clusters, skin = body.clusters, body.skin
+    return {
+        "key": np.array(key),
+        "report": np.array(json.dumps(asdict(body.report))),
+        "position": body.position,
+        "mass": body.mass,
+        "offsets": clusters.offsets,
+        "indices": clusters.indices,
+        "coefficients": clusters.coefficients,
+        "stiffness": clusters.stiffness,
+        "links": body.links,
+        "rest_length": body.rest_length,
+        "link_stiffness": np.float64(body.link_stiffness),
+        "spacing": np.float64(body.spacing),
+        "lattice": np.array([*body.lattice.counts, body.lattice.region] if body.lattice else [], np.int64),
+        **{f"skin_{field.name}": getattr(skin, field.name) for field in fields(Skin)},
+    }
+
+
+def _unpacked(held: dict[str, np.ndarray], key: str) -> BakedBody | None:
+    """The body of a file's arrays; None where they are not those of this key, or no body."""
+    try:
+        if str(held["key"]) != key:
+            return None
+        told = json.loads(str(held["report"]))
+        report = Report(**{**told, "members": tuple(told["members"]), "told": tuple(told["told"])})
+        position, mass = held["position"], held["mass"]
+        offsets, indices = held["offsets"], held["indices"]
+        clusters = Clusters(offsets, indices, held["coefficients"], held["stiffness"], mass, position)
+        skin = Skin(**{field.name: held[f"skin_{field.name}"] for field in fields(Skin)})
+        whole = (
+            position.shape == (report.particles, 3)
+            and mass.shape == (report.particles,)
+            and clusters.count == report.clusters
+            and held["links"].shape == (report.links, 2)
+            and held["rest_length"].shape == (report.links,)
+            and skin.clusters.shape == skin.weights.shape == (len(skin.position), INFLUENCES)
+            and len(skin.rest_centre) == clusters.count
+        )
+        links, length = held["links"], held["rest_length"]
+        windows = [int(number) for number in held["lattice"]]
+        stiffness, spacing = float(held["link_stiffness"]), float(held["spacing"])
+        lattice = Lattice((windows[0], windows[1], windows[2]), windows[3], spacing) if windows else None
+        whole = whole and (lattice is None or lattice.size == report.particles)
+    except (KeyError, IndexError, TypeError, ValueError, SoftlabError):
+        return None
+    body = BakedBody(position, mass, clusters, links, length, stiffness, skin, spacing, report, lattice)
+    return body if whole else None

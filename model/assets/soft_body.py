@@ -1,0 +1,342 @@
+"""Bodies made from meshes: particles, clusters, links and a skin, ready for a solver.
+
+The parameters are those of NVIDIA Flex's flexExtCreateSoftFromMesh and flexExtCreateRigidFromMesh, with units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from model.assets.material import Material, even
+from model.assets.sampling import Samples, sample
+from model.assets.skin import Skin, make_skin
+from model.core.errors import SceneError
+from model.geometry.mesh import TriangleMesh
+from model.geometry.neighbours import TooMany, close_pairs
+from model.geometry.solid import Solid, as_mesh, solid
+from model.scene.parts import NotNegative, Part, Positive
+from model.shape_matching.clustering import check, gather, one_cluster, parts, undetermined
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.lattice import Lattice
+
+SPACINGS = 2.0  # of the clusters' centres in particle spacings, unless given
+OVERLAP = 1.25  # of their radius in their spacings, unless given
+LARGEST_STRAIN = 0.5  # that a body keeps, unless given
+DENSITY = 1000.0  # kg/m^3: water's, as jelly's
+
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False, strict=True)]
+Limit = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False, strict=True)]  # at 1 a cluster could be flat
+MATERIAL = ("linear", "plastic_threshold", "plastic_creep", "plastic_limit", "cluster_damping")  # not of the bake
+Meshes = TriangleMesh | tuple[np.ndarray, np.ndarray]
+Made = TypeVar("Made", bound="RigidBody")
+
+
+@dataclass(frozen=True)
+class Report:
+    """What became of a mesh: counts; `mass` [kg]; `volume` [m^3] and the part of it within sqrt(3)/2 spacings of a particle,
+    `covered`; `members`, the fewest and the most of a cluster; `overlap`: clusters a particle; `pieces` of the mesh, and
+    `parts` of the body that hang together; `undetermined`: clusters of fewer than four particles or with all on a line;
+    `told`: a sentence for each thing that was made good, or is odd."""
+
+    particles: int
+    interior: int
+    surface: int
+    spacing: float
+    mass: float
+    volume: float
+    covered: float
+    clusters: int
+    members: tuple[int, int]
+    overlap: float
+    orphans: int
+    links: int
+    pieces: int
+    parts: int
+    undetermined: int
+    told: tuple[str, ...]
+    filled: int = 0  # of those inside, how many a finer lattice found room for
+
+    @property
+    def _extent(self) -> str:
+        return f"{100 * self.covered:.1f} % of {self.volume:.4g} m^3 covered" if self.volume else "a sheet"
+
+    def lines(self) -> list[str]:
+        """What to tell a user of it."""
+        least, most = self.members
+        size = f"{least}" if least == most else f"{least} to {most}"
+        found = [
+            f"{self.particles} particles ({self.interior} inside, {self.surface} on the surface), about {self.spacing:g} m "
+            f"apart, {self.mass:.4g} kg; " + self._extent,
+            f"{self.clusters} cluster{'' if self.clusters == 1 else 's'} of {size} particles, {self.overlap:.2f} a particle; "
+            f"orphans: {self.orphans}; links: {self.links}",
+        ]
+        if self.parts > 1:
+            found.append(f"{self.parts} parts hang together, each moves on its own (pieces of the mesh: {self.pieces})")
+        elif self.pieces > 1:
+            found.append(f"the mesh's {self.pieces} pieces hang together, as clusters reach from one to the other")
+        if self.undetermined:
+            found.append(
+                f"{self.undetermined} of {self.clusters} clusters have fewer than 4 particles, or all on a line, and turn as "
+                "they like: a smaller particle_spacing, a larger cluster_radius or more surface_sampling mends it"
+            )
+        return [*found, *self.told]
+
+
+@dataclass(frozen=True, eq=False)
+class BakedBody:
+    """A body in its mesh's frame, to be put into a world any number of times.
+
+    `position` (particles, 3) float64 [m], `mass` (particles,) float64 [kg], `clusters`, `links` (n, 2) int32 with
+    `rest_length` (n,) float64 [m] and one `link_stiffness` [N/m], `skin`, particle `spacing` [m], `report`; `lattice`: whose
+    windows the clusters are, None of other bodies.
+    """
+
+    position: np.ndarray
+    mass: np.ndarray
+    clusters: Clusters
+    links: np.ndarray
+    rest_length: np.ndarray
+    link_stiffness: float
+    skin: Skin
+    spacing: float
+    report: Report
+    lattice: Lattice | None = None
+
+
+class RigidBody(Part):
+    """A body of one rigid cluster, sampled from a closed mesh.
+
+    `volume_sampling`: 0, nothing inside; 1, a lattice of the particle spacing; over it, what is left is filled from a lattice
+    so many times finer. `surface_sampling`: places tried on the surface for each square of the spacing; 0, none.
+    Of `density` and `mass`, of the whole body, give one.
+    """
+
+    particle_spacing: Positive  # m
+    volume_sampling: NotNegative = 2.0
+    surface_sampling: NotNegative = 4.0
+    density: Positive = DENSITY  # kg/m^3
+    mass: Positive | None = None  # kg
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_weight(cls, fields: object) -> object:
+        if isinstance(fields, dict) and fields.get("mass") is not None and "density" in fields:
+            raise ValueError("density: follows from the mass; give density or mass")
+        return fields
+
+    @model_validator(mode="after")
+    def _something_is_sampled(self) -> RigidBody:
+        if self.volume_sampling == 0 and self.surface_sampling == 0:
+            raise ValueError("volume_sampling: must be over 0 where surface_sampling is 0, or there are no particles")
+        if 0 < self.volume_sampling < 1 or self.volume_sampling > 8:
+            raise ValueError("volume_sampling: must be 0, or from 1 (the particle spacing) to 8 (an eighth of it)")
+        return self
+
+    @classmethod
+    def from_mesh(cls: type[Made], mesh: Meshes, **parameters: Any) -> BakedBody:
+        """The body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`, `model.geometry.shapes.Shape.mesh`)
+        or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
+
+        Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
+        """
+        return parameters_of(cls, parameters).bake(mesh)
+
+    def bake(self, mesh: Meshes) -> BakedBody:
+        """What `from_mesh` makes with these parameters."""
+        none = np.zeros((0, 2), np.int32)
+
+        def clusters(position: np.ndarray, mass: np.ndarray, pieces: int) -> tuple[Clusters, np.ndarray, np.ndarray]:
+            return one_cluster(position, mass), none, np.zeros(0)
+
+        return _bake(self, mesh, clusters, 0.0)
+
+    def furnish(self, body: BakedBody) -> BakedBody:
+        """The body with what its clusters do beside turning, which no mesh has a say in: nothing, of a rigid one."""
+        return replace(body, report=replace(body.report, told=(*body.report.told, *self.idle(body.report))))
+
+    def idle(self, report: Report) -> list[str]:
+        """A word on what was told of sampling and does nothing in this body, as the lattice inside it leaves no room."""
+        told = []
+        for name, added in (("volume_sampling", report.filled), ("surface_sampling", report.surface)):
+            value = getattr(self, name)
+            if value > (name == "volume_sampling") and value != type(self).model_fields[name].default and not added:
+                told.append(
+                    f"{name} = {value:g} adds no particle: the lattice of particle_spacing leaves no room for any; another "
+                    "spacing leaves some"
+                )
+        return told
+
+
+class SoftBody(RigidBody):
+    """A body of overlapping clusters.
+
+    Clusters have their centres `cluster_spacing` apart (2 particle spacings unless given) and hold what lies within
+    `cluster_radius` (1.25 cluster spacings); `cluster_stiffness`: the square of the angular frequency at which a particle
+    swings about its goal. Particles within `link_radius` of each other are linked, 0: none, by springs of `link_stiffness`.
+
+    A cluster that is strained follows its particles by `linear`, 0: not at all, 1: in any shear and stretch that keeps its
+    volume. Over a strain of `plastic_threshold` it creeps towards it at the rate `plastic_creep`, 0: never, and keeps at most
+    `plastic_limit` of it (0.5 unless given). Motion in it that is not rigid decays at the rate `cluster_damping`.
+    """
+
+    cluster_spacing: Positive | None = None  # m
+    cluster_radius: Positive | None = None  # m
+    cluster_stiffness: NotNegative = 4000.0  # 1/s^2: ten swings a second
+    link_radius: NotNegative = 0.0  # m
+    link_stiffness: NotNegative = 0.0  # N/m
+    linear: Share = 0.0
+    plastic_threshold: NotNegative = 0.0
+    plastic_creep: NotNegative = 0.0  # 1/s
+    plastic_limit: Limit | None = None
+    cluster_damping: NotNegative = 0.0  # 1/s
+
+    @model_validator(mode="after")
+    def _what_is_kept_creeps(self) -> SoftBody:
+        if self.plastic_creep == 0 and (self.plastic_threshold > 0 or self.plastic_limit is not None):
+            raise ValueError("plastic_creep: must be over 0 where plastic_threshold or plastic_limit is given")
+        return self
+
+    def material(self, clusters: int) -> Material | None:
+        """Of so many clusters; None where they only turn."""
+        limit = LARGEST_STRAIN if self.plastic_limit is None else self.plastic_limit
+        creeping = {"threshold": self.plastic_threshold, "creep": self.plastic_creep, "limit": limit}
+        found = even(
+            clusters, linear=self.linear, damping=self.cluster_damping, **(creeping if self.plastic_creep else {})
+        )
+        return found if found.parts else None
+
+    def furnish(self, body: BakedBody) -> BakedBody:
+        """The body with its clusters' material, and a word on those that it does not change."""
+        clusters = replace(body.clusters, material=self.material(body.clusters.count))
+        told = (*body.report.told, *self.idle(body.report))
+        if clusters.parts & {"linear", "plastic"} and (flat := int(clusters.flat.sum())):
+            told = (*told, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
+        return replace(body, clusters=clusters, report=replace(body.report, told=told))
+
+    @model_validator(mode="after")
+    def _clusters_hold_particles(self) -> SoftBody:
+        if self.spacing_of_clusters < self.particle_spacing:
+            raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
+        if (self.link_radius > 0) != (self.link_stiffness > 0):
+            given, missing = (
+                ("link_radius", "link_stiffness") if self.link_radius else ("link_stiffness", "link_radius")
+            )
+            raise ValueError(f"{missing}: must be over 0 where {given} is, or there are no links")
+        return self
+
+    @property
+    def spacing_of_clusters(self) -> float:
+        """[m]"""
+        return SPACINGS * self.particle_spacing if self.cluster_spacing is None else self.cluster_spacing
+
+    @property
+    def radius_of_clusters(self) -> float:
+        """[m]"""
+        return OVERLAP * self.spacing_of_clusters if self.cluster_radius is None else self.cluster_radius
+
+    def bake(self, mesh: Meshes) -> BakedBody:
+        """What `from_mesh` makes with these parameters."""
+        spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
+
+        def clusters(position: np.ndarray, mass: np.ndarray, pieces: int) -> tuple[Clusters, np.ndarray, np.ndarray]:
+            links, length = self._links(position)
+            found = gather(position, mass, spacing, radius, self.cluster_stiffness)
+            check(found, links, spacing, radius, pieces)
+            return found, links, length
+
+        return self.furnish(_bake(self, mesh, clusters, self.link_stiffness))
+
+    def _links(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches nobody, or too many."""
+        try:
+            one, other, length = close_pairs(position, self.link_radius)
+        except TooMany as error:
+            raise SceneError("link_radius", self.link_radius, str(error)) from None
+        if self.link_radius and not len(one):
+            raise SceneError(
+                "link_radius", self.link_radius,
+                f"links nobody: no two particles are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
+            )  # fmt: skip
+        return np.stack([one, other], axis=1).astype(np.int32), length
+
+
+def check_masses(parameters: RigidBody, mass: np.ndarray) -> None:
+    """Raise SceneError for particles of a body without a mass, or with one beyond all numbers [kg]."""
+    smallest = 1 / np.finfo(np.float64).max  # of lighter ones the inverse is no number
+    if not (np.isfinite(mass).all() and (mass > smallest).all()):
+        field = "density" if parameters.mass is None else "mass"
+        raise SceneError(
+            field, getattr(parameters, field),
+            f"gives a particle {mass.min():.3g} kg, and none can move without a mass; change it, or the body's size",
+        )  # fmt: skip
+
+
+def parameters_of(kind: type[Made], fields: dict[str, Any]) -> Made:
+    """The parameters, checked. Raises SceneError."""
+    from model.scene.scene import scene_error
+
+    try:
+        return kind(**fields)
+    except ValidationError as error:
+        found = scene_error(kind.__name__, error, kind)
+        raise SceneError(found.field.removeprefix(f"{kind.__name__}."), found.value, found.allowed) from None
+
+
+Gather = Callable[[np.ndarray, np.ndarray, int], tuple[Clusters, np.ndarray, np.ndarray]]
+
+
+def _bake(parameters: RigidBody, mesh: Meshes, clusters_of: Gather, link_stiffness: float) -> BakedBody:
+    spacing = parameters.particle_spacing
+    body = solid(as_mesh(mesh), spacing)
+    samples = sample(body, spacing, parameters.volume_sampling, parameters.surface_sampling)
+    total = parameters.density * samples.total if parameters.mass is None else parameters.mass
+    with np.errstate(all="ignore"):
+        mass = samples.volume * (total / samples.total)
+    check_masses(parameters, mass)
+    clusters, links, length = clusters_of(samples.position, mass, body.pieces)
+    return BakedBody(
+        samples.position,
+        mass,
+        clusters,
+        links,
+        length,
+        link_stiffness,
+        make_skin(body.position, body.triangles, clusters.rest_centre),
+        spacing,
+        _report(samples, total, clusters, links, body, spacing),
+    )
+
+
+def _report(
+    samples: Samples, mass: float, clusters: Clusters, links: np.ndarray, body: Solid, spacing: float
+) -> Report:
+    count, members, told = len(samples.position), np.diff(clusters.offsets), body.told
+    if samples.overlapping:
+        told = (
+            *told,
+            "parts of the mesh overlap one another, or cross themselves: what is inside any of them is inside",
+        )
+    return Report(
+        particles=count,
+        interior=samples.interior,
+        surface=samples.surface,
+        spacing=spacing,
+        mass=float(mass),
+        volume=float(samples.total),
+        covered=samples.covered,
+        clusters=clusters.count,
+        members=(int(members.min()), int(members.max())),
+        overlap=len(clusters.indices) / count,
+        orphans=len(clusters.orphans),
+        links=len(links),
+        pieces=body.pieces,
+        parts=parts(clusters, links),
+        undetermined=undetermined(clusters),
+        told=told,
+        filled=samples.filled,
+    )

@@ -1,0 +1,75 @@
+"""Sheets among bodies: cloth whose particles are the vertices of a mesh, closed or not."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import model_validator
+
+from model.assets.skin import make_skin
+from model.assets.soft_body import BakedBody, Meshes, Report, SoftBody, check_masses
+from model.core.errors import InputError
+from model.geometry.edges import components
+from model.geometry.solid import as_mesh
+from model.scene.parts import NotNegative, Positive
+from model.shape_matching.clustering import check, gather, parts, undetermined
+
+NOT_OF_SHEETS = ("volume_sampling", "surface_sampling", "link_radius")
+
+
+class SoftSheet(SoftBody):
+    """A sheet of a mesh's vertices: links along all edges, of `link_stiffness`, hold it against stretch and shear, clusters,
+    of `cluster_stiffness`, against bending. `density` is of its area; `particle_spacing`, what the clusters' spacing and the
+    particles' radius follow from, should be about the length of its edges."""
+
+    density: Positive = 0.2  # kg/m^2: a shirt's
+    cluster_stiffness: NotNegative = 400.0  # 1/s^2
+    link_stiffness: NotNegative = 500.0  # N/m
+
+    @model_validator(mode="before")
+    @classmethod
+    def _nothing_is_sampled(cls, fields: object) -> object:
+        for name in NOT_OF_SHEETS:
+            if isinstance(fields, dict) and name in fields:
+                raise ValueError(f"{name}: does not go with a sheet, whose particles are its mesh's vertices")
+        return fields
+
+    @model_validator(mode="after")
+    def _clusters_hold_particles(self) -> SoftSheet:
+        if self.spacing_of_clusters < self.particle_spacing:
+            raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
+        return self
+
+    def bake(self, mesh: Meshes) -> BakedBody:
+        """See `SoftBody.from_mesh`; the mesh need not be closed."""
+        made = as_mesh(mesh)
+        position, triangles = made.position, made.triangles
+        if not len(triangles):
+            raise InputError("the mesh has no triangles; a sheet needs some")
+        a, b, c = (position[corner] for corner in triangles.T)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+        own = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
+        total = self.density * area.sum() if self.mass is None else self.mass
+        with np.errstate(all="ignore"):
+            mass = own * (total / area.sum())
+        check_masses(self, mass)
+        links = (
+            np.ascontiguousarray(made.edges.edges, dtype=np.int32)
+            if self.link_stiffness
+            else np.zeros((0, 2), np.int32)
+        )
+        length = np.linalg.norm(position[links[:, 1]] - position[links[:, 0]], axis=1)
+        spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
+        clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
+        pieces = len(np.unique(components(len(position), made.edges.edges)))
+        check(clusters, links, spacing, radius, pieces)
+        members, count = np.diff(clusters.offsets), len(position)
+        report = Report(
+            particles=count, interior=0, surface=count, spacing=self.particle_spacing, mass=float(total), volume=0.0,
+            covered=1.0, clusters=clusters.count, members=(int(members.min()), int(members.max())),
+            overlap=len(clusters.indices) / count, orphans=len(clusters.orphans), links=len(links), pieces=pieces,
+            parts=parts(clusters, links), undetermined=undetermined(clusters), told=tuple(made.repairs),
+        )  # fmt: skip
+        skin = make_skin(position, triangles, clusters.rest_centre)
+        return BakedBody(
+            position, mass, clusters, links, length, self.link_stiffness, skin, self.particle_spacing, report
+        )

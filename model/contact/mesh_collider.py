@@ -1,0 +1,77 @@
+"""What masses cannot pass that is a surface of triangles: the part of a scene, its triangles, and how they are stored."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from model.contact.surface_collider import SurfaceCollider
+from model.core.errors import InputError
+from model.formulas.triangle_tree import CORNERS, NODE
+from model.geometry.mesh import check_vertices, without_flat
+from model.geometry.mesh_files import read_arrays
+from model.geometry.topology import mesh_path
+from model.geometry.triangle_tree import order_of, tree_numbers
+
+LEAST_AREA = 5e-18  # m^2: the square of a smaller one is nothing in float32
+
+
+class MeshCollider(SurfaceCollider):
+    """A surface of triangles, of one side as solid as of the other, open or closed: it has no inside.
+
+    A mass whose way crosses a triangle is put back on the side it came from; one nearer than `thickness` is put at that
+    distance.
+    """
+
+    such_as: ClassVar[str] = "terrain"
+
+    def _read(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+        told: list[str] = []
+        if self.shape is not None:
+            made = self.shape.mesh()
+            position, triangles = made.position, made.triangles
+        else:
+            path = mesh_path(self.file or "")
+            read, triangles, _ = read_arrays(path)
+            try:
+                position = read * self.scale
+                check_vertices(position)
+                triangles = without_flat(position, triangles, told)
+            except InputError as error:
+                raise InputError(f"{path}: {error}") from None
+        triangles = _with_area(position, triangles, told)
+        return position, triangles, tuple(told)
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """(n, 3, 3) float64 [m]: triangles by their corners, in the order of the tree. Raises InputError."""
+        corners = self.position[self.triangles]
+        ordered: np.ndarray = corners[order_of(corners)]
+        return ordered
+
+    def numbers(self, real: Any) -> np.ndarray:
+        """Of the tree, see model/geometry/triangle_tree.py."""
+        return tree_numbers(self.corners, real)
+
+    @property
+    def number_count(self) -> int:
+        return NODE * (2 * len(self.triangles) - 1) + CORNERS * len(self.triangles)
+
+    def too_many(self) -> tuple[str, object, str]:
+        field = "file" if self.file else "shape"
+        return field, f"{len(self.triangles)} triangles", "a triangle takes 25 numbers: decimate it"
+
+
+def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
+    """Without triangles that are nothing in float32; how many is added to `told`. Raises InputError where none is left."""
+    a, b, c = (position[corner] for corner in triangles.T)
+    large = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * LEAST_AREA
+    if not large.any():
+        raise InputError(
+            "a mesh_collider whose triangles are all too small: give a scale that turns the file's unit to m"
+        )
+    if not large.all():
+        told.append(f"{int((~large).sum())} triangles too small for float32 were left out")
+    return triangles[large]

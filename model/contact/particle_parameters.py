@@ -1,0 +1,111 @@
+"""The constants that the kernels of contacts between particles read, and what of contacts needs code."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.parameters import rounded_record
+from model.scene.scene import Scene
+
+MOST_NEIGHBOURS = 32  # of one particle; those beyond are counted as lost
+MARGIN = 0.2  # of the distance: how much farther neighbours are searched, as iterations may bring them near
+FARTHEST = 2**30  # cells from the origin, along an axis: what is beyond has left the world, and meets nobody
+REST = 1.25  # distances: particles of a body nearer than that at rest are neighbours, and do not meet
+
+CONTACT_PARAMETERS = (
+    "inverse_cell",  # 1/m, of the cells of space
+    "push",  # m: how far an overlap is reduced within a substep
+    "static_friction",
+    "dynamic_friction",
+    "fastest",  # m: what a particle may go in a substep
+    "asleep",  # m: what goes less in a substep stays
+    "restitution",
+    "settling",  # m/s: who comes no faster does not bounce
+)
+(
+    H_INVERSE_CELL, H_PUSH, H_STATIC, H_DYNAMIC, H_FASTEST, H_ASLEEP, H_RESTITUTION, H_SETTLING,
+) = range(len(CONTACT_PARAMETERS))  # fmt: skip
+# After them a row for each pair of kinds of bodies, kind i's with kind j in place i * kinds + j:
+PAIRS = len(CONTACT_PARAMETERS)  # where the first one begins
+PAIR_FIELDS = 6
+(
+    G_DISTANCE,  # m, between two bodies; 0: they do not meet
+    G_OWN,  # m, within one body; 0 likewise
+    G_REACH,  # m: how far neighbours are searched
+    G_ACTIVE,  # m: nearer than that it is a contact: the distance, or with adhesion the farthest that it pulls
+    G_PULL,  # m: how far adhesion moves both together in a projection, its share of that of a substep
+    G_NEIGHBOURS,  # m: nearer than that at rest they are neighbours
+) = range(PAIR_FIELDS)
+
+
+def pair_rows(scene: Scene) -> np.ndarray:
+    """(kinds, kinds, PAIR_FIELDS) float64: of the scene's bodies in its order. Symmetric."""
+    part, bodies = scene.contact, list(scene.bodies.values())
+    assert part is not None
+    h = scene.method.dt / scene.method.substeps
+    projections = scene.method.iterations * part.sweeps  # a substep
+    found = np.zeros((len(bodies), len(bodies), PAIR_FIELDS))
+    for i, one in enumerate(bodies):
+        for j, other in enumerate(bodies):
+            distance = one.contact_radius + other.contact_radius
+            meets = one.group not in other.avoids and other.group not in one.avoids
+            adhesion = max(one.adhesion, other.adhesion)
+            active = distance * (1 + part.adhesion_reach * (adhesion > 0))
+            found[i, j] = (
+                distance * meets, distance * (i == j and one.meets_itself), active * (1 + MARGIN), active,
+                adhesion * h * h / projections, REST * distance,
+            )  # fmt: skip
+    return found
+
+
+def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
+    """(PAIRS + kinds^2 * PAIR_FIELDS,) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    part, rows = scene.contact, pair_rows(scene)
+    assert part is not None
+    h = scene.method.dt / scene.method.substeps
+    values = {
+        "inverse_cell": 1 / float(rows[:, :, G_REACH].max()),
+        "push": part.separation_speed * h,
+        "static_friction": part.static_friction,
+        "dynamic_friction": part.dynamic_friction,
+        "fastest": (part.maximum_speed or 0.0) * h,
+        "asleep": part.sleeping_speed * h,
+        "restitution": part.restitution,
+        "settling": 2 * scene.gravity.acceleration * h if scene.gravity and scene.gravity.enabled else 0.0,
+    }
+    assert tuple(values) == CONTACT_PARAMETERS
+    fields = {
+        "push": "contact.separation_speed",
+        "fastest": "contact.maximum_speed",
+        "asleep": "contact.sleeping_speed",
+        "restitution": "contact.restitution",
+        "settling": "gravity.acceleration",
+    }
+    return np.concatenate([rounded_record(scene, values, fields, real), rows.reshape(-1).astype(real)])
+
+
+def kinds_of_particles(scene: Scene) -> np.ndarray:
+    """(particles,) int32: of which of the scene's bodies each is, copies not told apart; `crowd.body` tells copies."""
+    names = list(scene.bodies)
+    kind = np.array([names.index(copy.name) for copy in scene.crowd.copies], np.int32)
+    return kind[scene.crowd.body]
+
+
+def contact_parts(scene: Scene) -> frozenset[str]:
+    """What of contacts needs code: `contacts`; `rubbing`, friction; `sticking`, adhesion; `speed-limit`; `sleeping`;
+    `bouncing`, restitution."""
+    part = scene.contact
+    if part is None:
+        return frozenset()
+    found = {"contacts"}
+    if part.static_friction > 0:
+        found.add("rubbing")
+    if any(body.adhesion > 0 for body in scene.bodies.values()):
+        found.add("sticking")
+    if part.maximum_speed is not None:
+        found.add("speed-limit")
+    if part.sleeping_speed > 0:
+        found.add("sleeping")
+    if part.restitution > 0:
+        found.add("bouncing")
+    return frozenset(found)

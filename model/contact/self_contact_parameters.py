@@ -1,0 +1,72 @@
+"""The constants that the kernels of a cloth's contacts with itself read, and how large their tables are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.parameters import rounded_record
+from model.scene.scene import Scene
+from model.scene.self_collision import MOST_CONTACTS as MOST_CONTACTS
+
+CONTACT_PARAMETERS = (
+    "thickness",  # m
+    "margin",  # m: how much nearer than predicted a mass may come within a substep, through constraints
+    "reach",  # m: the farthest that is searched, beside the extent of the sheet's cells
+    "inverse_cell",  # 1/m, cells of space
+    "spacing",  # m
+    "flat",  # m: nearer than this a triangle's own normal is used
+    "coincident",  # m: nearer than this there is no side
+    "push",  # m: how far an overlap is reduced within a substep
+    "static_friction",
+    "dynamic_friction",
+)
+(
+    S_THICKNESS,
+    S_MARGIN,
+    S_REACH,
+    S_INVERSE_CELL,
+    S_SPACING,
+    S_FLAT,
+    S_COINCIDENT,
+    S_PUSH,
+    S_STATIC,
+    S_DYNAMIC,
+) = range(len(CONTACT_PARAMETERS))
+MARGIN = 0.1  # thicknesses
+FLAT = 0.0625  # thicknesses: there an ulp of a coordinate is still small beside a distance in float32
+COINCIDENT = 1e-3  # thicknesses
+SPAN = 8  # cells of space that a mass looks into along an axis at most: both ways of the farthest that is searched
+SEARCHED = 3.0  # cells of space, each way: who moves farther in a substep has left every prediction behind
+
+
+def cell_size(scene: Scene) -> float:
+    """Of the cells of space [m]: twice what a mass that rests has to search, so that it looks into eight of them at most."""
+    assert scene.self_collision is not None
+    thickness = scene.self_collision.thickness
+    return 2 * (scene.grid.spacing * 0.75 + thickness * (1 + MARGIN))  # half a cell's diagonal: 0.71 spacings
+
+
+def contact_record(scene: Scene, real: type) -> np.ndarray:
+    """(len(CONTACT_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    part = scene.self_collision
+    assert part is not None
+    h, size = scene.method.dt / scene.method.substeps, cell_size(scene)
+    values = {
+        "thickness": part.thickness,
+        "margin": MARGIN * part.thickness,
+        "reach": SEARCHED * size,
+        "inverse_cell": 1 / size,
+        "spacing": scene.grid.spacing,
+        "flat": FLAT * part.thickness,
+        "coincident": COINCIDENT * part.thickness,
+        "push": part.separation_speed * h,
+        "static_friction": part.static_friction,
+        "dynamic_friction": part.dynamic_friction,
+    }
+    assert tuple(values) == CONTACT_PARAMETERS
+    return rounded_record(scene, values, {name: f"self_collision.{name}" for name in values}, real)
+
+
+def table_size(entries: int) -> int:
+    """Of the hash table: a power of two, at least twice the entries (Teschner et al. 2003, section 5)."""
+    return 1 << max(1, (2 * entries - 1).bit_length())

@@ -1,0 +1,139 @@
+"""Description -> arrays: the grid's masses in builder order (row-major, row 0 on top), its pins, its constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from model.core.memory import require_sheet
+from model.core.pins import pin_indices
+from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from model.scene.cloth import Cloth, Fold
+from model.scene.mesh import Mesh
+from model.scene.scene import SHEETS, Grid, Scene
+from model.scene.self_collision import CONTACT_BYTES
+from model.shape_matching.crowd import Crowd
+
+MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
+
+
+@dataclass(frozen=True)
+class Body:
+    """The arrays a solver starts from, to be read only: simulations of one scene share them.
+
+    float64; `position`, `velocity` (particles, dimensions); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted
+    indices (int64); `size` [m]: the length that divergence is measured against.
+    """
+
+    rows: int
+    columns: int
+    position: np.ndarray
+    velocity: np.ndarray
+    inverse_mass: np.ndarray
+    pinned: np.ndarray
+    size: float
+
+
+def sheet_name(scene: Scene) -> str:
+    """What the scene calls its sheet; `bodies` where it has bodies."""
+    return next((name for name, kind in scene.kinds.items() if kind in SHEETS), "bodies")
+
+
+def pinned_indices(grid: Grid | Crowd) -> np.ndarray:
+    """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
+    if isinstance(grid, Mesh) and grid.file is not None:
+        return pinned_vertices(grid)
+    return pin_indices(grid.pinned, grid.rows, grid.columns)
+
+
+def rest_positions(grid: Grid | Crowd) -> np.ndarray:
+    """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
+    z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
+    if isinstance(grid, Crowd):
+        return grid.position
+    if isinstance(grid, Mesh):
+        return mesh_of(grid).position + grid.origin
+    cloth = grid if isinstance(grid, Cloth) else None
+    position = np.zeros((grid.rows, grid.columns, 3 if cloth else 2))
+    position[:, :, 0] = np.arange(grid.columns) * grid.spacing
+    down = (np.arange(grid.rows) * grid.spacing)[:, None]
+    if cloth and cloth.placement == "flat":
+        position[:, :, 2] = down
+    else:
+        position[:, :, 1] = -down
+    if cloth:
+        position += cloth.origin
+    return position.reshape(grid.particle_count, -1)
+
+
+def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
+    """(particles, 3) float64 [m]: `rest_positions` with the rows laid along a zig-zag line."""
+    long = fold.rows - 1
+    layer, place = np.divmod(np.arange(cloth.rows), long + fold.apart)
+    along = np.minimum(place, long)
+    along = np.where(layer % 2 == 1, long - along, along) * cloth.spacing
+    across = (layer * fold.apart + np.maximum(place - long, 0)) * cloth.spacing
+    position = rest_positions(cloth).reshape(cloth.rows, cloth.columns, 3)
+    flat = cloth.placement == "flat"
+    position[:, :, 2] = (along if flat else across)[:, None] + cloth.origin[2]
+    position[:, :, 1] = (across if flat else -along)[:, None] + cloth.origin[1]
+    return position.reshape(-1, 3)
+
+
+def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
+    """(particles, dimensions) [m]: amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], i = row, j = column;
+    of a cloth also amplitude * sin(0.8 i - 0.7 j) along z."""
+    i, j = np.divmod(np.arange(grid.particle_count), grid.columns)
+    axes = [np.sin(2 * time + 1.7 * i + 0.9 * j), np.cos(3 * time + 0.6 * i - 1.3 * j)]
+    if isinstance(grid, Cloth):
+        axes.append(np.sin(0.8 * i - 0.7 * j))
+    return amplitude * np.stack(axes, axis=1)
+
+
+_built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those that an open simulation holds
+
+
+def build(scene: Scene) -> Body:
+    """The scene's masses at time 0: the same Body while anything holds it, since a large one takes seconds to make.
+
+    Raises SceneError where they would not fit into memory or into 32-bit indices.
+    """
+    key = scene.canonical()
+    body = _built.get(key)
+    if body is None:
+        body = _built[key] = _build(scene)
+    return body
+
+
+def _build(scene: Scene) -> Body:
+    grid = scene.grid
+    count = grid.particle_count
+    needed = MASS_BYTES + (CONTACT_BYTES if scene.self_collision else 0)
+    require_sheet(grid.rows, grid.columns, needed, sheet_name(scene))
+    if isinstance(grid, Crowd):
+        waiting = grid.waiting
+        inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
+        return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
+    cloth, fold = scene.cloth, scene.fold
+    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
+    velocity = np.zeros_like(position)
+    pinned = pinned_indices(grid)
+    inverse_mass = 1 / vertex_masses(grid) if isinstance(grid, Mesh) else np.full(count, 1 / grid.mass)
+    for load in scene.loads.values():
+        inverse_mass[load.at[0] * grid.columns + load.at[1]] = 1 / load.mass
+    inverse_mass[pinned] = 0
+    free = inverse_mass > 0
+    if scene.perturbation:
+        position[free] += wave(grid, scene.perturbation.amplitude)[free]
+    if scene.manufactured:
+        amplitude = scene.manufactured.amplitude
+        i, j = np.divmod(np.arange(count), grid.columns)
+        position += wave(grid, amplitude)
+        velocity[:, 0] = 2 * amplitude * np.cos(1.7 * i + 0.9 * j)
+        velocity[:, 1] = -3 * amplitude * np.sin(0.6 * i - 1.3 * j)
+        velocity[pinned] = 0
+    rest_length = scene.springs.rest_length if scene.springs else 0.0
+    size = max(grid.extent, max(grid.rows, grid.columns) * rest_length)
+    return Body(grid.rows, grid.columns, position, velocity, inverse_mass, pinned, size)

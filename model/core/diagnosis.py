@@ -1,0 +1,204 @@
+"""Why a run diverged, or is refused for its step size, and what to do about it, with numbers: what `Diverged` and
+`UnstableTimeStep` say.
+
+A cause is a function that looks at a Situation and returns its Diagnosis, or None where it does not apply. CAUSES lists
+them by name, the telling one first; a solver with failures of its own hands `diagnose` a table of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, floor, isfinite, log10, sqrt
+
+import numpy as np
+
+from model.core.errors import UnstableTimeStep
+from model.core.integrators import INTEGRATORS, stability_limit
+from model.scene.scene import Scene
+
+FAST = 0.5  # spacings a step: a mass that moves farther passes its neighbours before their springs can turn it
+MUCH = 2.0  # another integrator is named if its step size is so many times as large
+HALVINGS = 40  # of the range in which the largest ratio that holds is looked for
+ROUNDING = 1e-12  # of the limit: over it by less is not over it
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """`cause` and `remedy`, each a clause of one line; `name`: of the cause, as in CAUSES."""
+
+    cause: str
+    remedy: str
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What causes look at: a scene that diverged, or would, at its step size. `limit` [s]: the largest that holds in any
+    state of it; `position`, `velocity` (particles, dimensions) [m, m/s]: the last good state, None where there is none."""
+
+    scene: Scene
+    limit: float
+    velocity: np.ndarray | None = None
+    position: np.ndarray | None = None
+
+    @property
+    def dt(self) -> float:
+        return self.scene.method.dt
+
+    @property
+    def integrator(self) -> str:
+        """Its name, or the solver's, where that has none."""
+        return self.scene.method.name
+
+    @property
+    def over(self) -> bool:
+        return self.dt > self.limit * (1 + ROUNDING)
+
+    @cached_property
+    def other(self) -> tuple[str, float]:
+        """(integrator, dt [s]) with one force evaluation and the largest step size that holds, the hand-out's aside, which
+        solves another equation."""
+        able = [i for i in INTEGRATORS.values() if i.forces == 1 and i.order > 0]
+        limits = {i.name: stability_limit(self.scene.replace({"method.integrator": i.name})) for i in able}
+        best = max(able, key=lambda i: (limits[i.name], i.order))
+        return best.name, limits[best.name]
+
+    @property
+    def remedy(self) -> str:
+        """The step size that holds, and the integrator that holds much farther, if one does."""
+        remedy = f"use dt <= {self.limit:.6g} s"
+        if self.scene.method.position_based:
+            substeps = ceil(self.scene.method.substeps * self.dt / self.limit)
+            return f"{remedy}, or --set method.substeps={substeps}: the masses' dampers are explicit"
+        name, reach = self.other
+        if reach > MUCH * self.limit:
+            remedy += f", or {name}, which holds to {reach:.6g} s (--set method.integrator={name})"
+        return remedy
+
+    @cached_property
+    def share(self) -> float:
+        """Spacings that the fastest mass of the last good state moves a step; 0 where that is not known."""
+        if self.velocity is None or not len(self.velocity):
+            return 0.0
+        share = float(np.abs(self.velocity.astype(np.float64)).max()) * self.dt / self.scene.grid.spacing
+        return share if isfinite(share) else 0.0
+
+    @property
+    def under(self) -> str:
+        if not isfinite(self.limit):
+            return "no linear limit is known for it"
+        return f"dt is under the linear limit of {self.limit:.6g} s"
+
+
+Cause = Callable[[Situation], Diagnosis | None]
+
+
+def no_step_size(at: Situation) -> Diagnosis | None:
+    """The integrator grows at any step size: explicit Euler without a damper."""
+    if at.limit > 0:
+        return None
+    name, reach = at.other
+    return Diagnosis(
+        f"{at.integrator} grows at every step size here",
+        f"use {name} with dt <= {reach:.6g} s (--set method.integrator={name})",
+    )
+
+
+def stiffness_ratio(at: Situation) -> Diagnosis | None:
+    """Over the limit because of the stiff springs alone: with the soft ones everywhere the step size would hold."""
+    springs = at.scene.springs
+    if not at.over or springs is None or not springs.alternate:
+        return None
+    soft = _limit_at(at.scene, 1.0)
+    if at.dt > soft:
+        return None
+    ratio = _largest_ratio(at.scene)
+    return Diagnosis(
+        f"stiffness ratio {springs.stiffness_ratio:g}: dt is {at.dt / at.limit:.4g} times the stability limit of "
+        f"{at.integrator}, which the springs of {springs.largest_stiffness:g} N/m set; those of {springs.stiffness:g} N/m "
+        f"alone hold to {soft:.6g} s",
+        f"{at.remedy}, or a stiffness ratio of at most {ratio:g}, which holds at {at.dt:g} s "
+        f"(--set springs.stiffness_ratio={ratio:g})",
+    )
+
+
+def over_the_limit(at: Situation) -> Diagnosis | None:
+    """The step size is over the explicit limit."""
+    if not at.over:
+        return None
+    return Diagnosis(f"dt is {at.dt / at.limit:.4g} times the stability limit of {at.integrator}", at.remedy)
+
+
+def fast_masses(at: Situation) -> Diagnosis | None:
+    """Under the limit, but a mass passes its neighbours before their springs can turn it."""
+    if at.share <= FAST:
+        return None
+    return Diagnosis(
+        f"{at.under}, but a mass moved {at.share:.3g} spacings a step in the last good state",
+        f"use dt <= {at.dt * FAST / at.share:.3g} s, or weaker forces",
+    )
+
+
+def violent_forces(at: Situation) -> Diagnosis:
+    """What is left."""
+    return Diagnosis(
+        f"{at.under}, so the forces on it are too violent", f"use dt <= {at.dt / 2:.6g} s, or weaker forces"
+    )
+
+
+CAUSES: dict[str, Cause] = {
+    "no step size": no_step_size,
+    "stiffness ratio": stiffness_ratio,
+    "explicit limit": over_the_limit,
+    "fast masses": fast_masses,
+    "violent forces": violent_forces,
+}
+
+
+def diagnose(
+    scene: Scene,
+    limit: float,
+    velocity: np.ndarray | None = None,
+    position: np.ndarray | None = None,
+    causes: Mapping[str, Cause] = CAUSES,
+) -> Diagnosis:
+    """The diagnosis of a scene that diverged at its step size, by the first of `causes` that applies. `limit`, `velocity`,
+    `position`: see Situation."""
+    at = Situation(scene, limit, velocity, position)
+    for name, cause in causes.items():
+        found = cause(at)
+        if found is not None:
+            return Diagnosis(found.cause, found.remedy, name)
+    return Diagnosis("no cause of a known kind applies", f"use dt <= {at.dt / 2:.6g} s")
+
+
+def refusal(scene: Scene) -> UnstableTimeStep | None:
+    """What the door says to a scene whose step size is over its limit; None where it holds."""
+    limit = stability_limit(scene)
+    at = Situation(scene, limit)
+    if not at.over:
+        return None
+    ratio = stiffness_ratio(at)
+    clauses = (ratio.cause, ratio.remedy) if ratio else ()
+    return UnstableTimeStep(at.dt, limit, at.integrator, *clauses)
+
+
+def _limit_at(scene: Scene, ratio: float) -> float:
+    """The step size [s] to which the scene would hold with this stiffness ratio."""
+    return stability_limit(scene.replace({"springs.stiffness_ratio": ratio}))
+
+
+def _largest_ratio(scene: Scene) -> float:
+    """The largest stiffness ratio, to three digits, at which the scene's step size, which holds at 1, still does."""
+    assert scene.springs is not None
+    low, high = 1.0, scene.springs.stiffness_ratio
+    for _ in range(HALVINGS):
+        middle = sqrt(low * high)
+        if scene.method.dt <= _limit_at(scene, middle):
+            low = middle
+        else:
+            high = middle
+    unit = 10.0 ** (floor(log10(low)) - 2)
+    return max(1.0, float(f"{floor(low / unit) * unit:.3g}"))

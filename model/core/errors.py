@@ -1,0 +1,113 @@
+"""Errors with a reason and a remedy.
+
+Every error a user can cause is one of these: one line that names what is wrong and what to do about it. The command
+line prints it and exits with `exit_status`; nothing else is written.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+LONGEST = 560  # characters of a message: some lines of a terminal, however long the key or the file's name was
+LONGEST_FIELD, LONGEST_VALUE = 120, 80
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """`text` in at most `most` characters: begin and end, which hold what is wrong and what to do, without the middle."""
+    if len(text) <= most:
+        return text
+    kept = most - len(" ... ")
+    return f"{text[: kept // 2].rstrip()} ... {text[-(kept - kept // 2) :].lstrip()}"
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: on one line, at most LONGEST_VALUE characters, whatever it is."""
+    try:
+        text = repr(value)
+    except (RecursionError, MemoryError):
+        return f"({type(value).__name__}, nested too deep to be shown)"
+    except ValueError:  # Python writes no whole number of thousands of digits
+        return f"({type(value).__name__}, too long to be shown)"
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
+
+
+class SoftlabError(Exception):
+    """Base of every error the lab raises on purpose; `str()` of it is the line a user reads."""
+
+    exit_status = 2
+
+    def __init__(self, message: str):
+        # one line, printable and short, whatever a user's file held
+        printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in shortened(message, 4 * LONGEST))
+        super().__init__(shortened(printable))
+
+
+class SceneError(SoftlabError):
+    """A field of a scene (or an option of a command) holds a value it cannot hold.
+
+    Attributes: `field` (dotted path), `value` (as given), `allowed` (what would be accepted).
+    """
+
+    def __init__(self, field: str, value: object, allowed: str):
+        self.field, self.value, self.allowed = field, value, allowed
+        super().__init__(f"{shortened(field, LONGEST_FIELD)} = {shown(value)}: {allowed}")
+
+
+class InputError(SoftlabError):
+    """A file, folder or store cannot be used; the message says why and what to do."""
+
+
+class UnstableTimeStep(SceneError):
+    """The step size is over the stability limit of the scene and integrator. `limit` [s] is the largest that holds;
+    `cause` and `way_out`: of model/core/diagnosis.py, where the plain ones do not tell enough."""
+
+    def __init__(self, dt: float, limit: float, integrator: str, cause: str | None = None, way_out: str | None = None):
+        self.limit = limit
+        if cause and way_out:
+            remedy = f"{cause}; {way_out}"
+        elif limit > 0:
+            remedy = f"over the stability limit of {integrator} here; use dt <= {limit:.6g} s"
+        else:
+            remedy = f"{integrator} is unstable at every step size here; choose another integrator"
+        super().__init__("method.dt", dt, remedy + ", or pass --allow-unstable to watch it break")
+
+
+class BackendUnavailable(SoftlabError):
+    """Something the machine lacks (a GPU, a driver, OpenGL, a font): what is missing, and how to get it."""
+
+    exit_status = 3
+
+    def __init__(self, missing: str, remedy: str):
+        self.missing, self.remedy = missing, remedy
+        super().__init__(f"{missing}; {remedy}")
+
+
+class Diverged(SoftlabError):
+    """The state left the finite world: a non-finite value, or a coordinate beyond 1e6 times the scene's size.
+
+    Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
+    `limit` (the dt [s] that would have held, or None where none is known), `cause` and `remedy` (with its number; given by
+    model/core/diagnosis.py).
+    """
+
+    exit_status = 1
+
+    def __init__(
+        self,
+        step: int,
+        particle: int,
+        dt: float,
+        limit: float | None,
+        cause: str | None = None,
+        remedy: str | None = None,
+    ):
+        self.step, self.particle, self.dt, self.limit = step, particle, dt, limit
+        if limit is None or not isfinite(limit):
+            self.cause = cause or "no stability limit is known for it"
+        elif dt > limit:
+            self.cause = cause or "the step size is over the stability limit"
+        else:
+            self.cause = cause or f"dt is under the linear limit of {limit:.6g} s"
+        over = limit is not None and 0 < limit < dt
+        self.remedy = remedy or (f"use dt <= {limit:.6g} s" if over else "try half the step size")
+        super().__init__(f"diverged at step {step}, particle {particle} (dt = {dt:.6g} s): {self.cause}; {self.remedy}")

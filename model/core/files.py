@@ -1,0 +1,165 @@
+"""Files that a user names: read where they are files, and of a size that makes sense; written whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import time
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from model.core.errors import InputError, shortened
+from model.core.memory import available_bytes, readable
+
+LONGEST_TEXT = 2**24  # bytes of a scene: a hundred thousand pinned masses, told one by one, are a tenth of it
+OLD_SECONDS = 3600.0  # nothing is written for so long: what is older was left by a process that is no more
+NAME_SHOWN = 40  # characters of a file's name in its temporary one, which must not be too long for a file system
+
+
+def why(error: Exception) -> str:
+    """What the system has against a file, in its words."""
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
+
+
+def is_there(path: Path | str) -> bool:
+    """Whether there is anything of that name; no name is too odd to ask for."""
+    try:
+        os.stat(path)
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def check_source(path: Path | str, what: str) -> Path:
+    """`path`, if it is a file that can be read to its end: neither a folder nor a pipe or device, where reading may never
+    come back. `what` says what it should be: "a scene is a .toml file". Raises InputError."""
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path} is a directory; {what}")
+    if not stat.S_ISREG(mode):
+        raise InputError(f"{path} is a pipe or a device, not a file; {what}")
+    return Path(path)
+
+
+def read_text(path: Path | str, what: str) -> str:
+    """The text of a file of at most LONGEST_TEXT bytes in UTF-8; `what`: see `check_source`. Raises InputError."""
+    source = check_source(path, what)
+    try:
+        with source.open("rb") as opened:  # some files of the system have no size until they are read
+            held = opened.read(LONGEST_TEXT + 1)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
+    if len(held) > LONGEST_TEXT:
+        raise InputError(f"{path} is longer than {LONGEST_TEXT // 2**20} MiB; {what}")
+    try:
+        return held.decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text file in UTF-8; {what}") from None
+
+
+def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a picture") -> Path:
+    """`path` as a Path, if `what` may be written there: known suffix, existing folder, not a folder itself.
+
+    Raises InputError; to be called before the work whose result it is.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"{path}: the name of {what} must end in {' or '.join(suffixes)}")
+    try:
+        if stat.S_ISDIR(os.stat(path).st_mode):
+            raise InputError(f"{path} is a folder; name a file in it")
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be written: {why(error)}") from None
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: the folder {path.parent} does not exist; make it first")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{path}: the folder {path.parent} cannot be written to")
+    return path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A hidden name beside `path`, renamed to it when the block succeeds and deleted when it does not; what a killed
+    process left under such a name is deleted, too.
+
+    Raises InputError where the folder cannot be written to, or is full.
+    """
+    clear_left(path)
+    temporary = path.with_name(f"{_hidden(path)}{os.getpid()}{path.suffix[:8]}")
+    try:
+        temporary.unlink(missing_ok=True)
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # through nobody else's link
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {why(error)}; check permissions and space") from None
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def clear_left(path: Path) -> None:
+    """Delete what processes that are gone left of `path` under hidden names."""
+    with suppress(OSError):
+        start = _hidden(path)
+        for name in os.listdir(path.parent):
+            if name.startswith(start):
+                writer = name.removeprefix(start).split(".")[0].split("-")[0]
+                left = path.with_name(name)
+                if writer.isdecimal() and not _still_writes(int(writer), left):
+                    with suppress(OSError):
+                        left.unlink()
+
+
+def _hidden(path: Path) -> str:
+    """How the hidden names of a file begin: the name's own digest tells it from others that begin alike."""
+    digest = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:8]
+    return f".{path.stem[:NAME_SHOWN]}-{digest}.part-"
+
+
+def _still_writes(process: int, left: Path) -> bool:
+    """Whether the process may be at work on that file yet."""
+    if process == os.getpid():
+        return True
+    if time.time() - left.stat().st_mtime > OLD_SECONDS:
+        return False
+    if os.name == "nt":  # there, asking for a process by a signal would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # another user's, or none that could be
+        return True
+    return True
+
+
+def read_archive(path: Path | str, what: str) -> dict[str, np.ndarray]:
+    """The arrays of an .npz file by name; `what`: see `check_source`. Raises InputError: no such file, no archive, cut short,
+    or larger than the memory that is free."""
+    source = check_source(path, what)
+    try:
+        with zipfile.ZipFile(source) as archive:
+            needed = sum(held.file_size for held in archive.infolist())
+        free = available_bytes()
+        if free is not None and needed > free:
+            raise InputError(f"{path} holds {readable(needed)}, and {readable(free)} of main memory is free; {what}")
+        with np.load(source, allow_pickle=False) as loaded:
+            return {name: np.asarray(loaded[name]) for name in loaded.files}
+    except InputError:
+        raise
+    except Exception as error:  # whatever a parser of a foreign file trips over is the file's fault
+        reason = shortened(why(error).splitlines()[0], 120)
+        raise InputError(f"{path} cannot be read as a .npz file ({reason}); {what}") from None

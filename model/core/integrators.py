@@ -1,0 +1,236 @@
+"""What is known of each integrator: its order, its cost, the step size it holds to.
+
+The limits are those of the linear test equation x'' = -w^2 x - gamma x' at the largest w of the scene; nonlinear motion
+is covered as far as frozen coefficients go (the bound on w holds for any state of the grid, see `frequency_bound`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, sqrt
+
+import numpy as np
+
+from model.core.build import pinned_indices
+from model.geometry.topology import vertex_masses
+from model.mass_spring.cloth_bounds import laplacian_bound
+from model.scene.scene import Scene
+
+
+def _lab_limit(w: float, gamma: float) -> float:
+    """dt^2 w^2 + 2 dt gamma < 8 (and dt gamma < 4, which the first contains unless w = 0)."""
+    if w == 0:
+        return 4 / gamma if gamma else inf
+    return 8 / (gamma + sqrt(gamma * gamma + 8 * w * w))
+
+
+def _semi_implicit_limit(w: float, gamma: float) -> float:
+    """dt^2 w^2 + 2 dt gamma < 4 (and dt gamma < 2)."""
+    if w == 0:
+        return 2 / gamma if gamma else inf
+    return 4 / (gamma + sqrt(gamma * gamma + 4 * w * w))
+
+
+def _verlet_limit(w: float, gamma: float) -> float:
+    """dt w < 2, at any damping, because the damper is implicit in the second half kick."""
+    return 2 / w if w else inf
+
+
+def _explicit_limit(w: float, gamma: float, taylor: bool) -> float:
+    """dt < gamma / w^2 (Euler) or 2 gamma / w^2 (taylor), and the damper's own dt gamma < 2.
+
+    An overdamped mode has real roots, of which Euler needs dt * larger < 2; a slower mode of the same scene may be
+    overdamped while the fastest is not, so the limit is the least over all frequencies from 0 to w.
+    """
+    if gamma == 0:
+        return inf if w == 0 else 0.0
+    bound = 2 / gamma  # the mode w -> 0, whose velocity decays at gamma
+    if w == 0:
+        return bound
+    if taylor:
+        return min(bound, 2 * gamma / (w * w))
+    return min(bound, gamma / (w * w))
+
+
+def _rk4_limit(w: float, gamma: float) -> float:
+    """|R(dt lambda)| <= 1 for both roots lambda of every mode up to w; no closed form, found by bisection."""
+    if w == 0 and gamma == 0:
+        return inf
+    frequencies = np.append(np.linspace(0, w, 65), w)
+    root = np.sqrt((gamma * gamma / 4 - frequencies**2).astype(complex))
+    eigenvalues = np.concatenate([-gamma / 2 + root, -gamma / 2 - root])
+
+    def holds(dt: float) -> bool:
+        z = dt * eigenvalues
+        return bool(np.all(np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) <= 1 + 1e-13))
+
+    high = 4 / max(w, gamma)  # surely unstable: the stability region ends at |z| = 2.83
+    low = 0.25 * high
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """`order`: of the error at a fixed time against Newton's law. `forces`: evaluations per step, 0 where the state decides.
+    `limit(w, gamma)`: the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma = coefficient / mass
+    [1/s]."""
+
+    name: str
+    order: int
+    forces: int
+    limit: Callable[[float, float], float]
+    note: str
+
+
+INTEGRATORS = {  # of every sheet
+    entry.name: entry
+    for entry in (
+        Integrator("lab", 0, 1, _lab_limit, "the hand-out's step: half the acceleration, order 1 against that"),
+        Integrator("semi-implicit-euler", 1, 1, _semi_implicit_limit, "symplectic"),
+        Integrator("velocity-verlet", 2, 1, _verlet_limit, "symplectic; damping implicit in the second half kick"),
+        Integrator("rk4", 4, 4, _rk4_limit, "four forces a step; loses energy slowly"),
+        Integrator("explicit-euler", 1, 1, lambda w, g: _explicit_limit(w, g, False), "gains energy"),
+        Integrator("taylor", 1, 1, lambda w, g: _explicit_limit(w, g, True), "the compute-shader cloth's step"),
+    )
+}
+
+
+def _no_limit(w: float, gamma: float) -> float:
+    """No eigenvalue of the step is beyond 1 at any dt, w and gamma."""
+    return inf
+
+
+IMPLICIT = {  # of cloths
+    entry.name: entry
+    for entry in (
+        Integrator("implicit-euler", 1, 0, _no_limit, "Newton's method to 1e-8; loses energy; wind and poke explicit"),
+        Integrator(
+            "implicit-euler-linear", 1, 0, _no_limit, "one linearised step (Baraff and Witkin 1998); loses energy"
+        ),
+    )
+}
+
+
+def integrators_for(scene: Scene) -> dict[str, Integrator]:
+    """The integrators that the scene's sheet can be stepped by, by name."""
+    return INTEGRATORS | IMPLICIT if scene.cloth else INTEGRATORS
+
+
+def amplification_matrix(integrator: str, dt: float, w: float, gamma: float) -> np.ndarray:
+    """One step of x'' = -w^2 x - gamma x' as a (2, 2) matrix on (x, v): the definition that the limits are tested on."""
+
+    def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return -w * w * x - gamma * v
+
+    x, v = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    a = acceleration(x, v)
+    if integrator == "lab":
+        new_x = x + v * dt + a * dt**2 / 2
+        new_v = (new_x - x) / dt
+    elif integrator == "semi-implicit-euler":
+        new_v = v + a * dt
+        new_x = x + new_v * dt
+    elif integrator == "explicit-euler":
+        new_x, new_v = x + v * dt, v + a * dt
+    elif integrator == "taylor":
+        new_x, new_v = x + v * dt + a * dt**2 / 2, v + a * dt
+    elif integrator == "velocity-verlet":
+        half = v + dt / 2 * a
+        new_x = x + dt * half
+        new_v = (half - dt / 2 * w * w * new_x) / (1 + dt * gamma / 2)
+    elif integrator in IMPLICIT:
+        new_v = (v - dt * w * w * x) / (1 + dt * gamma + dt * dt * w * w)
+        new_x = x + dt * new_v
+    elif integrator == "rk4":
+        matrix = dt * np.array([[0.0, 1.0], [-w * w, -gamma]])
+        power, result = np.eye(2), np.eye(2)
+        for k in range(1, 5):
+            power = power @ matrix / k
+            result = result + power
+        return result
+    else:
+        raise KeyError(integrator)
+    return np.array([new_x, new_v])
+
+
+def frequency_bound(scene: Scene) -> float:
+    """An angular frequency [1/s] that no vibration of the scene exceeds, in any state of the grid.
+
+    A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
+    grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid. Where springs
+    alternate, k is the stiffest one's; where masses differ, m the lightest one; model/core/stability_limit.py tells how
+    much of it the net itself needs. A cloth's is model/mass_spring/cloth_bounds.py; of a mesh from a file and of bodies,
+    whose solvers have no limit that follows from it, nothing is known.
+    """
+    if scene.cloth:
+        return sqrt(laplacian_bound(scene, "stiffness") / lightest_mass(scene))
+    grid, springs = scene.grid, scene.springs
+    if springs is None:
+        return 0.0
+    most_springs = min(grid.rows - 1, 2) + min(grid.columns - 1, 2)
+    return sqrt(2 * most_springs * springs.largest_stiffness / lightest_mass(scene))
+
+
+def lightest_mass(scene: Scene) -> float:
+    """The least mass [kg] that moves, or may, of spare bodies; the sheet's where nothing does."""
+    if scene.bodies:
+        return float(scene.crowd.clusters.mass.min())
+    sheet = scene.grid
+    by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
+    if not scene.loads and not by_area:
+        return sheet.mass
+    pinned = pinned_indices(sheet)
+    loads = {load.at[0] * sheet.columns + load.at[1]: load.mass for load in scene.loads.values()}
+    told = np.union1d(pinned, np.array([*loads], np.int64))
+    found = [mass for place, mass in loads.items() if place not in pinned]
+    if by_area:
+        found.append(float(np.delete(vertex_masses(by_area), told).min(initial=inf)))
+    elif len(told) < sheet.particle_count:
+        found.append(sheet.mass)
+    return min((mass for mass in found if mass < inf), default=sheet.mass)
+
+
+def damping_rate(scene: Scene) -> float:
+    """coefficient / mass [1/s] of a mass like the sheet's, or their mean; 0 where the scene has no damping."""
+    return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
+
+
+def fastest_damping(scene: Scene) -> float:
+    """The same of the lightest mass: no damper takes a velocity away faster."""
+    return scene.damping.coefficient / lightest_mass(scene) if scene.damping else 0.0
+
+
+def spring_damping_bound(scene: Scene) -> float:
+    """A rate [1/s] that the dampers along a cloth's springs do not exceed: their matrix is a Laplacian, bounded like the
+    springs' (see `frequency_bound`)."""
+    return laplacian_bound(scene, "damping") / scene.grid.mass
+
+
+def stability_limit(scene: Scene, frequency: float | None = None) -> float:
+    """The largest step size [s] at which the scene's integrator is stable for any state of the sheet (may be inf or 0).
+
+    `frequency` [1/s]: what no vibration exceeds, where more is known of it than `frequency_bound`.
+
+    Dampers along springs are evaluated at the step's start by every explicit integrator, velocity Verlet too, which then is
+    semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
+    it only damps, weakly for cloth that is heavier than the air it moves in a step.
+
+    The position-based solvers hold at any step size, but for the masses' damper, which is explicit: h c/m < 2, m the
+    lightest mass.
+    """
+    if scene.method.position_based:
+        fastest = fastest_damping(scene)
+        return 2 * scene.method.substeps / fastest if fastest else inf
+    name, gamma = scene.method.integrator, damping_rate(scene)
+    w = frequency_bound(scene) if frequency is None else frequency
+    limit = integrators_for(scene)[name].limit
+    along = spring_damping_bound(scene) if scene.cloth else 0.0
+    if along == 0:
+        return limit(w, gamma)
+    if name == "velocity-verlet":
+        return _semi_implicit_limit(w, along)
+    return min(limit(w, gamma), limit(w, gamma + along))

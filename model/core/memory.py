@@ -1,0 +1,91 @@
+"""How much memory this machine can still give, so that a scene that cannot fit is refused before anything is allocated."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from pathlib import Path
+
+from model.core.errors import SceneError
+
+MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
+
+
+def available_bytes() -> int | None:
+    """Bytes of main memory that can be taken without swapping, or None where the system does not tell.
+
+    The smaller of what the machine has free and what a control group (a container) still allows.
+    """
+    bounds = [value for value in (_machine_free(), _control_group_free()) if value is not None]
+    return min(bounds) if bounds else None
+
+
+def _machine_free() -> int | None:
+    if sys.platform == "win32":
+
+        class MemoryStatus(ctypes.Structure):
+            _fields_ = [("length", ctypes.c_ulong), ("load", ctypes.c_ulong)] + [
+                (name, ctypes.c_ulonglong)
+                for name in (
+                    "total",
+                    "available",
+                    "page_total",
+                    "page_free",
+                    "virtual_total",
+                    "virtual_free",
+                    "extended",
+                )
+            ]
+
+        status = MemoryStatus()
+        status.length = ctypes.sizeof(status)
+        if ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):
+            return int(status.available)
+        return None
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    try:  # macOS tells its whole memory only; half of it is a cautious guess at what is free
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _control_group_free() -> int | None:
+    try:
+        limit = Path("/sys/fs/cgroup/memory.max").read_text().strip()
+        used = int(Path("/sys/fs/cgroup/memory.current").read_text())
+        return None if limit == "max" else max(0, int(limit) - used)
+    except (OSError, ValueError):
+        return None
+
+
+def readable(count: float) -> str:
+    """A number of bytes as a person writes it: 1.5 GiB."""
+    for unit in ("B", "KiB", "MiB", "GiB", "TiB", "PiB"):
+        if count < 1024 or unit == "PiB":
+            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
+        count /= 1024
+    raise AssertionError("unreachable")
+
+
+def require_sheet(rows: int, columns: int, bytes_each: int, name: str) -> None:
+    """Raise SceneError if `rows` x `columns` masses of `bytes_each` do not fit into main memory, or into 32-bit indices."""
+    field, shape = f"{name}.rows x {name}.columns", f"{rows} x {columns}"
+    require(rows * columns * bytes_each, available_bytes(), field, shape, "main memory")
+    if rows * columns > MOST_PARTICLES:
+        raise SceneError(field, shape, f"at most {MOST_PARTICLES} masses (32-bit indices)")
+
+
+def require(needed: int, available: int | None, field: str, value: object, where: str) -> None:
+    """Raise SceneError if `needed` bytes are more than 90 % of `available` ones (None: unknown, let it try)."""
+    if available is not None and needed > 0.9 * available:
+        raise SceneError(
+            field,
+            value,
+            f"needs {readable(needed)} of {where}, of which {readable(available)} is free; use a smaller one",
+        )

@@ -1,0 +1,39 @@
+"""How a scene is run, apart from what it is: precision, arithmetic, kernel, and what may change while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.scene.cloth import SPRING_KINDS
+
+PRECISIONS = {"float32": np.float32, "float64": np.float64}
+MATHS = ("fast", "exact")
+LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
+    "gravity": ("gravity.enabled", "gravity.acceleration"),
+    "poke": (),
+    "dt": ("method.dt",),
+    "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in SPRING_KINDS)),
+    "damping": ("damping.coefficient",),
+    "wind": ("wind.velocity", "wind.density", "wind.drag", "wind.lift"),
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a scene is run, apart from what it is. `kernel` None: the backend's own choice."""
+
+    precision: str = "float32"
+    math: str = "fast"
+    kernel: str | None = None
+    live: frozenset[str] = field(default_factory=frozenset)
+
+    def __post_init__(self) -> None:
+        for name, value, known in (("--precision", self.precision, tuple(PRECISIONS)), ("--math", self.math, MATHS)):
+            if value not in known:
+                raise SceneError(name, value, f"must be one of {', '.join(known)}")
+        for name in self.live:
+            if name not in LIVE_PATHS:
+                raise SceneError("live", name, f"must be of {', '.join(LIVE_PATHS)}")

@@ -1,0 +1,129 @@
+"""The small record of constants that every kernel reads: computed once in float64, rounded once, the same everywhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.errors import SceneError
+from model.core.integrators import damping_rate
+from model.scene.scene import Scene
+
+PARAMETERS = (
+    "dt",  # s
+    "half_dt",
+    "half_dt_squared",
+    "sixth_dt",
+    "third_dt",
+    "first_step",  # since which time is counted in steps of dt: a number of steps,
+    "first_time",  # and that step's time, s
+    "stiffness",  # spring stiffness over mass, 1/s^2
+    "stiffness_rest",  # times the rest length, m/s^2
+    "damping",  # damping rate, 1/s
+    "inverse_damping",  # 1 / (1 + dt rate / 2)
+    "gravity",  # m/s^2, along +y (so negative)
+    "external",  # external force magnitude over mass, m/s^2
+    "poke_x",  # poke over mass, m/s^2
+    "poke_y",
+    "amplitude",  # of the manufactured solution, m
+    "inertia",
+    "spacing",  # m
+    "stiff",  # stiffness of every second spring over mass, 1/s^2
+    "stiff_rest",  # times the rest length, m/s^2
+)
+# The place of each in the record, as compile-time constants of the kernels.
+(
+    K_DT,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_SIXTH_DT,
+    K_THIRD_DT,
+    K_FIRST_STEP,
+    K_FIRST_TIME,
+    K_STIFFNESS,
+    K_STIFFNESS_REST,
+    K_DAMPING,
+    K_INVERSE_DAMPING,
+    K_GRAVITY,
+    K_EXTERNAL,
+    K_POKE_X,
+    K_POKE_Y,
+    K_AMPLITUDE,
+    K_INERTIA,
+    K_SPACING,
+    K_STIFF,
+    K_STIFF_REST,
+) = range(len(PARAMETERS))
+FIELDS = {  # of the scene, by the value that follows from them
+    "dt": "method.dt",
+    "half_dt_squared": "method.dt",
+    "stiffness": "springs.stiffness",
+    "stiffness_rest": "springs.rest_length",
+    "damping": "damping.coefficient",
+    "gravity": "gravity.acceleration",
+    "external": "external.magnitude",
+    "poke_x": "poke",
+    "poke_y": "poke",
+    "amplitude": "manufactured.amplitude",
+    "spacing": "grid.spacing",
+    "stiff": "springs.stiffness_ratio",
+    "stiff_rest": "springs.stiffness_ratio",
+}
+
+
+def parameter_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
+    """The small record every kernel reads its constants from: (len(PARAMETERS),) in the arithmetic `real`.
+
+    Computed in float64 and rounded once, so that both backends hold the same bits. Raises SceneError for a value that
+    the arithmetic cannot hold (it overflows, or vanishes where it must not).
+    """
+    grid, dt, mass = scene.grid, scene.method.dt, scene.grid.mass
+    springs, manufactured = scene.springs, scene.manufactured
+    rate = damping_rate(scene)
+    values = {
+        "dt": dt,
+        "half_dt": dt / 2,
+        "half_dt_squared": dt * dt / 2,
+        "sixth_dt": dt / 6,
+        "third_dt": dt / 3,
+        **clock.values(dt),
+        "stiffness": springs.stiffness / mass if springs else 0.0,
+        "stiffness_rest": springs.stiffness * springs.rest_length / mass if springs else 0.0,
+        "damping": rate,
+        "inverse_damping": 1 / (1 + dt * rate / 2),
+        "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
+        "external": scene.external.magnitude / mass if scene.external else 0.0,
+        "poke_x": poke[0] / mass,
+        "poke_y": poke[1] / mass,
+        "amplitude": manufactured.amplitude if manufactured else 0.0,
+        "inertia": manufactured.inertia if manufactured else 1.0,
+        "spacing": grid.spacing,
+        "stiff": springs.largest_stiffness / mass if springs else 0.0,
+        "stiff_rest": springs.largest_stiffness * springs.rest_length / mass if springs else 0.0,
+    }
+    assert tuple(values) == PARAMETERS
+    return rounded_record(scene, values, FIELDS, real)
+
+
+def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[str, str], real: type) -> np.ndarray:
+    """`values` (name -> float64, in the record's order) in the arithmetic `real`. `fields`: the scene's field that a value
+    follows from. Raises SceneError for a value that the arithmetic cannot hold."""
+    with np.errstate(over="ignore", under="ignore"):
+        record: np.ndarray = np.array(list(values.values()), dtype=np.float64).astype(real)
+    limits = np.finfo(real)
+    for kept, (name, exact) in zip(record.tolist(), values.items(), strict=True):
+        if name in fields and (not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny))):
+            given = scene.as_dict()
+            part, _, key = fields[name].partition(".")
+            raise SceneError(
+                fields[name],
+                given.get(part, {}).get(key, exact),
+                f"{name} = {exact:.3g} is outside what {np.dtype(real).name} can hold "
+                f"({float(limits.tiny):.2g} to {float(limits.max):.2g}); change it (or the mass), or use float64",
+            )
+    return record

@@ -1,0 +1,333 @@
+"""The contract a backend fulfils: one class per backend and solver, opened by app/driver.py.
+
+`Simulation` holds what is the same for every backend: the step counter, live parameters, and the hunt for the first bad
+step. A backend adds the methods of model/core/backend.py. The state stays on the backend's device; nothing is allocated in
+`advance`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from math import isqrt
+from typing import Any
+
+import numpy as np
+
+from model.core.backend import Backend
+from model.core.build import Body, build
+from model.core.clock import START, Clock, clock_of
+from model.core.diagnosis import diagnose
+from model.core.divergence import DIVERGED_SIZE, check_interval
+from model.core.errors import Diverged, InputError, SceneError
+from model.core.integrators import stability_limit
+from model.core.options import LIVE_PATHS, PRECISIONS, Options
+from model.core.parameters import parameter_record
+from model.core.plan import Executor, Plan
+from model.core.state import State, checked_arrays
+from model.mass_spring.cloth_parameters import cloth_record
+from model.scene.cloth import SPRING_KINDS
+from model.scene.scene import Scene
+from model.shape_matching import spare
+from model.shape_matching.cluster_tables import checked_plastic, checked_rotation
+from model.xpbd.parameters import xpbd_record
+
+
+class Simulation(Backend):
+    """One world under one solver on one backend, a context manager.
+
+    Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
+    `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads a block),
+    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps),
+    `kept` (how many states were put aside so far).
+    """
+
+    backend: str
+    device: str
+    threads: int
+    kernel: str
+    plan: Plan
+    _executor: Executor
+
+    threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
+
+    def __init__(self, scene: Scene, options: Options):
+        self.scene = scene
+        self.options = options
+        self.real: Any = PRECISIONS[options.precision]
+        self.body: Body = build(scene)
+        self._first_body = self.body  # `self.body` tells which bodies wait now
+        self.step = 0
+        self.time = 0.0
+        self.limit = stability_limit(scene)
+        self.check_interval = check_interval(len(self.body.position), self.backend)
+        largest = 1e38 if options.precision == "float32" else 1e307  # what the arithmetic can still tell from infinity
+        self._bound = min(DIVERGED_SIZE * self.body.size, largest)
+        self._poke_particle = -1
+        self._poke_force = (0.0,) * scene.dimensions
+        self._clock = START
+        self._record = self._make_record(scene, self._poke_force, self._clock)
+        self._kept_step, self._kept_time = 0, 0.0
+        self.kept = 0
+
+    @property
+    def stages(self) -> Mapping[str, Callable[[int, float], None]]:
+        """What runs each stage of the plan by itself, by name; of the kernel `stages` only."""
+        return self._executor.stages
+
+    def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
+        """The small record of constants that the kernels read."""
+        make = cloth_record if scene.cloth else parameter_record
+        if scene.method.position_based:
+            make = xpbd_record
+        return make(scene, self.real, tuple(poke), clock)
+
+    # ------------------------------------------------------------------ what a user calls
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def advance(self, steps: int) -> None:
+        """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
+
+        The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
+        then replayed to name the first bad step and particle.
+        """
+        if steps < 0:
+            raise SceneError("steps", steps, "must be at least 0")
+        while steps > 0:
+            batch = min(steps, self.check_interval - (self.step - self._kept_step))
+            self._run(batch)
+            self._count(batch)
+            steps -= batch
+            if self.step - self._kept_step >= self.check_interval:
+                self.check()
+
+    def _count(self, steps: int) -> None:
+        self.step += steps
+        self.time = self._clock.at(self.step, self.scene.method.dt)
+
+    def check(self, keep: bool = True) -> None:
+        """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one (if `keep`)."""
+        if self.step == self._kept_step:
+            return
+        if self._first_bad() < 0:
+            if keep:
+                self._put_aside()
+            return
+        last = self.step
+        self.rewind()
+        begin, _ = self._replay(last, isqrt(last - self.step))  # so that both ways together look the fewest times
+        self.rewind()
+        if begin > self.step:
+            self._run(begin - self.step)
+            self._count(begin - self.step)
+        _, bad = self._replay(last, 1)
+        step = self.step
+        self.rewind()
+        found = diagnose(self.scene, self.limit, self._download()[1])
+        raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
+
+    def _replay(self, last: int, interval: int) -> tuple[int, int]:
+        """Go on to step `last` or the first look at a bad state: (step of the look before, the bad particle or -1)."""
+        begin, bad = self.step, -1
+        while bad < 0 and self.step < last:
+            begin = self.step
+            batch = min(interval, last - begin)
+            self._run(batch)
+            self._count(batch)
+            bad = self._first_bad()
+        return begin, bad
+
+    def _put_aside(self) -> None:
+        self._keep()
+        self._kept_step, self._kept_time = self.step, self.time
+        self.kept += 1
+
+    def rewind(self) -> None:
+        """Back to the state that was put aside last, without a copy through the host.
+
+        That is the one loaded last, until `kept` moves on: a look at the state (`check`, `state`, and `advance` every
+        `check_interval` steps) puts a newer one aside.
+        """
+        self._restore()
+        self.step, self.time = self._kept_step, self._kept_time
+
+    def state(self) -> State:
+        """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""
+        self.check()
+        position, velocity = self._download()
+        inverse_mass = self.body.inverse_mass.copy()
+        bodies = self._download_rotation(), self._plastic()
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock)
+
+    def _plastic(self) -> np.ndarray | None:
+        """(clusters, 3, 3): as the backend has them of loose clusters, and no strain of lattices'."""
+        loose = self._download_plastic()
+        if loose is None:
+            return None
+        rigid = self._cluster_count() - len(loose)
+        return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (rigid, 1, 1))]) if rigid else loose
+
+    def load(self, state: State) -> None:
+        """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
+
+        Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, rotations that are
+        no unit quaternions, or plastic strains that are not of volume 1 or of a scene without.
+        """
+        arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
+        same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
+        if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
+            self._take_weights(inverse_mass)
+        rotation = state.rotation
+        if rotation is not None:
+            rotation = checked_rotation(rotation, self._cluster_count(), self.real)
+        plastic = state.plastic
+        if plastic is not None:
+            if "plastic" not in self.plan.parts:
+                raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
+            plastic = checked_plastic(plastic, self._cluster_count(), self.real)
+        self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
+        if len(self.body.pinned):
+            arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
+            arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
+        self._upload(arrays["position"], arrays["velocity"])
+        self._upload_plastic(None if plastic is None else plastic[: self.scene.crowd.loose.count])
+        self._upload_rotation(rotation)
+        self.step, self.time = int(state.step), self._clock.at(int(state.step), self.scene.method.dt)
+        self._put_aside()
+
+    def _set_clock(self, clock: Clock) -> None:
+        """Count time by another clock, if it is one."""
+        if clock != self._clock:
+            self._clock, self._record = clock, self._make_record(self.scene, self._poke_force, clock)
+            self._parameters_changed()
+
+    def _take_weights(self, inverse_mass: np.ndarray) -> None:
+        """Other bodies wait than do now. Raises InputError where anything else is different."""
+        waits = spare.waiting(self.scene, inverse_mass) if "spare" in self.plan.parts else None
+        if waits is None:
+            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+        weights = np.where(waits, 0.0, 1 / self.scene.crowd.clusters.mass)
+        self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(waits))
+        self._weights_changed()
+
+    def _cluster_count(self) -> int:
+        return self.scene.crowd.clusters.count if self.scene.bodies else 0
+
+    def reset(self) -> None:
+        """Back to the scene's start."""
+        body = self._first_body
+        self.load(State(body.position, body.velocity, body.inverse_mass, 0.0, 0))
+
+    def add_body(
+        self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = spare.STILL
+    ) -> int:
+        """Bring in a spare copy of the body `name`: its mesh's origin at `origin` (that of the part) [m], turned as the part
+        says, moving at `velocity` [m/s]. The number of the copy (in `scene.crowd.copies`).
+
+        Raises SceneError: no such body, or none left (its `spare` says how many there are).
+        """
+        found, state = spare.added(self, name, origin, velocity)
+        self.load(state)
+        return found
+
+    def remove_body(self, number: int) -> None:
+        """Take a copy out; it is a spare one from now on. Raises SceneError: no such copy, or it waits already, or the scene
+        was made without spare ones."""
+        self.load(spare.removed(self, number))
+
+    def read(self, name: str, into: Any = None) -> Any:
+        """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the
+        unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
+        (clusters, 3) [m], of mass, with particles where they are now, for skins; `deformation` (clusters, 3, 3): the
+        rotation, or whatever else takes rest offsets to where a cluster wants them; of plastic ones `plastic`, as in State:
+        what has bent their rest offsets. Each is computed only when asked.
+
+        `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new host
+        array. Does not check for divergence: it is what the window draws.
+        """
+        if name == "position":
+            return self._read_position(into)
+        if name == "normal":
+            if not self.scene.cloth:
+                raise SceneError("read", name, "must be one of position, velocity, strain: a grid lies in a plane")
+            return self._read_normal(into)
+        if name == "velocity":
+            result = self._download()[1]
+        elif self.scene.bodies and name in ("rotation", "centre"):
+            result = self.read_clusters()[name == "centre"]
+        elif self.scene.bodies and name == "deformation":
+            result = self._read_deformation()
+        elif name == "plastic" and "plastic" in self.plan.parts:
+            result = np.asarray(self._plastic())
+        elif self.scene.bodies:
+            names = "position, velocity, rotation, centre, deformation"
+            raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
+        elif name == "strain":
+            from model.core.energy import spring_strain
+
+            result = spring_strain(self.scene, self._download()[0])
+        else:
+            names = "position, velocity, strain" + (", normal" if self.scene.cloth else "")
+            raise SceneError("read", name, f"must be one of {names}")
+        if into is None:
+            return result
+        into[...] = result
+        return into
+
+    def read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        """`rotation` and `centre` of bodies at one look, as `read` tells each of them. Raises SceneError: no bodies."""
+        if not self.scene.bodies:
+            raise SceneError("read", "clusters", "are those of bodies, and this scene has none")
+        return self._read_clusters()
+
+    def set(self, path: str, value: Any) -> None:
+        """Change a live field (`gravity.enabled`, `method.dt`, ...) from the next step on.
+
+        Raises SceneError for a value the scene refuses, or a field not named in `live` when the simulation was opened.
+        """
+        allowed: Iterable[str] = [p for name in self.options.live for p in LIVE_PATHS[name]]
+        if path not in allowed:
+            raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
+        part = path.partition(".")[0]
+        if part in ("springs", *SPRING_KINDS, "wind") and part not in self.scene.parts:
+            raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
+        if path in LIVE_PATHS["stiffness"] and self.scene.method.solver == "pbd":
+            raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")
+        scene = self.scene.replace({path: value})
+        clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
+        record = self._make_record(scene, self._poke_force, clock)
+        self.check()  # so that a replay never spans a change
+        self.scene, self._record, self._clock = scene, record, clock
+        self.limit = stability_limit(scene)
+        self._kept_step, self._kept_time = self.step, self.time
+        self._parameters_changed()
+
+    def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:
+        """Hold a force [N] on one particle until the next call; `poke(None)` lets go. Needs `live` to name poke."""
+        if "poke" not in self.options.live:
+            raise SceneError("poke", particle, "not live; open the simulation with live including 'poke'")
+        if particle is None:
+            particle, force = -1, [0.0] * self.scene.dimensions
+        elif not 0 <= particle < len(self.body.position):
+            raise SceneError("poke", particle, f"must be a particle, 0 to {len(self.body.position) - 1}")
+        if len(force) != self.scene.dimensions or not np.isfinite(force).all():
+            raise SceneError("poke", force, f"must be {self.scene.dimensions} finite numbers")
+        record = self._make_record(self.scene, force, self._clock)
+        self.check()
+        self._poke_particle, self._poke_force, self._record = particle, tuple(force), record
+        self._parameters_changed()
+
+    def energies(self) -> dict[str, float]:
+        """Kinetic, spring and gravity energy [J] with the true mass, their sum, and the scheme's own `conserved`.
+
+        See model/core/energy.py. float64 on the host. Raises Diverged.
+        """
+        from model.core.energy import energies
+
+        state = self.state()
+        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)

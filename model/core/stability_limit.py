@@ -1,0 +1,262 @@
+"""The largest frequency of a spring net, before anything is run: what the step sizes of explicit integrators hang on.
+
+In any state a spring's stiffness matrix has no eigenvalue above its stiffness k. So the net's largest w^2 is at most the
+largest eigenvalue of its weighted graph Laplacian over the masses, M^(-1/2) L M^(-1/2) with (L x)_i = sum k_ij (x_i - x_j)
+and x = 0 at pinned masses; a net without rest lengths (or stretched far beyond them) has exactly that one.
+
+On grids hung by the top row, held at all edges or free it has a closed form: the eigenvalues of the path graph, added.
+Elsewhere it is found without a matrix by power iteration, sped up by adding the last direction and taking the best vector
+of the span (Knyazev 2001, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Comput. 23(2), algorithm 4.1).
+Beside the estimate, which comes from below, stands a rigorous bound from above: the lesser of Gershgorin's (1931) and of
+the one of Collatz (1942), max_i (|A| u)_i / u_i for any u > 0, which meets the estimate where springs form no odd cycles.
+
+A cloth, pinned or not, is a part of one without end, whose eigenvalues have a closed form
+(model/mass_spring/cloth_bounds.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import cos, inf, pi, sin, sqrt
+
+import numpy as np
+
+from model.core.build import build, pinned_indices
+from model.core.energy import spring_ends, spring_stiffness
+from model.core.errors import SceneError
+from model.core.integrators import frequency_bound, lightest_mass, stability_limit
+from model.scene.scene import Grid, Scene
+
+TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
+MOST_ITERATIONS = 5000
+MOST_MASSES = 2**14  # of a grid that is iterated on, about a second; larger ones are bounded by the closed form
+LEAST_SHARE = 1e-12  # of Collatz's vector, so that it is positive everywhere
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """The largest angular frequency [1/s] of a net: `estimate`, and `upper`, which it surely does not exceed.
+
+    `how`: `closed form`, `iterated`, or `bounded` (too large to iterate; the estimate is the bound). `iterations`;
+    `residual`: |A x - lambda x| / lambda at the end; `converged`: under TOLERANCE. `mode` (particles,): the shape of
+    the fastest vibration along an axis, of largest entry 1, 0 where pinned; None for `bounded`.
+    """
+
+    estimate: float
+    upper: float
+    how: str
+    iterations: int = 0
+    residual: float = 0.0
+    converged: bool = True
+    mode: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Net:
+    """Springs as a weighted graph. `ends` (springs, 2) indices; `stiffness` (springs,) [N/m]; `inverse_mass`
+    (particles,) [1/kg], 0 where pinned."""
+
+    ends: np.ndarray
+    stiffness: np.ndarray
+    inverse_mass: np.ndarray
+
+    def apply(self, x: np.ndarray, sign: float = -1.0) -> np.ndarray:
+        """A x = M^(-1/2) L M^(-1/2) x [1/s^2] for x (particles,); `sign` 1: |A| x, every entry taken positive."""
+        root = np.sqrt(self.inverse_mass)
+        y = root * x
+        i, j = self.ends.T
+        at_i = self.stiffness * (y[i] + sign * y[j])
+        at_j = self.stiffness * (y[j] + sign * y[i])
+        count = len(x)
+        return root * (np.bincount(i, at_i, count) + np.bincount(j, at_j, count))
+
+    def gershgorin(self) -> float:
+        """max_i (A_ii + sum_j |A_ij|) of M^(-1) L, the similar matrix: no eigenvalue [1/s^2] exceeds it."""
+        i, j = self.ends.T
+        count = len(self.inverse_mass)
+        own = self.stiffness
+        free = self.inverse_mass > 0
+        row = np.bincount(i, own * (1.0 + free[j]), count) + np.bincount(j, own * (1.0 + free[i]), count)
+        return float((self.inverse_mass * row).max(initial=0.0))
+
+
+def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MOST_ITERATIONS) -> Frequency:
+    """The largest frequency of any net by accelerated power iteration from a fixed start.
+
+    Ends when the residual is under `tolerance` (then an eigenvalue lies that near), or after `most` iterations, not
+    converged. Raises SceneError for stiffnesses or masses that are negative or not finite.
+    """
+    for name, values in (("stiffness", net.stiffness), ("inverse_mass", net.inverse_mass)):
+        if not (np.isfinite(values).all() and (np.asarray(values) >= 0).all()):
+            raise SceneError(name, float(np.min(values)), "must be finite and not negative")
+    free = net.inverse_mass > 0
+    gershgorin = net.gershgorin()
+    if gershgorin == 0:
+        return Frequency(0.0, 0.0, "closed form", mode=np.zeros(len(free)))
+    # no symmetry of a net is likely to make this start orthogonal to its fastest mode, which alternates between neighbours
+    x = np.where(free, np.sin(1.0 + 2.399963 * np.arange(len(free)) ** 1.5), 0.0)
+    x /= np.linalg.norm(x)
+    moved = net.apply(x)
+    value = float(x @ moved)
+    direction, iterations, residual = np.zeros_like(x), 0, np.inf
+    while iterations < most:
+        rest = moved - value * x
+        residual = float(np.linalg.norm(rest)) / gershgorin
+        if residual * gershgorin <= tolerance * value:
+            break
+        basis, _ = np.linalg.qr(np.stack([x, rest, direction] if iterations else [x, rest], axis=1))
+        images = np.stack([net.apply(column) for column in basis.T], axis=1)
+        projected = basis.T @ images
+        _, vectors = np.linalg.eigh((projected + projected.T) / 2)
+        best = vectors[:, -1]
+        new = basis @ best
+        direction = new - x * (x @ new)
+        x = new / np.linalg.norm(new)
+        moved = images @ best / np.linalg.norm(new)
+        value = float(x @ moved)
+        iterations += 1
+    positive = np.where(free, np.abs(x) + LEAST_SHARE, 0.0)
+    collatz = float((net.apply(positive, 1.0)[free] / positive[free]).max())
+    upper = sqrt(max(min(gershgorin, collatz), value))
+    shape = np.sqrt(net.inverse_mass) * x
+    found = residual * gershgorin / value if value > 0 else 0.0
+    mode = shape / shape[np.argmax(np.abs(shape))]
+    return Frequency(sqrt(value), upper, "iterated", iterations, found, found <= tolerance, mode)
+
+
+def _path_eigenvalue(count: int, held: int) -> float:
+    """Largest eigenvalue of the Laplacian of a path of `count` free vertices, `held` (0, 1: at its start, 2) of whose ends
+    are tied to a fixed one beyond."""
+    if held == 0:
+        return 4 * cos(pi / (2 * count)) ** 2
+    return 4 * sin(_path_angle(count, held) / 2) ** 2
+
+
+def _path_angle(count: int, held: int) -> float:
+    return (2 * count - 1) * pi / (2 * count + 1) if held == 1 else count * pi / (count + 1)
+
+
+def _path_shape(count: int, held: int) -> np.ndarray:
+    """The vector (count,) of that eigenvalue."""
+    k = np.arange(count)
+    if held == 0:
+        return np.cos(pi * (count - 1) * (k + 0.5) / count)
+    return np.sin(_path_angle(count, held) * (k + 1))
+
+
+def grid_eigenvalue(grid: Grid, shaped: bool = True) -> tuple[float, np.ndarray | None] | None:
+    """Largest eigenvalue of a grid's Laplacian (unit stiffness and mass) and its shape (particles,), in closed form; None for
+    the shape unless `shaped`: then nothing is allocated.
+
+    Known for `pinned` none, top and edges; None for others. Free N x M: 4 cos^2(pi / 2N) + 4 cos^2(pi / 2M); top row
+    fixed, n = N - 1: 4 sin^2((2n-1) pi / (2 (2n+1))) + 4 cos^2(pi / 2M); all edges: 4 sin^2((N-2) pi / (2 (N-1))) and
+    the same in M.
+    """
+    if grid.pinned not in ("none", "top", "edges"):
+        return None
+    held = {"none": 0, "top": 1, "edges": 2}[str(grid.pinned)]
+    margins = {0: (0, 0), 1: (1, 0), 2: (2, 2)}[held]
+    free = grid.rows - margins[0], grid.columns - margins[1]
+    if min(free) < 1:
+        return 0.0, np.zeros(grid.particle_count) if shaped else None
+    sides = (free[0], held), (free[1], 2 if held == 2 else 0)
+    down, across = (_path_eigenvalue(*side) for side in sides)
+    if not shaped:
+        return down + across, None
+    tall, wide = (_path_shape(*side) for side in sides)
+    shape = np.zeros((grid.rows, grid.columns))
+    top, left = (1, 1) if held == 2 else (held, 0)
+    shape[top : top + free[0], left : left + free[1]] = np.outer(tall, wide)
+    return down + across, (shape / np.abs(shape).max()).ravel()
+
+
+def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """(ends (springs, 2), stiffness (springs,) [N/m]) of all springs of a cloth."""
+    rows, columns = scene.grid.rows, scene.grid.columns
+    ends = {kind: spring_ends(rows, columns, kind) for kind in scene.cloth_springs}
+    stiffness = [np.full(len(ends[kind]), part.stiffness) for kind, part in scene.cloth_springs.items()]
+    return np.concatenate([np.zeros((0, 2), np.int32), *ends.values()]), np.concatenate([np.zeros(0), *stiffness])
+
+
+def scene_net(scene: Scene) -> Net:
+    """The scene's springs as a graph. A scene without springs is a net without edges."""
+    grid = scene.grid
+    if scene.loads:
+        inverse_mass = build(scene).inverse_mass
+    else:
+        inverse_mass = np.full(grid.particle_count, 1 / grid.mass)
+        inverse_mass[pinned_indices(grid)] = 0
+    if scene.cloth:
+        return Net(*_edges(scene), inverse_mass)
+    ends = spring_ends(grid.rows, grid.columns) if scene.springs else np.zeros((0, 2), np.int32)
+    across, down = spring_stiffness(scene)
+    along_rows = np.broadcast_to(across, (grid.rows, grid.columns - 1))
+    stiffness = np.concatenate([along_rows.ravel(), np.broadcast_to(down, (grid.rows - 1, grid.columns)).ravel()])
+    stiffness = stiffness[: len(ends)]  # none in a scene without springs
+    return Net(ends, stiffness, inverse_mass)
+
+
+def _free_bound(scene: Scene) -> float:
+    """A frequency [1/s] that no vibration of the scene's grid, freed of its pins, exceeds: the largest one where springs are
+    equal; where they alternate, a mass has one of each along every direction, and Gershgorin's bound is twice their sum.
+    Of a cloth, the bound for any. Where masses differ, as if all were as light as the lightest."""
+    grid, springs, mass = scene.grid, scene.springs, lightest_mass(scene)
+    if scene.cloth:
+        return frequency_bound(scene)
+    assert springs is not None
+    if springs.alternate:
+        most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]
+        return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / mass)
+    free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}), shaped=False)
+    assert free_grid is not None
+    return sqrt(springs.stiffness / mass * free_grid[0])
+
+
+def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
+    """The largest frequency of the scene's net in any state: closed form (a grid's equal springs and masses), iterated, or
+    (large, and oddly pinned, of alternating springs, of several masses, or a cloth) bounded.
+
+    A pin takes rows and columns out of the matrix, which lowers its largest eigenvalue (Cauchy's interlacing), so that
+    the free grid bounds every other. Unless `shaped`, no mode is made where the frequency is had without.
+    """
+    grid = scene.grid
+    if not (scene.springs or scene.cloth_springs):
+        return Frequency(0.0, 0.0, "closed form", mode=np.zeros(grid.particle_count) if shaped else None)
+    even = scene.springs and not scene.springs.alternate and not scene.loads
+    closed = grid_eigenvalue(grid, shaped) if even else None
+    if scene.springs and closed is not None:
+        w = sqrt(scene.springs.stiffness / grid.mass * closed[0])
+        return Frequency(w, w, "closed form", mode=closed[1])
+    bound = _free_bound(scene)
+    if grid.particle_count > MOST_MASSES:
+        return Frequency(bound, bound, "bounded")
+    found = largest_frequency(scene_net(scene))
+    return replace(found, upper=min(found.upper, bound))
+
+
+def frequency_lines(scene: Scene) -> list[str]:
+    """What `softlab plan` says of it: the largest frequency, how it is known, and the step size that follows."""
+    springs = [scene.springs] if scene.springs else [*scene.cloth_springs.values()]
+    if not springs or scene.mesh:  # whose solver has no limit that follows from it
+        return []
+    if scene.method.solver == "pbd" or any(
+        one.inextensible for one in springs
+    ):  # which are no springs of that stiffness
+        return []
+    found = scene_frequency(scene, shaped=False)
+    name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"
+    limit = stability_limit(scene, found.upper)
+    how = {
+        "closed form": "closed form",
+        "iterated": f"{found.iterations} iterations, surely under {found.upper:.6g}",
+        "bounded": f"bound: the free {sheet}'s",
+    }[found.how]
+    if not found.converged:
+        how += f"; not converged, residual {found.residual:.1g}"
+    step = f"{name} holds to dt {limit:.6g} s" if limit > 0 else f"{name} holds at no dt"
+    if limit == inf:
+        step = f"{name} holds at any dt"
+    return [
+        f"largest frequency {found.estimate:.6g} 1/s of this net ({how}), {frequency_bound(scene):.6g} 1/s of any "
+        f"{sheet}; for this net {step}"
+    ]

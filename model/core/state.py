@@ -1,0 +1,49 @@
+"""The state of a simulation: every array the next step reads, and what it must be to continue from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.errors import InputError
+from model.core.options import PRECISIONS
+
+
+@dataclass(frozen=True)
+class State:
+    """Every array the next step reads. `position`, `velocity` (particles, dimensions), C-contiguous, in builder order, in
+    the simulation's precision; `inverse_mass` (particles,) [1/kg], 0 where pinned; `time` [s]; `step`; of bodies
+    `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
+    are none, or they are to be found anew; of plastic bodies `plastic` (clusters, 3, 3), of volume 1: what their rest offsets
+    have been bent by, None: nothing; `clock`: since when `time` goes by the present step size."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    inverse_mass: np.ndarray
+    time: float
+    step: int
+    rotation: np.ndarray | None = None
+    plastic: np.ndarray | None = None
+    clock: Clock = START
+
+
+def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """(position and velocity in that precision, C-contiguous, by name; inverse masses as they are) of a state for positions
+    of that shape. Raises InputError for other shapes, for what are no real numbers, and for values that are not finite."""
+    arrays = {}
+    for name in ("position", "velocity"):
+        array = np.asarray(getattr(state, name))
+        if array.shape != shape:
+            raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}")
+        if not np.issubdtype(array.dtype, np.number) or np.issubdtype(array.dtype, np.complexfloating):
+            raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
+        with np.errstate(over="ignore"):
+            arrays[name] = np.ascontiguousarray(array, dtype=PRECISIONS[precision])
+        if not np.isfinite(arrays[name]).all():
+            raise InputError(f"{name} holds values that are not finite numbers in {precision}")
+    inverse_mass = np.asarray(state.inverse_mass)
+    if inverse_mass.shape != shape[:1]:
+        raise InputError(f"inverse_mass has shape {inverse_mass.shape}, this scene needs {shape[:1]}")
+    return arrays, inverse_mass

@@ -1,0 +1,218 @@
+"""Meshes of the lab's own, made by code: closed, outer sides outwards, about a metre across, the same on every call. A sheet
+and a terrain, 8 m across, are open, with their upper side outwards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, pi, sin
+from typing import Literal
+
+import numpy as np
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from model.assets.strokes import blended, extruded, letters, outline, polygon, tube, union
+from model.geometry.mesh import TriangleMesh, triangle_mesh
+from model.geometry.surface_nets import Field, surface
+from model.scene.parts import Count, Part, Positive
+
+ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box"]
+
+FINEST, FINEST_TERRAIN = 200, 40
+COARSEST = {
+    "star": 16,
+    "torus": 8,
+    "beam": 1,
+    "blob": 24,
+    "octopus": 32,
+    "letters": 16,
+    "sheet": 1,
+    "terrain": 2,
+    "box": 1,
+}  # what their thinnest parts ask for
+BEAM, BOX = (1.0, 0.25, 0.25), (1.0, 1.0, 1.0)  # m
+TORUS = (0.35, 0.15)  # m: of the ring, of its tube
+STAR_DEPTH, STAR_TIP, STAR_NOTCH = 0.24, 0.52, 0.25  # m: from front to back; from the middle
+LETTER_DEPTH, LETTER_WIDTH = 0.22, 0.22  # m: from front to back; of a stroke
+EDGE = 0.05  # m: the radius of edges of what is cut from a plate
+TERRAIN, TERRAIN_RIM = 8.0, 0.5  # m: its sides; how far their middles are raised
+GAP = 0.25  # m: between letters: clusters of up to that radius do not reach across
+
+
+class Shape(Part):
+    """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus,
+    letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, or a box.
+
+    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS; `sides`
+    of a box [m]: a cube of a metre unless given.
+    """
+
+    name: ShapeName
+    resolution: Count = 40
+    scale: Positive = 1.0
+    text: str | None = None
+    sides: tuple[Positive, Positive, Positive] | None = None  # m
+
+    @model_validator(mode="after")
+    def _can_be_made(self) -> Shape:
+        least, most = COARSEST[self.name], FINEST_TERRAIN if self.name == "terrain" else FINEST
+        if not least <= self.resolution <= most:
+            raise ValueError(f"resolution: a {self.name} takes {least} to {most} edges to a metre")
+        if (self.text is not None) != (self.name == "letters"):
+            raise ValueError('text: belongs to name = "letters", and to no other')
+        if self.sides is not None and self.name != "box":
+            raise ValueError('sides: belong to name = "box"; other shapes have a scale')
+        if self.text is not None and not (0 < len(self.text) <= 16 and set(self.text) <= set(letters())):
+            raise ValueError(f"text: 1 to 16 of the letters {' '.join(letters())}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _sides_of_a_box(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Without what only a box has, as scenes were written before there were any."""
+        fields: dict[str, object] = serialize(self)
+        return {name: value for name, value in fields.items() if name != "sides" or value is not None}
+
+    def mesh(self) -> TriangleMesh:
+        """The mesh, around the origin, y up; letters side by side along x, a piece each."""
+        position, triangles = MAKERS[self.name](self)
+        return triangle_mesh(position * self.scale, triangles)
+
+
+def _net(
+    field: Field, low: tuple[float, ...], high: tuple[float, ...], resolution: int
+) -> tuple[np.ndarray, np.ndarray]:
+    return surface(field, np.array(low), np.array(high), 1 / resolution)
+
+
+def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A pen with a round tip along the outline of a sharp star, filled: its points are round, too."""
+    angles = [pi / 2 + k * pi / 5 for k in range(10)]
+    reach = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
+    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(reach, angles, strict=True)])
+    field = extruded(polygon(corners, EDGE), STAR_DEPTH, EDGE)
+    return _net(field, (-STAR_TIP, -STAR_TIP, -STAR_DEPTH / 2), (STAR_TIP, STAR_TIP, STAR_DEPTH / 2), shape.resolution)
+
+
+def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Rings about the y axis: a parametric surface, both ways round."""
+    ring, tube_radius = TORUS
+    around, across = (max(3, round(2 * pi * radius * shape.resolution)) for radius in TORUS)
+    u = (2 * pi / around * np.arange(around))[:, None]
+    v = (2 * pi / across * np.arange(across))[None]
+    far = ring + tube_radius * np.cos(v)
+    position = np.stack([far * np.cos(u), tube_radius * np.sin(v) + 0 * u, far * np.sin(u)], axis=-1)
+    a = np.arange(around * across).reshape(around, across)
+    b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
+    c = np.roll(b, -1, axis=1)
+    triangles = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
+    return position.reshape(-1, 3), triangles.astype(np.int32)
+
+
+def _beam(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    return _cuboid(BEAM, shape.resolution)
+
+
+def _box(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    return _cuboid(shape.sides or BOX, shape.resolution)
+
+
+def _cuboid(sides: tuple[float, float, float], resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Six sides of square cells that share their corners."""
+    counts = np.array([max(1, round(length * resolution)) for length in sides])
+    found, triangles, used = [], [], 0
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        i, j = np.meshgrid(np.arange(counts[one] + 1), np.arange(counts[two] + 1), indexing="ij")
+        number = np.arange(i.size).reshape(i.shape)
+        a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+        cells = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+        for end in (0, counts[axis]):
+            place = np.empty((i.size, 3), dtype=np.int64)
+            place[:, axis], place[:, one], place[:, two] = end, i.ravel(), j.ravel()
+            found.append(place)
+            triangles.append(used + (cells if end else cells[:, ::-1]))
+            used += i.size
+    corners, number = np.unique(np.concatenate(found), axis=0, return_inverse=True)
+    return (corners / counts - 0.5) * sides, number.reshape(-1)[np.concatenate(triangles)].astype(np.int32)
+
+
+def _blob(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A sitting hare, more or less, that looks along +z."""
+    body = tube([(0, -0.2, -0.08), (0, -0.02, -0.02)], [0.27, 0.22])
+    head = tube([(0, 0.16, 0.14), (0, 0.13, 0.24)], [0.16, 0.1])
+    ears = [tube([(x * 0.07, 0.25, 0.1), (x * 0.14, 0.47, 0.0)], [0.05, 0.045]) for x in (-1, 1)]
+    paws = [tube([(x * 0.15, -0.41, 0.05), (x * 0.17, -0.42, 0.26)], [0.08, 0.065]) for x in (-1, 1)]
+    tail = tube([(0, -0.3, -0.36), (0, -0.3, -0.37)], [0.08, 0.08])
+    field = blended([body, head, *ears, *paws, tail], 0.06)
+    return _net(field, (-0.4, -0.55, -0.5), (0.4, 0.55, 0.4), shape.resolution)
+
+
+def _sheet(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A square metre in y = 0, its cells cut along the diagonals in turn, so that no direction is stiffer."""
+    count = shape.resolution
+    z, x = np.meshgrid(np.linspace(-0.5, 0.5, count + 1), np.linspace(-0.5, 0.5, count + 1), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (corner.ravel() for corner in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+    even = (np.add(*np.indices((count, count))) % 2 == 0).ravel()[:, None]
+    one = np.where(even, np.stack([a, c, d], 1), np.stack([a, c, b], 1))
+    other = np.where(even, np.stack([a, d, b], 1), np.stack([b, c, d], 1))
+    triangles = np.stack([one, other], 1).reshape(-1, 3).astype(np.int32)
+    return np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1), triangles
+
+
+def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A head and eight arms that taper, run down and outwards, and curl up at their ends."""
+    parts = [tube([(0, 0.16, -0.03), (0, 0.03, 0)], [0.2, 0.16])]
+    along = np.linspace(0, 1, 11)
+    for k in range(8):
+        angle = (k + 0.5) * pi / 4
+        away = 0.1 + 0.38 * along
+        height = -0.06 - 0.62 * along + 0.66 * along**2.6
+        sway = 0.05 * np.sin(2 * pi * along + k)
+        x, z = away * np.sin(angle) + sway * np.cos(angle), away * np.cos(angle) - sway * np.sin(angle)
+        parts.append(tube(np.stack([x, height, z], axis=1), 0.075 - 0.045 * along))
+    return _net(blended(parts, 0.03), (-0.6, -0.5, -0.6), (0.6, 0.4, 0.6), shape.resolution)
+
+
+def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Each letter by itself, on a lattice of its own, so that it is the same in every text."""
+    found, triangles, x, used = [], [], 0.0, 0
+    for letter in shape.text or "":
+        strokes = letters()[letter]
+        points = np.concatenate(strokes)
+        low, high = points.min(axis=0) - LETTER_WIDTH / 2, points.max(axis=0) + LETTER_WIDTH / 2
+        field = extruded(union([outline(stroke, LETTER_WIDTH / 2) for stroke in strokes]), LETTER_DEPTH, EDGE)
+        ends = (*low, -LETTER_DEPTH / 2), (*high, LETTER_DEPTH / 2)
+        position, part = _net(field, *ends, shape.resolution)
+        found.append(position + np.array([x - low[0], 0, 0]))
+        triangles.append(part + used)
+        used += len(position)
+        x += float(high[0] - low[0]) + GAP
+    return np.concatenate(found) - np.array([(x - GAP) / 2, 0, 0]), np.concatenate(triangles)
+
+
+def _terrain(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A height over a square: waves of three lengths and ways, and a rim; no slope over 45 degrees."""
+    count = round(TERRAIN * shape.resolution) + 1
+    along = TERRAIN * (np.arange(count) / (count - 1) - 0.5)
+    x, z = along[None], along[:, None]
+    height = 0.3 * np.sin(1.1 * x + 0.4) * np.cos(0.8 * z)
+    height += 0.15 * np.sin(1.6 * x - 1.3 * z) + 0.1 * np.cos(2.3 * z + x)
+    height += TERRAIN_RIM * ((2 * x / TERRAIN) ** 4 + (2 * z / TERRAIN) ** 4)
+    position = np.stack([x + 0 * z, height, z + 0 * x], axis=-1)
+    number = np.arange(count * count).reshape(count, count)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return position.reshape(-1, 3), triangles.astype(np.int32)
+
+
+MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
+    "star": _star,
+    "torus": _torus,
+    "beam": _beam,
+    "blob": _blob,
+    "octopus": _octopus,
+    "letters": _letters,
+    "terrain": _terrain,
+    "sheet": _sheet,
+    "box": _box,
+}

@@ -1,0 +1,40 @@
+"""Lists of a mesh that both backends read besides its constraints: the triangles at each vertex, long-range attachments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.build import Body
+from model.geometry.geodesic import mesh_attachments
+from model.geometry.mesh import TriangleMesh
+from model.geometry.topology import mesh_of
+from model.scene.scene import Scene
+
+UNREACHED = 1e18  # m: the reach of an attachment to nothing; its square is a number in float32
+
+
+def wind_lists(mesh: TriangleMesh, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """int32 (offsets (vertices + 1,), triangles at each vertex, ascending, corners (triangles, 3)); nothing if not
+    `wanted`."""
+    if not wanted:
+        return np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 3), np.int32)
+    lists = mesh.edges.vertex_triangles
+    return lists.offsets, lists.indices, mesh.triangles
+
+
+def vertex_attachments(scene: Scene, body: Body, real: Any, wanted: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """(anchors (vertices, count) int32, how far from them (vertices, count) [m]); a vertex without that many repeats the
+    nearest, one that no pinned vertex is connected with is its own anchor, with UNREACHED."""
+    part, attachments = scene.mesh, scene.attachments
+    if part is None or attachments is None or not wanted:
+        return np.zeros((1, 1), np.int32), np.zeros((1, 1), real)
+    mesh = mesh_of(part)
+    anchor, far = mesh_attachments(mesh.position, mesh.edges, body.pinned, attachments.anchors)
+    missing = anchor < 0
+    anchor, far = np.where(missing, anchor[:, :1], anchor), np.where(missing, far[:, :1], far)
+    alone = anchor < 0
+    anchor = np.where(alone, np.arange(len(anchor))[:, None], anchor)
+    reach = np.where(alone, UNREACHED, far * (1 + attachments.slack))
+    return np.ascontiguousarray(anchor, dtype=np.int32), np.ascontiguousarray(reach, dtype=real)

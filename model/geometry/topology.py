@@ -1,0 +1,173 @@
+"""What lies beside what in any sheet of a scene, and where: asked of scenes, answered by grids, cloths and meshes alike."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.core.errors import InputError, SceneError
+from model.core.memory import require_sheet
+from model.scene.mesh import Mesh
+
+if TYPE_CHECKING:
+    from model.geometry.mesh import TriangleMesh
+    from model.scene.scene import Scene
+
+SHEET_BYTES = 600  # of a vertex while a sheet's triangles and edges are made
+TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as high
+
+
+def mesh_folder() -> Path:
+    """Where the meshes lie that come with the lab."""
+    return Path(str(resources.files("model"))) / "catalogue" / "meshes"
+
+
+def own_meshes() -> dict[str, Path]:
+    """The lab's own meshes, by the name that a scene gives them."""
+    return {path.name: path for path in sorted(mesh_folder().iterdir())}
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; no name is too odd to ask for."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def mesh_path(file: str) -> Path:
+    """The file that a part names: one of the lab's own meshes, or else a path from the current folder. What a scene file
+    names was looked for beside it before, see model/scene/reader.py. Raises InputError."""
+    own = own_meshes()
+    path = own.get(file) or Path(file)
+    if not is_file(path):
+        raise InputError(
+            f"file = {file}: no such file ({path.absolute()}); a path from the current folder, or one of the lab's own: "
+            f"{', '.join(own)}"
+        )
+    return path
+
+
+def mesh_of(part: Mesh) -> TriangleMesh:
+    """The mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
+    if part.file is None:
+        return _sheet(part.rows, part.columns, part.spacing, part.diagonals, part.placement)
+    path = mesh_path(part.file)
+    stamp = path.stat()
+    return _read(path, part.scale, stamp.st_mtime_ns, stamp.st_size)[0]
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, scale: float, changed: int, size: int) -> tuple[TriangleMesh, str]:
+    from model.geometry.mesh import read_mesh
+
+    return read_mesh(path, scale), hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=8)
+def _sheet(rows: int, columns: int, spacing: float, diagonals: str, placement: str) -> TriangleMesh:
+    from model.geometry.mesh import triangle_mesh
+
+    require_sheet(rows, columns, SHEET_BYTES, "mesh")
+    position = np.zeros((rows, columns, 3))
+    position[..., 0] = np.arange(columns) * spacing
+    down = (np.arange(rows) * spacing)[:, None]
+    position[..., 2 if placement == "flat" else 1] = down if placement == "flat" else -down
+    return triangle_mesh(position.reshape(-1, 3), sheet_triangles(rows, columns, diagonals))
+
+
+def sheet_triangles(rows: int, columns: int, diagonals: str = "one") -> np.ndarray:
+    """(2 (rows - 1) (columns - 1), 3) uint32: two triangles a cell, split from its first mass to the one opposite; of
+    `alternating` diagonals the cells of odd row + column the other way.
+
+    Counter-clockwise from where a hanging cloth is seen from +z, a flat one from above.
+    """
+    index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    pairs = np.stack([a, c, d, a, d, b], axis=-1)
+    if diagonals == "alternating":
+        i, j = np.indices(a.shape)
+        pairs = np.where(((i + j) % 2 == 1)[..., None], np.stack([a, c, b, b, c, d], axis=-1), pairs)
+    return np.ascontiguousarray(pairs.reshape(-1, 3))
+
+
+def describe(part: Mesh) -> dict[str, Any]:
+    """The fields of a part that follow from its mesh. Raises InputError (the file), SceneError (not that file, pins)."""
+    found: dict[str, Any] = {}
+    if part.file is not None:
+        mesh, path = mesh_of(part), mesh_path(part.file)
+        stamp = path.stat()
+        digest = _read(path, part.scale, stamp.st_mtime_ns, stamp.st_size)[1]
+        if part.digest not in (None, digest):
+            raise SceneError("mesh.digest", part.digest, f"{part.file} is another file by now ({digest}); leave it out")
+        found |= {"digest": digest, "columns": len(mesh.position), "spacing": float(edge_lengths(mesh).mean())}
+        if isinstance(part.pinned, list):
+            pinned_vertices(part)
+    elif min(part.rows, part.columns) < 2:
+        raise SceneError(
+            "mesh.rows x mesh.columns", f"{part.rows} x {part.columns}", "at least 2 x 2: a mesh has triangles"
+        )
+    if part.density is not None:
+        found["mass"] = float(vertex_masses(part).mean())
+    return found
+
+
+def edge_lengths(mesh: TriangleMesh) -> np.ndarray:
+    """(edges,) float64 [m], at rest."""
+    one, other = mesh.edges.edges.T
+    return np.linalg.norm(mesh.position[other] - mesh.position[one], axis=1)
+
+
+def triangle_areas(mesh: TriangleMesh) -> np.ndarray:
+    """(triangles,) float64 [m^2], at rest."""
+    a, b, c = (mesh.position[corner] for corner in mesh.triangles.T)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def vertex_masses(part: Mesh) -> np.ndarray:
+    """(vertices,) float64 [kg]: a third of each triangle for each of its corners, or the same for all."""
+    mesh = mesh_of(part)
+    if part.density is None:
+        return np.full(len(mesh.position), part.mass)
+    thirds = np.repeat(triangle_areas(mesh) / 3, 3)
+    return part.density * np.bincount(mesh.triangles.ravel(), thirds, len(mesh.position))
+
+
+def pinned_vertices(part: Mesh) -> np.ndarray:
+    """(pins,) int64, ascending: of a mesh from a file. Raises SceneError for vertices that it does not have."""
+    mesh = mesh_of(part)
+    if part.pinned == "top":
+        height = mesh.position[:, 1]
+        return np.flatnonzero(height >= height.max() - TOP * edge_lengths(mesh).mean())
+    if part.pinned == "none":
+        return np.zeros(0, np.int64)
+    told = np.array(part.pinned, dtype=np.int64)
+    outside = (told < 0) | (told >= len(mesh.numbering))
+    if outside.any():
+        raise SceneError(
+            "mesh.pinned", int(told[outside][0]), f"the file has vertices 0 to {len(mesh.numbering) - 1}"
+        )  # fmt: skip
+    found = mesh.numbering[told].astype(np.int64)
+    if (found < 0).any():
+        raise SceneError("mesh.pinned", int(told[found < 0][0]), "this vertex belongs to no triangle and was left out")
+    return np.unique(found)
+
+
+def triangles_of(scene: Scene) -> np.ndarray:
+    """(triangles, 3) uint32: of a cloth or a mesh, counter-clockwise from outside, or from the front."""
+    part = scene.mesh
+    if part is None:
+        return sheet_triangles(scene.grid.rows, scene.grid.columns)
+    return mesh_of(part).triangles.astype(np.uint32)
+
+
+def mesh_lines(scene: Scene) -> list[str]:
+    """What to tell of a mesh from a file: sizes, and everything that was mended."""
+    if scene.mesh is None or scene.mesh.file is None:
+        return []
+    return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]

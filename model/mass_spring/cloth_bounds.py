@@ -1,0 +1,51 @@
+"""What no vibration of a cloth exceeds: bounds on the weighted Laplacian of its springs, or of the dampers along them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.scene.cloth import SPRING_KINDS
+from model.scene.scene import Scene
+
+
+def cloth_eigenvalue(structural: float, shear: float, bending: float) -> float:
+    """Largest eigenvalue of the weighted Laplacian of a cloth without end, stiffnesses in, the same unit out.
+
+    A plane wave of phases a, b from column to column and row to row has, with x = cos a and y = cos b, the eigenvalue
+    2 s (2 - x - y) + 4 h (1 - x y) + 4 c (2 - x^2 - y^2), a quadratic on a square: greatest at a corner, at an edge's
+    vertex, or inside where both derivatives vanish. No cloth has a greater one: each is this one held at all other masses
+    (which only takes eigenvalues away) with springs left out (which only lowers them).
+    """
+
+    def at(x: float, y: float) -> float:
+        return 2 * structural * (2 - x - y) + 4 * shear * (1 - x * y) + 4 * bending * (2 - x * x - y * y)
+
+    places = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]  # symmetric in x and y
+    if bending > 0:
+        places += [(x, float(np.clip(-(structural + 2 * shear * x) / (4 * bending), -1, 1))) for x in (1.0, -1.0)]
+    if shear + bending > 0:
+        inside = max(-1.0, -structural / (2 * shear + 4 * bending))
+        places.append((inside, inside))
+    return max(at(*place) for place in places)
+
+
+def most_springs(rows: int, columns: int) -> dict[str, int]:
+    """The most springs of each kind on one mass of a cloth."""
+    near, far = (lambda n: min(n - 1, 2)), (lambda n: (n > 2) + (n > 4))
+    return {
+        "structural": near(rows) + near(columns),
+        "shear": near(rows) * near(columns),
+        "bending": far(rows) + far(columns),
+    }
+
+
+def laplacian_bound(scene: Scene, field: str) -> float:
+    """What no eigenvalue of the Laplacian of a cloth, weighted by a `field` of its springs (`stiffness`, `damping`), exceeds.
+
+    The lesser of twice what the springs of one mass add up to (Gershgorin), which is less on narrow sheets, and of the
+    cloth without end, which is less on all others.
+    """
+    weights = {kind: getattr(part, field) for kind, part in scene.cloth_springs.items()}
+    most = most_springs(scene.grid.rows, scene.grid.columns)
+    gershgorin = 2 * sum(most[kind] * weight for kind, weight in weights.items())
+    return min(gershgorin, cloth_eigenvalue(*(weights.get(kind, 0.0) for kind in SPRING_KINDS)))

@@ -1,0 +1,284 @@
+"""The constants that a cloth's kernels read: one small record, and rows for colliders and for pins that move.
+
+The first seven lie where they do in a grid's record; of a kind of springs, all three constants lie side by side.
+"""
+
+from __future__ import annotations
+
+from math import hypot, pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from model.contact.surface_collider import naming
+from model.core.build import Body
+from model.core.clock import START, Clock
+from model.core.errors import SceneError
+from model.core.integrators import damping_rate
+from model.core.parameters import PARAMETERS as GRID_PARAMETERS
+from model.core.parameters import rounded_record
+from model.formulas import cloth, motion
+from model.scene.cloth import SURFACE_KINDS
+from model.scene.motion import motions_of_pins
+from model.scene.scene import Scene
+
+CLOTH_PARAMETERS = (
+    *GRID_PARAMETERS[:7],  # dt [s], what follows from it, and since when time is counted
+    "damping",  # of the mass, 1/s
+    "inverse_damping",  # 1 / (1 + dt rate / 2)
+    "gravity",  # m/s^2, along +y (so negative)
+    "external",  # external force magnitude over mass, m/s^2
+    "poke_x",  # poke over mass, m/s^2
+    "poke_y",
+    "poke_z",
+    "structural",  # spring stiffness over mass, 1/s^2
+    "structural_rest",  # times the rest length, m/s^2
+    "structural_damping",  # of the spring, coefficient over mass, 1/s
+    "shear",
+    "shear_rest",
+    "shear_damping",
+    "bending",
+    "bending_rest",
+    "bending_damping",
+    "wind_x",  # m/s, without gusts
+    "wind_y",
+    "wind_z",
+    "drag",  # density / 2 * coefficient / mass / 6, 1/m^2
+    "lift",
+    "gust",  # of the wind, in [0, 1]
+    "gust_time",  # s
+)
+(
+    C_DT,
+    C_HALF_DT,
+    C_HALF_DT_SQUARED,
+    C_SIXTH_DT,
+    C_THIRD_DT,
+    C_FIRST_STEP,
+    C_FIRST_TIME,
+    C_DAMPING,
+    C_INVERSE_DAMPING,
+    C_GRAVITY,
+    C_EXTERNAL,
+    C_POKE_X,
+    C_POKE_Y,
+    C_POKE_Z,
+    C_STRUCTURAL,
+    C_STRUCTURAL_REST,
+    C_STRUCTURAL_DAMPING,
+    C_SHEAR,
+    C_SHEAR_REST,
+    C_SHEAR_DAMPING,
+    C_BENDING,
+    C_BENDING_REST,
+    C_BENDING_DAMPING,
+    C_WIND_X,
+    C_WIND_Y,
+    C_WIND_Z,
+    C_DRAG,
+    C_LIFT,
+    C_GUST,
+    C_GUST_TIME,
+) = range(len(CLOTH_PARAMETERS))
+FIELDS = {
+    "dt": "method.dt",
+    "half_dt_squared": "method.dt",
+    "damping": "damping.coefficient",
+    "gravity": "gravity.acceleration",
+    "external": "external.magnitude",
+    **{f"poke_{axis}": "poke" for axis in "xyz"},
+    **{kind: f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
+    **{f"{kind}_rest": f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
+    **{f"{kind}_damping": f"{kind}.damping" for kind in ("structural", "shear", "bending")},
+    **{f"wind_{axis}": "wind.velocity" for axis in "xyz"},
+    "drag": "wind.drag",
+    "lift": "wind.lift",
+    "gust_time": "wind.gust_time",
+}
+REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
+
+# A collider's row, lengths in m and speeds in m/s, at time 0:
+COLLIDER_FIELDS = 17
+(
+    B_X,  # a point of the plane, the centre, the capsule's start, or the mesh's origin
+    B_Y,
+    B_Z,
+    B_U,  # the plane's unit normal, from the capsule's start to its end, half the box's edges, or the mesh's axis of spin
+    B_V,
+    B_W,
+    B_RADIUS,
+    B_VX,  # velocity
+    B_VY,
+    B_VZ,
+    B_THICKNESS,
+    B_STATIC,  # coefficients of friction
+    B_DYNAMIC,
+    B_SPIN,  # of a mesh, rad/s
+    B_TURNS,  # 1/s
+    B_TREE,  # where its tree or its field begins, counted from its row
+    B_RESTITUTION,
+) = range(COLLIDER_FIELDS)
+
+
+# A motion's row:
+MOTION_FIELDS = 13
+(
+    M_X,  # the centre at the start, m
+    M_Y,
+    M_Z,
+    M_U,  # unit axis
+    M_V,
+    M_W,
+    M_VX,  # of the centre, m/s
+    M_VY,
+    M_VZ,
+    M_SPIN,  # rad/s
+    M_TURNS,  # 1/s
+    M_START,  # s
+    M_DURATION,
+) = range(MOTION_FIELDS)
+
+# A pinned mass's row:
+PIN_FIELDS = 4
+(
+    P_X,  # where it rests, m
+    P_Y,
+    P_Z,
+    P_MOTION,  # where the row of its motion begins in `body_rows`, -1 for none
+) = range(PIN_FIELDS)
+
+
+def cloth_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
+    """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    return rounded_record(scene, cloth_values(scene, 1, poke, clock), FIELDS, real)
+
+
+def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Clock = START) -> dict[str, float]:
+    """CLOTH_PARAMETERS by name, in float64, for so many substeps a step; of a grid those that it has."""
+    cloth, wind, dt = scene.grid, scene.wind, scene.method.dt / substeps
+    mass, rate = cloth.mass, damping_rate(scene)
+    values = {
+        "dt": dt,
+        "half_dt": dt / 2,
+        "half_dt_squared": dt * dt / 2,
+        "sixth_dt": dt / 6,
+        "third_dt": dt / 3,
+        **clock.values(dt, substeps),
+        "damping": rate,
+        "inverse_damping": 1 / (1 + dt * rate / 2),
+        "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
+        "external": scene.external.magnitude / mass if scene.external else 0.0,
+    }
+    values |= {f"poke_{axis}": force / mass for axis, force in zip("xyz", poke, strict=True)}
+    for kind, reach in REACH.items():
+        springs = scene.cloth_springs.get(kind)
+        stiffness = springs.stiffness / mass if springs else 0.0
+        values[kind] = stiffness
+        values[f"{kind}_rest"] = stiffness * reach * cloth.spacing
+        values[f"{kind}_damping"] = springs.damping / mass if springs else 0.0
+    velocity = wind.velocity if wind else (0.0, 0.0, 0.0)
+    values |= {f"wind_{axis}": speed for axis, speed in zip("xyz", velocity, strict=True)}
+    corner = wind.density / 2 / mass / 6 if wind else 0.0
+    values["drag"] = corner * wind.drag if wind else 0.0
+    values["lift"] = corner * wind.lift if wind else 0.0
+    values["gust"] = wind.gust if wind else 0.0
+    values["gust_time"] = wind.gust_time if wind else 1.0
+    assert tuple(values) == CLOTH_PARAMETERS
+    return values
+
+
+def collider_rows(scene: Scene, real: type) -> np.ndarray:
+    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`; B_TREE is 0."""
+    rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
+    for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
+        part = collider.model_dump()
+        row[B_X : B_Z + 1] = part.get("center") or part.get("point") or part.get("origin") or part["start"]
+        if kind == "plane":
+            row[B_U : B_W + 1] = np.array(part["normal"]) / np.linalg.norm(part["normal"])
+        elif kind == "capsule":
+            row[B_U : B_W + 1] = np.subtract(part["end"], part["start"])
+        elif kind == "box":
+            row[B_U : B_W + 1] = part["half_size"]
+        elif kind in SURFACE_KINDS:
+            speed = hypot(*part["spin"])
+            row[B_U : B_W + 1] = np.array(part["spin"]) / (speed or 1.0)
+            row[B_SPIN], row[B_TURNS] = speed, speed / (2 * pi)
+        row[B_RADIUS] = part.get("radius", 0.0)
+        row[B_VX : B_VZ + 1] = part["velocity"]
+        row[B_THICKNESS] = part["thickness"]
+        row[B_STATIC], row[B_DYNAMIC] = part["static_friction"], part["dynamic_friction"]
+        row[B_RESTITUTION] = collider.restitution
+    return rows.astype(real)
+
+
+def collider_numbers(scene: Scene, real: type) -> np.ndarray:
+    """`collider_rows` and after them the numbers of those made from meshes, flat. Raises SceneError (more than the arithmetic
+    can count, or a field that cannot be sampled), InputError (a file that is no mesh)."""
+    rows = collider_rows(scene, real)
+    end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # whole numbers up to there
+    parts: Any = scene.parts
+    names = [name for own in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == own]
+    found = []
+    for row, name in enumerate(names, len(rows) - len(names)):
+        rows[row, B_TREE] = end - row * COLLIDER_FIELDS
+        with naming(name):
+            end += parts[name].number_count
+            if end + MOTION_FIELDS * len(scene.motions) > most:
+                field, value, remedy = parts[name].too_many()
+                raise SceneError(field, value, f"{np.dtype(real).name} counts to {most}, and {remedy}")
+            found.append(parts[name].numbers(real))
+    return np.concatenate([rows.reshape(-1), *found])
+
+
+def motion_rows(scene: Scene, real: type) -> np.ndarray:
+    """(motions, MOTION_FIELDS) in the arithmetic `real`, in the order of `scene.motions`. Raises SceneError."""
+    rows = np.zeros((len(scene.motions), MOTION_FIELDS))
+    for row, (name, part) in zip(rows, scene.motions.items(), strict=True):
+        row[M_X : M_Z + 1] = part.center
+        row[M_U : M_W + 1] = np.array(part.axis) / hypot(*part.axis)
+        row[M_VX : M_VZ + 1] = part.velocity
+        row[M_SPIN], row[M_TURNS] = part.angular_velocity, part.angular_velocity / (2 * pi)
+        row[M_START], row[M_DURATION] = part.start, part.duration
+        if not np.abs(row).max() <= np.finfo(real).max:
+            raise SceneError(name, float(np.abs(row).max()), f"{np.dtype(real).name} cannot hold it; use float64")
+    return rows.astype(real)
+
+
+def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
+    """(pins, PIN_FIELDS) in the arithmetic `real`, in the order of `body.pinned`; rows of motions begin at `first`."""
+    rows = np.empty((len(body.pinned), PIN_FIELDS))
+    rows[:, :P_MOTION] = body.position[body.pinned]  # pinned masses start at rest
+    numbers = motions_of_pins(scene)
+    rows[:, P_MOTION] = np.where(numbers < 0, -1, first + numbers * MOTION_FIELDS)
+    return rows.astype(real)
+
+
+def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
+    """(what masses meet and what pins follow, flat: `collider_numbers`, then rows of motions, then of pins; where the latter
+    begin). Of motions and pins there is nothing in a scene without motions."""
+    colliders = collider_numbers(scene, real)
+    if not any(part.moves for part in scene.motions.values()):
+        return colliders, 0
+    motions, pins = motion_rows(scene, real), pin_rows(scene, body, real, colliders.size)
+    return np.concatenate([array.reshape(-1) for array in (colliders, motions, pins)]), colliders.size + motions.size
+
+
+def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: np.ndarray) -> np.ndarray:
+    """(pins, 3) [m/s], in the arithmetic of `bodies`: of the pinned masses as `step` begins, to the bits of `exact` kernels.
+
+    `bodies`, `first`: of `body_rows`. Loaded states get it: kernels read velocities of pins before they write them.
+    """
+    real = bodies.dtype.type
+    formulas, instant = motion.make(real), cloth.make(real).instant
+    time = instant(step, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+    rows = bodies[first : first + pins * PIN_FIELDS].reshape(pins, PIN_FIELDS)
+    velocity = np.zeros((pins, 3), bodies.dtype)
+    for place in np.unique(rows[:, P_MOTION]):
+        if place >= 0:
+            row, own = bodies[int(place) :], rows[:, P_MOTION] == place
+            now = formulas.turn(time, row[M_START], row[M_DURATION], row[M_TURNS])
+            moved = formulas.placed(*rows[own, :P_MOTION].T, *row[: M_SPIN + 1], *now)
+            velocity[own] = np.stack(np.broadcast_arrays(*moved), axis=1)[:, 3:]
+    return velocity

@@ -1,0 +1,133 @@
+"""What does not go together in a scene: each check raises SceneError, with what would do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from model.core.errors import SceneError
+from model.scene.bodies import BODY_KINDS
+from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
+from model.scene.motion import motions_of_pins
+from model.scene.particle_contact import check_contact
+from model.scene.parts import Elastic, Method
+from model.scene.self_collision import check_self_collision
+from model.scene.xpbd import XPBD_KINDS
+
+if TYPE_CHECKING:
+    from model.scene.scene import Scene
+
+NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
+GRID_ONLY = ("springs", "manufactured")
+MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
+OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
+
+
+def check_fit(scene: Scene) -> None:
+    """Raise SceneError for a part that belongs to the other kind of sheet."""
+    if scene.bodies:
+        _check_bodies(scene)
+        return
+    of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth"}
+    wrong = GRID_ONLY if scene.cloth else of_cloth
+    for name, kind in scene.kinds.items():
+        if kind in wrong:
+            raise SceneError(
+                f"{name}.kind",
+                kind,
+                f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and "
+                f"colliders, a grid has {', '.join(GRID_ONLY)}",
+            )
+
+
+def _check_bodies(scene: Scene) -> None:
+    """Raise SceneError for what does not go with bodies."""
+    for name, kind in scene.kinds.items():
+        if kind not in OF_BODIES:
+            raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
+    check_contact(scene)
+    method = scene.one("method")
+    if method is None:
+        scene.parts["method"], scene.kinds["method"] = Method(solver="shape-matching"), "method"
+    elif not method.matches_shapes:
+        raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
+
+
+def check_solver(scene: Scene) -> None:
+    """Raise SceneError for a part that the scene's solver does not know."""
+    solver, integrator = scene.method.solver, scene.method.integrator
+    if not scene.cloth and not scene.method.position_based and integrator.startswith("implicit-euler"):
+        raise SceneError(
+            "method.integrator", integrator, "is for a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
+        )  # fmt: skip
+    for name, kind in scene.kinds.items():
+        part = scene.parts[name]
+        if scene.method.position_based:
+            if kind == "manufactured":
+                raise SceneError(f"{name}.kind", kind, f"belongs to the solver mass-spring, not to {solver}")
+        elif kind in XPBD_KINDS:
+            raise SceneError(
+                f"{name}.kind", kind, "needs a position-based solver: --set method.solver=xpbd, or leave it out"
+            )
+        elif isinstance(part, Elastic) and part.inextensible:
+            raise SceneError(
+                f"{name}.compliance", 0.0,
+                "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
+            )  # fmt: skip
+    if scene.motions:
+        motions_of_pins(scene)  # refuses those of masses that are not pinned
+    for name, load in scene.loads.items():
+        row, column = load.at
+        if row >= scene.grid.rows or column >= scene.grid.columns:
+            raise SceneError(
+                f"{name}.at", list(load.at),
+                f"lies outside the sheet; rows are 0 to {scene.grid.rows - 1}, columns 0 to {scene.grid.columns - 1}",
+            )  # fmt: skip
+
+    check_self_collision(scene)
+    _check_matching(scene)
+    _check_mesh(scene)
+
+
+def _check_matching(scene: Scene) -> None:
+    """Raise SceneError for what the solver shape-matching does not know."""
+    if not scene.method.matches_shapes or scene.bodies:
+        return
+    if scene.cloth:
+        raise SceneError("method.solver", scene.method.solver, "is for a grid; a cloth takes mass-spring, xpbd or pbd")
+    for name, kind in scene.kinds.items():
+        if kind not in MATCHED:
+            raise SceneError(f"{name}.kind", kind, "is not known to the solver shape-matching; leave it out")
+    springs, name = scene.springs, next((n for n, k in scene.kinds.items() if k == "springs"), "springs")
+    if springs is None:
+        raise SceneError(
+            name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
+        )
+    for field, value, allowed, fits in (
+        ("compliance", springs.compliance, "greater than 0", not springs.inextensible),
+        ("stiffness_ratio", springs.stiffness_ratio, "1", not springs.alternate),
+        ("rest_length", springs.rest_length, "greater than 0", springs.rest_length > 0),
+    ):
+        if not fits:
+            raise SceneError(f"{name}.{field}", value, f"must be {allowed} for the solver shape-matching")
+
+
+def _check_mesh(scene: Scene) -> None:
+    """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
+    bending = next((name for name, kind in scene.kinds.items() if kind == "bending"), "bending")
+    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
+    if scene.mesh is None:
+        if model != "distance":
+            raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
+        return
+    if not scene.method.position_based:
+        raise SceneError("method.solver", scene.method.solver, "must be xpbd or pbd for a mesh")
+    if scene.method.ordering != "gauss-seidel":
+        raise SceneError("method.ordering", scene.method.ordering, "must be gauss-seidel for a mesh")
+    for name, kind in scene.kinds.items():
+        if kind in NOT_OF_MESHES:
+            why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
+            raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
+    if model != "distance" and scene.cloth_springs["bending"].damping > 0:
+        raise SceneError(
+            f"{bending}.damping", scene.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
+        )  # fmt: skip

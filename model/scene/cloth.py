@@ -1,0 +1,166 @@
+"""The parts of a cloth in space, each a validated table: the sheet, its springs, wind, and what it collides with."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from model.scene.motion import Motion
+from model.scene.parts import Elastic, Grid, NotNegative, Part, Positive, Seed
+
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Vector = tuple[Number, Number, Number]  # x, y (up), z
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class Cloth(Grid):
+    """N rows x M columns of point masses in three dimensions, pinned like a grid.
+
+    At rest `hanging` in a plane z = const, row 0 on top, or `flat` in a plane y = const, row 0 behind (least z). Two
+    triangles a cell, split from its first mass (row, column) to the one opposite.
+    """
+
+    placement: Literal["hanging", "flat"] = "hanging"
+    origin: Vector = ZERO  # m, of the mass in row 0, column 0
+
+
+class Fold(Part):
+    """Start: the sheet folded zig-zag, each layer `rows` rows of masses long and `apart` spacings from the next.
+
+    Layers lie above one another where the cloth is flat, behind one another (+z) where it hangs. Between two of them the
+    sheet turns by a right angle and again, so that no edge is stretched; with 0 they lie in one place, the last row of one
+    the first of the next.
+    """
+
+    rows: Annotated[int, Field(ge=2, strict=True)]
+    apart: Annotated[int, Field(ge=0, strict=True)] = 1
+
+
+class ClothSprings(Elastic):
+    """Springs of one kind between all masses that far apart, at rest where the cloth is.
+
+    Force along the spring: stiffness * (length - rest length) + damping * the speed at which it lengthens.
+    """
+
+    stiffness: Positive = 100.0  # N/m
+    damping: NotNegative = 0.0  # N s/m, along the spring
+
+
+class Structural(ClothSprings):
+    """Springs to the neighbours in the row and in the column: what keeps the cloth from stretching."""
+
+
+class Shear(ClothSprings):
+    """Springs along both diagonals of every cell: what keeps its cells square."""
+
+
+class Bending(ClothSprings):
+    """Springs to the masses two apart in row and column: what keeps the cloth from folding.
+
+    Of a mesh, by `model`: a spring across each edge, between the two vertices opposite (`distance`, stiffness in N/m); or a
+    hinge at each edge with the stiffness of the material against bending, in N m, as one quadratic form (`isometric`, for
+    meshes that hardly stretch) or by the angle between both triangles (`dihedral`). Both are energies of hinges, and hold up
+    to three times what a plate of that stiffness would, where only a third of the hinges bend.
+    """
+
+    stiffness: Positive = 10.0
+    model: Literal["distance", "isometric", "dihedral"] = "distance"
+
+
+class Wind(Part):
+    """Air that moves: a force on every triangle from its velocity relative to the air.
+
+    With N the triangle's normal, u the relative velocity and A the area: along u, density / 2 * drag * A |u.N| u; across
+    it, density / 2 * lift * A (u.N) (|u| N - (u.N) u / |u|): a flat plate's drag and lift. A third for each corner.
+    The air's velocity is velocity * (1 + gust * g(t)), g a smooth random function in (-1, 1), new every gust_time.
+    """
+
+    velocity: Vector = (0.0, 0.0, 5.0)  # m/s
+    density: Positive = 1.2  # kg/m^3
+    drag: NotNegative = 1.0
+    lift: NotNegative = 0.5
+    gust: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
+    gust_time: Positive = 0.5  # s
+    seed: Seed = 0
+
+
+class Collider(Part):
+    """What masses cannot enter. A mass nearer than `thickness` is put at that distance; its velocity into the collider is
+    taken away, and Coulomb friction works against the rest, relative to the collider's own velocity. Of the velocity taken
+    away, the share `restitution` is given back outward where it is more than gravity adds within two steps."""
+
+    velocity: Vector = ZERO  # m/s, constant
+    thickness: NotNegative = 0.01  # m
+    static_friction: NotNegative = 0.0
+    dynamic_friction: NotNegative = 0.0
+    restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
+
+    @model_validator(mode="after")
+    def _friction_is_ordered(self) -> Collider:
+        if self.dynamic_friction > self.static_friction:
+            raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """As scenes were written before there was restitution: what is measured of them is kept under that."""
+        idle = self._idle_fields()
+        return {name: value for name, value in serialize(self).items() if name not in idle and value is not None}
+
+    def _idle_fields(self) -> set[str]:
+        return set() if self.restitution else {"restitution"}
+
+
+class Plane(Collider):
+    """The half space behind a plane."""
+
+    point: Vector = ZERO  # m
+    normal: Vector = (0.0, 1.0, 0.0)
+
+    @model_validator(mode="after")
+    def _normal_has_a_length(self) -> Plane:
+        if hypot(*self.normal) == 0:
+            raise ValueError("normal: must not be zero")
+        return self
+
+
+class Sphere(Collider):
+    """A ball. A mass that would fly through it within a step is caught where it enters."""
+
+    center: Vector = ZERO  # m
+    radius: Positive = 0.5  # m
+
+
+class Capsule(Collider):
+    """All points within `radius` of the segment from `start` to `end`."""
+
+    start: Vector = ZERO  # m
+    end: Vector = (1.0, 0.0, 0.0)  # m
+    radius: Positive = 0.1  # m
+
+
+class Box(Collider):
+    """A block with its edges along the axes."""
+
+    center: Vector = ZERO  # m
+    half_size: tuple[Positive, Positive, Positive] = (0.5, 0.5, 0.5)  # m
+
+
+CLOTH_KINDS: dict[str, type[Part]] = {
+    "cloth": Cloth,
+    "structural": Structural,
+    "shear": Shear,
+    "bending": Bending,
+    "wind": Wind,
+    "plane": Plane,
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "box": Box,
+    "motion": Motion,
+    "fold": Fold,
+}
+SURFACE_KINDS = ("mesh_collider", "distance_field")  # colliders made from a mesh
+COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", *SURFACE_KINDS)
+SPRING_KINDS = ("structural", "shear", "bending")

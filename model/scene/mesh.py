@@ -1,0 +1,91 @@
+"""The part `mesh`: a cloth of any triangles, read from a file, or a rectangular sheet cut into triangles one way or
+another."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
+
+from model.scene.cloth import Cloth
+from model.scene.parts import Count, Grid, Part, Positive
+
+Diagonals = Literal["one", "alternating"]
+OF_SHEETS = ("shape", "rows", "columns", "spacing", "diagonals", "placement")
+OF_FILES = ("file", "digest", "scale")
+CONTRADICTIONS = {"density": ("mass",), "mass": ("density",), "file": ("digest", *OF_SHEETS), "shape": OF_FILES}
+FILE_PINS = "none, top (the highest vertices) or a list of vertices, numbered from 0 as in the file"
+
+
+class Mesh(Cloth):
+    """A cloth whose edges are those of a triangle mesh, solved position-based.
+
+    From a `file` (.obj, .stl, .ply; one of model/catalogue/meshes, or a path), or `shape = "sheet"`: a cloth's rows and
+    columns, every cell split along the diagonal from its first mass (`one`), or cells in turn along the one and the other
+    (`alternating`). Each vertex weighs `mass`, or a third of every triangle at it times `density`. The other fields are a
+    cloth's; of a file `rows` is 1, `columns` the number of vertices, `spacing` the mean edge, `mass` the mean mass.
+    """
+
+    rows: Count = 1
+    columns: Count = 1
+    file: str | None = None
+    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
+    scale: Positive = 1.0  # m per unit of the file
+    shape: Literal["sheet"] | None = None
+    diagonals: Diagonals = "one"
+    density: Positive | None = None  # kg/m^2
+    pinned: str | list[int] | list[tuple[int, int]] = "none"  # type: ignore[assignment]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_source(cls, fields: Any) -> Any:
+        if not isinstance(fields, dict):
+            return fields
+        if ("file" in fields) == ("shape" in fields):
+            raise ValueError('file: give either a file or shape = "sheet"')
+        for name in OF_SHEETS if "file" in fields else OF_FILES:
+            if name in fields:
+                raise ValueError(f"{name}: belongs to {'a sheet' if 'file' in fields else 'a file'}; leave it out")
+        if "density" in fields and "mass" in fields:
+            raise ValueError("density: gives every vertex its mass; give density or mass")
+        return fields
+
+    @field_validator("pinned", mode="before")
+    @classmethod
+    def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
+        numbers = isinstance(value, list | tuple) and all(type(k) is int for k in value)
+        return list(value) if numbers else Grid._pinned_is_a_word_or_a_list(value)  # type: ignore[call-overload]
+
+    @model_validator(mode="after")
+    def _pins_lie_inside(self) -> Mesh:
+        """Read the file; put in the fields that follow from the mesh."""
+        from model.geometry.topology import describe
+
+        if self.file is not None and not (self.pinned in ("none", "top") or _vertices(self.pinned)):
+            raise ValueError(f"pinned: {FILE_PINS}")
+        if self.file is None and self.pinned and _vertices(self.pinned):
+            raise ValueError("pinned: a sheet's masses are told as [[row, column], ...]")
+        if self.file is None:
+            Grid._pins_lie_inside(self)  # type: ignore[operator]
+        self.__dict__.update(describe(self))  # the part is frozen for everyone else
+        return self
+
+    @property
+    def extent(self) -> float:
+        from model.geometry.topology import mesh_of
+
+        return float((mesh_of(self).position.max(axis=0) - mesh_of(self).position.min(axis=0)).max())
+
+    @model_serializer(mode="wrap")
+    def _without_what_follows(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Only what can be given: a scene that is written can be read."""
+        fields = serialize(self)
+        idle = {"density" if self.density is None else "mass", *(OF_FILES if self.file is None else OF_SHEETS)}
+        return {name: value for name, value in fields.items() if name not in idle}
+
+
+def _vertices(pinned: object) -> bool:
+    return isinstance(pinned, list) and all(isinstance(k, int) for k in pinned)
+
+
+MESH_KINDS: dict[str, type[Part]] = {"mesh": Mesh}

@@ -1,0 +1,89 @@
+"""Pins that follow a path: a part of a cloth, and which of its masses do."""
+
+from __future__ import annotations
+
+from math import hypot, inf
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from model.core.errors import SceneError
+from model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
+from model.scene.parts import NotNegative, Part, Positive
+
+if TYPE_CHECKING:
+    from model.scene.scene import Scene
+
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Vector = tuple[Number, Number, Number]  # x, y (up), z
+MOST_RADIANS = 1e9  # of a motion in all: quarter turns are counted in whole numbers
+
+
+class Motion(Part):
+    """Pinned masses that move together: they turn about an axis through `center`, which itself moves.
+
+    At t seconds after `start` a mass that rests at p is at center + R(angular_velocity t) (p - center) + velocity t, R the
+    rotation about `axis` (anticlockwise seen from where it points to). Before, it rests at p; after `duration`, where it is.
+    """
+
+    pins: Pins  # pinned masses of the sheet, as its `pinned`
+    velocity: Vector = (0.0, 0.0, 0.0)  # m/s
+    axis: Vector = (1.0, 0.0, 0.0)
+    center: Vector = (0.0, 0.0, 0.0)  # m
+    angular_velocity: Number = 0.0  # rad/s
+    start: NotNegative = 0.0  # s
+    duration: Positive = 1.0  # s
+
+    @field_validator("pins", mode="before")
+    @classmethod
+    def _pins_are_a_word_or_a_list(cls, value: object) -> object:
+        pins = checked_pins(value)
+        if pins in ("none", []):
+            raise ValueError(f"must name a mass: {PIN_RULE.removeprefix('none, ')}")
+        return pins
+
+    @model_validator(mode="after")
+    def _turns_about_an_axis(self) -> Motion:
+        if not 0 < hypot(*self.axis) < inf:
+            raise ValueError("axis: must not be zero")
+        radians = abs(self.angular_velocity) * self.duration
+        if radians > MOST_RADIANS:
+            raise ValueError(f"angular_velocity: turns by {radians:.3g} rad in all, at most {MOST_RADIANS:g}")
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a motion at all."""
+        return self.angular_velocity != 0 or any(self.velocity)
+
+
+def motions_of_pins(scene: Scene) -> np.ndarray:
+    """(pins,) int64: for each pinned mass, by index, the number of its motion in `scene.motions`, -1 where it has none.
+
+    Raises SceneError for a motion of masses that are not pinned, or of one that another motion moves.
+    """
+    sheet = scene.grid
+    pinned = pin_indices(sheet.pinned, sheet.rows, sheet.columns)
+    numbers = np.full(len(pinned), -1, np.int64)
+    names = list(scene.motions)
+    for number, (name, motion) in enumerate(scene.motions.items()):
+        if isinstance(motion.pins, list):
+            for row, column in motion.pins:
+                if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):
+                    raise SceneError(
+                        f"{name}.pins", [row, column],
+                        f"lies outside the sheet; rows are 0 to {sheet.rows - 1}, columns 0 to {sheet.columns - 1}",
+                    )  # fmt: skip
+        moved = pin_indices(motion.pins, sheet.rows, sheet.columns)
+        loose = moved[~np.isin(moved, pinned)]
+        if len(loose):
+            place = list(divmod(int(loose[0]), sheet.columns))
+            raise SceneError(f"{name}.pins", motion.pins, f"{place} is not pinned; name it in the sheet's `pinned`")
+        at = np.searchsorted(pinned, moved)
+        taken = np.flatnonzero(numbers[at] >= 0)
+        if len(taken):
+            place, other = list(divmod(int(moved[taken[0]]), sheet.columns)), names[numbers[at[taken[0]]]]
+            raise SceneError(f"{name}.pins", motion.pins, f"{place} already follows {other}; a mass has one motion")
+        numbers[at] = number
+    return numbers

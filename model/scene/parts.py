@@ -1,0 +1,276 @@
+"""The parts a scene can have, each a validated table: SI units, bounds, unknown keys refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+
+from model.core.pins import Pins, checked_pins
+
+IntegratorName = Literal[
+    "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
+    "implicit-euler-linear",
+]  # fmt: skip
+SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching"]
+OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
+POSITION_BASED = ("xpbd", "pbd", "shape-matching")
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
+MOST_COUNTED = 2**31 - 1  # masses along a side: their indices are 32-bit
+MOST_ROUNDS = (
+    1_000_000  # sweeps over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
+)
+Count = Annotated[int, Field(ge=1, le=MOST_COUNTED, strict=True)]
+Rounds = Annotated[int, Field(ge=1, le=MOST_ROUNDS, strict=True)]
+Sweeps = Annotated[int, Field(ge=1, le=1000, strict=True)]  # over contacts, after each iteration
+Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
+MOST_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
+
+
+class Part(BaseModel):
+    """Base of every table of a scene: frozen, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Grid(Part):
+    """N rows x M columns of point masses, row 0 on top, at rest at (column * spacing, -row * spacing).
+
+    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here.
+    """
+
+    rows: Count  # masses
+    columns: Count  # masses
+    spacing: Positive = 1.0  # m
+    mass: Positive = 0.01  # kg, each
+    pinned: Pins = "none"
+
+    @field_validator("pinned", mode="before")
+    @classmethod
+    def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
+        return checked_pins(value)
+
+    @model_validator(mode="after")
+    def _pins_lie_inside(self) -> Grid:
+        if isinstance(self.pinned, list):
+            for row, column in self.pinned:
+                if not (0 <= row < self.rows and 0 <= column < self.columns):
+                    raise ValueError(
+                        f"pinned: [{row}, {column}] lies outside the grid; rows are 0 to {self.rows - 1}, "
+                        f"columns 0 to {self.columns - 1}"
+                    )
+        return self
+
+    @property
+    def particle_count(self) -> int:
+        return self.rows * self.columns
+
+    @property
+    def extent(self) -> float:
+        """Its longest side [m], roughly."""
+        return max(self.rows, self.columns) * self.spacing
+
+    @property
+    def spring_count(self) -> int:
+        return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
+
+
+class Elastic(Part):
+    """What a spring's material is: its stiffness, or its inverse, the compliance, which may be 0 for a position-based solver.
+
+    Given a compliance, the stiffness follows from it. Only what was given is written.
+    """
+
+    stiffness: Positive = 10.0  # N/m
+    compliance: NotNegative | None = None  # m/N; 0: inextensible
+
+    @model_validator(mode="before")
+    @classmethod
+    def _stiffness_follows(cls, fields: object) -> object:
+        if not isinstance(fields, dict):
+            return fields
+        fields = dict(fields)
+        compliance = fields.get("compliance")
+        if isinstance(compliance, bool) or not isinstance(compliance, int | float) or not 0 < compliance < math.inf:
+            return fields
+        stiffness = fields.setdefault("stiffness", 1 / compliance)
+        if isinstance(stiffness, int | float) and not math.isclose(stiffness, 1 / compliance, rel_tol=1e-9):
+            raise ValueError(f"stiffness: must be 1 / compliance, {1 / compliance:g}; give one of them")
+        return fields
+
+    @property
+    def inextensible(self) -> bool:
+        """Whether its length cannot change: compliance 0."""
+        return self.compliance == 0
+
+    @property
+    def storing_stiffness(self) -> float:
+        """The stiffness [N/m] with which a stretch stores energy: what cannot stretch stores none."""
+        return 0.0 if self.inextensible else self.stiffness
+
+    def softness(self, ratio: float = 1.0) -> float:
+        """The compliance [m/N] of a spring `ratio` times as stiff."""
+        return 0.0 if self.inextensible else 1 / (self.stiffness * ratio)
+
+    @model_serializer(mode="wrap")
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Scenes keep the text that they are known by in stores of measurements, whatever fields came later."""
+        fields = serialize(self)
+        if self.compliance is None:
+            del fields["compliance"]
+        else:
+            del fields["stiffness"]
+        for name, idle in IDLE.items():
+            if fields.get(name) == idle:
+                del fields[name]
+        return fields
+
+
+IDLE = {"stiffness_ratio": 1, "model": "distance"}  # what fields that came later mean where they are not given
+
+
+class Springs(Elastic):
+    """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it.
+
+    Every second spring along a row and down a column is `stiffness_ratio` times as stiff, those whose lower end has an odd
+    column, or row; 1: all equal, and then left out where the scene is written.
+    """
+
+    rest_length: NotNegative = 1.0  # m
+    stiffness_ratio: AtLeastOne = 1.0
+
+    @property
+    def alternate(self) -> bool:
+        """Whether springs differ in stiffness."""
+        return self.stiffness_ratio != 1
+
+    @property
+    def largest_stiffness(self) -> float:
+        """Of the stiffest spring [N/m]."""
+        return self.stiffness * self.stiffness_ratio
+
+
+class Damping(Part):
+    """A damper on each mass: force = -coefficient * velocity."""
+
+    coefficient: NotNegative = 0.03  # N s/m
+
+
+class Gravity(Part):
+    """Gravity along -y; `enabled = false` leaves it out (and G switches it on in the demo)."""
+
+    enabled: Annotated[bool, Field(strict=True)] = True
+    acceleration: NotNegative = 9.81  # m/s^2, along -y
+
+
+class External(Part):
+    """A random force per mass, axis and step, uniform in (-magnitude, magnitude); 0 = the stage does not exist."""
+
+    magnitude: NotNegative = 0.0  # N
+    seed: Seed = 0
+
+
+class Perturbation(Part):
+    """Start: every free mass displaced by amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)] (i = row, j = column); in
+    a cloth also along z, by amplitude * sin(0.8 i - 0.7 j)."""
+
+    amplitude: NotNegative = 0.05  # m
+
+
+class Manufactured(Part):
+    """The method of manufactured solutions: the force that makes p*(t) the exact solution of the scene.
+
+    p*(t) = rest + amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)]; the masses start on p*(0), p*'(0).
+    `inertia` times the mass is what the force is made for (2 for the `lab` step, which moves as if masses were double).
+    """
+
+    amplitude: Positive = 0.1  # m
+    inertia: Positive = 1.0
+
+
+class Method(Part):
+    """How the scene is solved.
+
+    `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints hold: a step is `substeps`
+    substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
+    away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
+    so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
+    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid.
+    """
+
+    solver: SolverName = "mass-spring"
+    integrator: IntegratorName = "velocity-verlet"
+    dt: Positive = 0.01  # s
+    substeps: Rounds = 1
+    iterations: Rounds = 1
+    ordering: OrderingName = "gauss-seidel"
+    pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
+    region: Annotated[int, Field(ge=1, le=MOST_REGION, strict=True)] = 1  # masses to either side
+
+    @model_validator(mode="after")
+    def _fields_belong_to_the_solver(self) -> Method:
+        for name in self.model_fields_set - set(FIELDS_OF_SOLVER[self.solver]):
+            owners = [solver for solver, fields in FIELDS_OF_SOLVER.items() if name in fields]
+            raise ValueError(f"{name}: belongs to the solver {' or '.join(owners)}, not to {self.solver}")
+        if self.substeps * self.iterations > MOST_ROUNDS:
+            raise ValueError(
+                f"iterations: times {self.substeps} substeps they are more than {MOST_ROUNDS} a step; use fewer"
+            )
+        return self
+
+    @property
+    def position_based(self) -> bool:
+        return self.solver in POSITION_BASED
+
+    @property
+    def name(self) -> str:
+        """What tells methods apart, in words: the integrator, or the solver with its ordering."""
+        return self.label if self.position_based else self.integrator
+
+    @property
+    def matches_shapes(self) -> bool:
+        return self.solver == "shape-matching"
+
+    @property
+    def label(self) -> str:
+        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
+        if self.matches_shapes:
+            return self.solver
+        return f"{self.solver} {self.ordering if self.position_based else self.integrator}"
+
+    @model_serializer(mode="wrap")
+    def _of_the_solver(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+        fields = serialize(self)
+        return {name: fields[name] for name in FIELDS_OF_SOLVER[self.solver]}
+
+
+FIELDS_OF_SOLVER = {
+    "mass-spring": ("solver", "integrator", "dt"),
+    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering"),
+    "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
+    "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
+}
+
+
+GRID_KINDS: dict[str, type[Part]] = {
+    "grid": Grid,
+    "springs": Springs,
+    "damping": Damping,
+    "gravity": Gravity,
+    "external": External,
+    "perturbation": Perturbation,
+    "manufactured": Manufactured,
+    "method": Method,
+}

@@ -1,0 +1,126 @@
+"""Where scenes come from: catalogue, files, what a command line sets; as tables, of which model/scene/scene.py makes
+objects."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from model.core.errors import InputError, SceneError, shown
+from model.core.files import is_there, read_text
+from model.geometry.topology import is_file, own_meshes
+from model.scene.bodies import BODY_KINDS
+from model.scene.cloth import SURFACE_KINDS
+from model.scene.words import suggestion
+
+TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of a whole number that Python may refuse to read
+OF_MESHES = ("mesh", *SURFACE_KINDS, *BODY_KINDS)  # kinds of part that may name a file
+
+
+def catalogue() -> dict[str, Path]:
+    """The named scenes that come with the lab: name -> TOML file."""
+    root = Path(str(resources.files("model"))) / "catalogue"
+    return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
+
+
+def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
+    """(tables, name) of a catalogue name (`lab-grid`) or of a TOML file, the meshes that it names found (see `with_meshes`).
+
+    Raises InputError (no such name, unreadable, not TOML, no such mesh).
+    """
+    text = str(name_or_path)
+    known = catalogue()
+    if text in ("", "."):
+        raise InputError(
+            f"{text!r} is a directory or nothing; a scene is one of those that `softlab scenes` lists, or a .toml file"
+        )
+    path = known.get(text)
+    if path is None:
+        path = Path(text)
+        folders = {name.split("/")[0] for name in known if "/" in name}
+        inside = len(path.parts) <= 1 or path.parts[0] in folders
+        looks_like_a_name = path.suffix == "" and inside and not is_there(path)
+        if looks_like_a_name:
+            raise InputError(
+                f"unknown scene {shown(text)}{suggestion(text, known)}; `softlab scenes` lists those that come with the lab, "
+                "or give a .toml file"
+            )
+    written = read_text(path, "a scene is a .toml file; `softlab scenes` lists those that come with the lab")
+    try:
+        data = tables_of(written)
+    except ValueError as error:
+        raise InputError(f"{text} is not TOML: {error}") from None
+    return with_meshes(data, path.parent), text if text in known else path.stem
+
+
+def with_meshes(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The tables of a scene that lies in `folder`, the files of its meshes by their whole path: so that what is written of it
+    anywhere (a store, a trajectory, another scene file) can be read from anywhere.
+
+    A file is looked for beside the scene, then among the lab's own, which keep their name, then from the current folder.
+    Raises InputError, naming where.
+    """
+    found = dict(tables)
+    for name, table in tables.items():
+        if not isinstance(table, Mapping) or table.get("kind", name) not in OF_MESHES:
+            continue
+        file = table.get("file")
+        if isinstance(file, str):
+            found[name] = {**table, "file": _found(f"{name}.file", file, folder)}
+    return found
+
+
+def _found(field: str, file: str, folder: Path) -> str:
+    beside, here, own = (folder / file).absolute(), Path(file).absolute(), own_meshes()
+    if is_file(beside):
+        return str(beside)
+    if file in own:
+        return file
+    if is_file(here):
+        return str(here)
+    places = f"neither {beside} (beside the scene) nor {here} (from the current folder)"
+    if beside == here:
+        places = f"looked for {here}"
+    raise InputError(f"{field} = {file}: no such file: {places}; the lab's own meshes: {', '.join(own)}")
+
+
+def tables_of(text: str) -> dict[str, Any]:
+    """What a text in TOML holds. Raises ValueError, with what is wrong and where: tomllib.TOMLDecodeError, or what Python
+    cannot take of what TOML allows."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except (RecursionError, MemoryError):
+        raise ValueError("values nested too deep; a scene has lists of lists, no more") from None
+    except ValueError:  # of int(): the one thing that tomllib lets through
+        long = TOO_LONG.search(text)
+        place = f" (at line {text.count(chr(10), 0, long.start()) + 1})" if long else ""
+        raise ValueError(f"a whole number of thousands of digits{place}; give a shorter one") from None
+
+
+def parse_value(text: str) -> Any:
+    """The value of `--set key=value`: read as TOML (numbers, true, lists), else taken as a plain word."""
+    try:
+        parsed = tables_of(f"value = {text}")
+        return parsed["value"] if set(parsed) == {"value"} else text
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def parse_settings(settings: list[str] | None) -> dict[str, Any]:
+    """`["grid.rows=64", ...]` as {path: value}. Raises SceneError where the equals sign is missing."""
+    changes: dict[str, Any] = {}
+    for setting in settings or []:
+        path, equals, text = setting.partition("=")
+        if not equals or not path.strip():
+            raise SceneError("--set", setting, "must be key=value, such as grid.rows=64")
+        try:
+            changes[path.strip()] = parse_value(text.strip())
+        except ValueError as error:
+            raise SceneError(f"--set {path.strip()}", text, str(error)) from None
+    return changes

@@ -1,0 +1,50 @@
+"""The part of a scene that makes a cloth meet itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import model_validator
+
+from model.core.errors import SceneError
+from model.scene.parts import NotNegative, Part, Positive, Sweeps
+
+if TYPE_CHECKING:
+    from model.scene.scene import Scene
+
+MOST_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
+# On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
+CONTACT_BYTES = MOST_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
+
+
+class SelfCollision(Part):
+    """The cloth does not pass through itself: a mass keeps `thickness` from the sheet's triangles, with Coulomb friction.
+
+    Every substep finds the triangles that a mass may come near within it and holds the mass on the side where it then is.
+    What begins nearer than the thickness is moved apart at `separation_speed` at most, so that an overlap does not turn
+    into much speed; too low, it lets a heavy pile sink. A sweep carries a push from one layer to the next. Edges that cross
+    without a mass coming near a triangle are not seen; model/contact/penetration.py counts them.
+    """
+
+    thickness: Positive = 0.01  # m, between two layers; at most the sheet's spacing
+    static_friction: NotNegative = 0.3
+    dynamic_friction: NotNegative = 0.2
+    separation_speed: Positive = 0.5  # m/s
+    sweeps: Sweeps = 4  # over all contacts, after each iteration over the constraints
+
+    @model_validator(mode="after")
+    def _friction_is_ordered(self) -> SelfCollision:
+        if self.dynamic_friction > self.static_friction:
+            raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
+        return self
+
+
+def check_self_collision(scene: Scene) -> None:
+    """Raise SceneError where the sheet cannot keep the thickness."""
+    part, grid = scene.self_collision, scene.grid
+    if part is not None and part.thickness > grid.spacing:
+        raise SceneError(
+            "self_collision.thickness", part.thickness,
+            f"must be at most cloth.spacing, {grid.spacing:g}: neighbours of the sheet are nearer to each other than that, "
+            "and would be driven apart for ever",
+        )  # fmt: skip

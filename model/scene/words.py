@@ -1,0 +1,66 @@
+"""In which words a scene refuses what it is given: pydantic's complaints as a field, its value and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from model.core.errors import SceneError
+from model.scene.parts import Part
+
+
+def suggestion(word: str, known: Any) -> str:
+    """` (did you mean ...?)`, the nearest of `known` names; nothing where none is near."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
+def _fields_within(kind: type[Part], way: list[str]) -> list[str]:
+    """The names of the fields of a part, or of a table inside of it."""
+    for step in way:
+        within = kind.model_fields[step].annotation
+        kind = next(choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields"))
+    return list(kind.model_fields)
+
+
+def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
+    """The first complaint of pydantic, in the words of a scene."""
+    complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
+    first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
+    location = [str(step) for step in first["loc"]]
+    if first["type"] == "missing":
+        return SceneError(f"{part}.{location[0]}", None, "must be given")
+    if first["type"] == "extra_forbidden":
+        known = _fields_within(kind, location[:-1])
+        near = suggestion(location[-1], known)
+        if location[1:] and location[-1] in kind.model_fields:
+            near = f" (did you mean {part}.{location[-1]}?)"
+        return SceneError(".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}")
+    message = first["msg"].removeprefix("Value error, ")
+    if not location and ": " in message:  # a check across fields names its field itself
+        field, _, allowed = message.partition(": ")
+        return SceneError(
+            f"{part}.{field}", first["input"].get(field) if isinstance(first["input"], dict) else None, allowed
+        )
+    words = {
+        "int_type": "must be a whole number",
+        "tuple_type": "must be a list of numbers, such as [0.0, 1.0, 0.0]",
+        "missing_tuple": "must have three numbers",
+        "too_long": "must have three numbers",
+        "int_from_float": "must be a whole number",
+        "float_type": "must be a number",
+        "finite_number": "must be a finite number",
+        "bool_type": "must be true or false",
+    }
+    allowed = words.get(first["type"], message)
+    if first["type"] == "greater_than":
+        allowed = f"must be greater than {first['ctx']['gt']:g}"
+    elif first["type"] == "greater_than_equal":
+        allowed = f"must be at least {first['ctx']['ge']:g}"
+    elif first["type"] == "less_than_equal":
+        allowed = f"must be at most {first['ctx']['le']:.12g}"
+    elif first["type"] == "literal_error":
+        allowed = f"must be one of {first['ctx']['expected'].replace(chr(39), '')}"
+    return SceneError(".".join([part, *location[:1]]), first["input"], allowed)

@@ -1,0 +1,31 @@
+"""Parts that only position-based solvers know: masses of their own, ropes to anchors, a cloth that meets itself."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from model.scene.parts import NotNegative, Part, Positive
+from model.scene.self_collision import SelfCollision
+
+
+class Load(Part):
+    """A mass of the sheet that is heavier or lighter than the others."""
+
+    at: tuple[Annotated[int, Field(ge=0, strict=True)], Annotated[int, Field(ge=0, strict=True)]]  # row, column
+    mass: Positive  # kg
+
+
+class Attachments(Part):
+    """Long-range attachments: no mass goes farther from its nearest pinned ones than the cloth between them reaches.
+
+    T.-Y. Kim, N. Chentanez, M. Mueller-Fischer, "Long Range Attachments", SCA 2012. A mass has `anchors` of them (fewer,
+    where fewer are pinned), the nearest first, each as long as the way through the sheet at rest, times 1 + slack.
+    """
+
+    anchors: Annotated[int, Field(ge=1, le=4, strict=True)] = 1
+    slack: NotNegative = 0.0
+
+
+XPBD_KINDS: dict[str, type[Part]] = {"load": Load, "attachments": Attachments, "self_collision": SelfCollision}

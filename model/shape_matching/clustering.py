@@ -1,0 +1,139 @@
+"""Clusters over the particles of a body: where their centres are, who belongs to them, whether the body holds together.
+
+Centres are particles, each the farthest from those before it until all are nearer than the spacing of clusters (T. F.
+Gonzalez, "Clustering to minimize the maximum intercluster distance", 1985): no two are nearer to each other than that, and a
+radius of the spacing leaves no particle out. A particle's coefficient falls off smoothly with its distance from the centre.
+"""
+
+from __future__ import annotations
+
+from math import ceil, log10
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.geometry.edges import components
+from model.geometry.neighbours import TooMany, pairs_within
+from model.shape_matching.clusters import Clusters
+
+RIM = 0.1  # the coefficient at the radius; over 0, so that nobody is in a cluster by name only
+COLLINEAR = (
+    2.0**-10
+)  # width over length of a cluster that counts as a line: turning about it moves nothing one could see
+FEWEST = 4  # particles that can span a space
+
+
+def falloff(part: np.ndarray) -> np.ndarray:
+    """The coefficient of a particle at `part` of the radius from the centre: 1 at 0, RIM at 1, level at both."""
+    return RIM + (1 - RIM) * (1 - np.square(part)) ** 2
+
+
+def centres(position: np.ndarray, spacing: float) -> np.ndarray:
+    """(clusters,) int64: particles at `position` (particles, 3) [m], the first nearest to the middle."""
+    first = int(np.argmin(np.linalg.norm(position - position.mean(axis=0), axis=1)))
+    chosen, distance = [first], np.linalg.norm(position - position[first], axis=1)
+    while distance.max() >= spacing:
+        chosen.append(int(np.argmax(distance)))
+        np.minimum(distance, np.linalg.norm(position - position[chosen[-1]], axis=1), out=distance)
+    return np.array(chosen)
+
+
+def gather(position: np.ndarray, mass: np.ndarray, spacing: float, radius: float, stiffness: float) -> Clusters:
+    """Clusters of `radius` [m] about centres `spacing` [m] apart, all of one stiffness [1/s^2]; members ascending.
+
+    Particles of `position` (particles, 3) [m] and `mass` (particles,) [kg]. Some may belong to none: see `check`.
+    """
+    middle = position[centres(position, spacing)]
+    try:
+        cluster, particle, distance = pairs_within(middle, position, radius)
+    except TooMany as error:
+        raise SceneError("cluster_radius", radius, str(error)) from None
+    return Clusters(
+        np.concatenate([[0], np.cumsum(np.bincount(cluster, minlength=len(middle)))]).astype(np.int32),
+        particle.astype(np.int32),
+        falloff(distance / radius),
+        np.full(len(middle), stiffness),
+        mass,
+        position,
+    )
+
+
+def one_cluster(position: np.ndarray, mass: np.ndarray) -> Clusters:
+    """A rigid body: everything in one cluster, all coefficients 1, its stiffness inf."""
+    count = len(position)
+    everyone = np.arange(count, dtype=np.int32)
+    return Clusters(np.array([0, count], np.int32), everyone, np.ones(count), np.array([np.inf]), mass, position)
+
+
+def parts(clusters: Clusters, links: np.ndarray) -> int:
+    """How many parts of the body hang together by clusters or `links` (n, 2); a particle with neither is one, too."""
+    count = len(clusters.mass)
+    held = np.stack([clusters.indices, clusters.owner + count], axis=1)
+    label = components(count + clusters.count, np.concatenate([held, links]))
+    return len(np.unique(label[:count]))
+
+
+def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, pieces: int) -> int:
+    """The number of parts that hang together. Raises SceneError, with a radius that would do, where particles are in no
+    cluster or there are more parts than `pieces` of the mesh."""
+    orphans, found = clusters.orphans, parts(clusters, links)
+    if not len(orphans) and found <= pieces:
+        return found
+    enough = ceiled(least_radius(clusters.position, links, spacing, pieces))
+    count = len(clusters.mass)
+    what = (
+        f"{len(orphans)} of {count} particles are in no cluster, and the body will just fall apart"
+        if len(orphans)
+        else f"the clusters share too few particles, and the body will fall into {found} parts"
+    )
+    raise SceneError(
+        "cluster_radius", radius, f"{what}; use at least {enough:g}, or a smaller cluster_spacing (now {spacing:g})"
+    )
+
+
+def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces: int) -> float:
+    """The smallest radius [m] with which every particle is in a cluster and no more than `pieces` parts are left."""
+    chosen = centres(position, spacing)
+    count, reach = len(position), spacing
+    while True:
+        cluster, particle, distance = pairs_within(position[chosen], position, reach)
+        pairs = np.stack([particle, cluster + count], axis=1)
+
+        def fit(radius: float, pairs: np.ndarray = pairs, distance: np.ndarray = distance) -> bool:
+            near = pairs[distance <= radius]
+            if len(np.unique(near[:, 0])) < count:
+                return False
+            label = components(count + len(chosen), np.concatenate([near, links]))
+            return len(np.unique(label[:count])) <= pieces
+
+        if fit(reach):
+            break
+        reach *= 2
+    steps = np.unique(distance)
+    low, high = 0, len(steps) - 1
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if fit(steps[middle]) else (middle + 1, high)
+    return float(steps[low])
+
+
+def ceiled(value: float) -> float:
+    """`value` over 0 with three digits, rounded up: what a user can type and have it do."""
+    unit = 10.0 ** (ceil(log10(value)) - 3) if value > 0 else 1.0
+    steps = ceil(value / unit)
+    found = float(f"{steps * unit:.6g}")
+    return found if found >= value else float(f"{(steps + 1) * unit:.6g}")
+
+
+def undetermined(clusters: Clusters) -> int:
+    """How many clusters have fewer than FEWEST particles, or all on one line: their rotation is partly left open."""
+    weight = np.repeat(1.0, len(clusters.indices))
+    size = np.bincount(clusters.owner, weight, clusters.count)
+    rest = clusters.rest
+    moments = np.empty((clusters.count, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            moments[:, i, j] = np.bincount(clusters.owner, clusters.masses * rest[:, i] * rest[:, j], clusters.count)
+    values = np.linalg.eigvalsh(moments)
+    line = values[:, 1] <= COLLINEAR**2 * values[:, 2]
+    return int(((size < FEWEST) | line).sum())

@@ -1,0 +1,247 @@
+"""Clusters of particles for shape matching, in compressed form, and what follows from them once and for all.
+
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; clusters that overlap, each with a
+coefficient for every particle, after M. Macklin et al., "Unified Particle Physics for Real-Time Applications", 2014. A
+particle belongs to its clusters in shares, coefficient over the sum of its coefficients, and its mass is split among them
+likewise: every cluster moves its own part of the mass, so that linear and angular momentum are kept exactly, whatever the
+coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from model.assets.material import Material
+from model.core.errors import InputError
+from model.formulas.deformation import LEAST_VOLUME
+
+FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """Which particles belong to which cluster, and how stiff each is.
+
+    `offsets` (clusters + 1,) int32, from 0: cluster k has the entries offsets[k] to offsets[k + 1]; `indices` (entries,)
+    int32, the particle of each entry; `coefficients` (entries,) float64 in [0, 1]; `stiffness` (clusters,) float64: the
+    square of the angular frequency [1/s^2] at which a particle swings about its goal, inf for a rigid cluster; `mass`
+    (particles,) float64 [kg], of pinned ones too; `position` (particles, dimensions) float64 [m], at rest; `material`: what
+    they do beside turning, None: nothing.
+    """
+
+    offsets: np.ndarray
+    indices: np.ndarray
+    coefficients: np.ndarray
+    stiffness: np.ndarray
+    mass: np.ndarray
+    position: np.ndarray
+    material: Material | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @property
+    def count(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """What of their material needs code, see `Material.parts`."""
+        return frozenset() if self.material is None else self.material.parts
+
+    @cached_property
+    def owner(self) -> np.ndarray:
+        """(entries,) int32: the cluster of each entry."""
+        return np.repeat(np.arange(self.count, dtype=np.int32), np.diff(self.offsets))
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """(entries,) float64: the part of its particle that each entry has; of a particle with clusters they add up to 1."""
+        total = binned(self.indices, self.coefficients, len(self.mass))[self.indices]
+        return np.divide(self.coefficients, total, out=np.zeros_like(total), where=total > 0)
+
+    @cached_property
+    def masses(self) -> np.ndarray:
+        """(entries,) float64 [kg]: the particle's mass times its share."""
+        return self.mass[self.indices] * self.shares
+
+    @cached_property
+    def cluster_mass(self) -> np.ndarray:
+        """(clusters,) float64 [kg]."""
+        return binned(self.owner, self.masses, self.count)
+
+    @cached_property
+    def rest_centre(self) -> np.ndarray:
+        """(clusters, dimensions) float64 [m]: weighted by mass; 0 where a cluster has none."""
+        sums = [binned(self.owner, self.masses * axis[self.indices], self.count) for axis in self.position.T]
+        heavy = self.cluster_mass > 0
+        return np.stack(
+            [np.divide(one, self.cluster_mass, out=np.zeros(self.count), where=heavy) for one in sums], axis=1
+        )
+
+    @cached_property
+    def rest(self) -> np.ndarray:
+        """(entries, dimensions) float64 [m]: where each particle lies at rest, from its cluster's centre."""
+        return self.position[self.indices] - self.rest_centre[self.owner]
+
+    @cached_property
+    def of_particle(self) -> tuple[np.ndarray, np.ndarray]:
+        """(offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
+        offsets = np.concatenate([[0], np.cumsum(np.bincount(self.indices, minlength=len(self.mass)))])
+        return offsets.astype(np.int32), np.argsort(self.indices, kind="stable").astype(np.int32)
+
+    @cached_property
+    def inverse_moments(self) -> np.ndarray:
+        """(clusters, d, d) float64 [1/(kg m^2)]: the inverse of sum m rest rest', which takes moments to the linear map that
+        is nearest; 0 where the cluster is `flat`, along a line or at a point, and tells of no such map."""
+        moments = self._summed(self.masses[:, None, None] * self.rest[:, :, None] * self.rest[:, None, :])
+        values = np.linalg.eigvalsh(moments)
+        solid = values[:, 0] > FLAT * values[:, -1]
+        found = np.zeros_like(moments)
+        found[solid] = np.linalg.inv(moments[solid])
+        return found
+
+    @property
+    def flat(self) -> np.ndarray:
+        """(clusters,) bool: those without a linear map of their own. They turn, and do not creep."""
+        return np.logical_not(np.any(self.inverse_moments, axis=(1, 2)))
+
+    def _summed(self, entries: np.ndarray) -> np.ndarray:
+        """(clusters, ...): the sums of (entries, ...)."""
+        found = np.zeros((self.count, *entries.shape[1:]))
+        np.add.at(found, self.owner, entries)
+        return found
+
+    def moments(self, position: np.ndarray) -> np.ndarray:
+        """(clusters, d, d) float64 [kg m^2]: sum m (x - centre) rest'."""
+        away = self.masses[:, None] * (position[self.indices] - self.centres(position)[self.owner])
+        return self._summed(away[:, :, None] * self.rest[:, None, :])
+
+    def rotations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(clusters, d, d) float64: for particles at `position` [m] the rotation, det +1, nearest to sum m (x - centre)
+        rest', by singular values; `plastic` (clusters, d, d): what rest offsets have been bent by."""
+        moments = self.moments(position)
+        if plastic is not None:
+            moments = moments @ np.swapaxes(plastic, 1, 2)
+        u, _, v = np.linalg.svd(moments)
+        signs = np.ones(moments.shape[:2])
+        signs[:, -1] = np.sign(np.linalg.det(u) * np.linalg.det(v))
+        return np.einsum("nij,nj,njk->nik", u, signs, v)
+
+    def strained(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(clusters, d, d) float64: the linear map nearest to particles, of offsets bent by `plastic`; 0 where `flat`."""
+        found = self.moments(position) @ self.inverse_moments
+        return found if plastic is None else found @ np.linalg.inv(plastic)
+
+    def deformations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(clusters, d, d) float64: what takes rest offsets to goals, T Sp: T = R, or with `linear` b > 0, of the map F of
+        `strained`, b F / cbrt(det F) + (1 - b) R (M. Mueller et al. 2005, 4.3); below LEAST_VOLUME b falls with det F, to 0
+        where F is flat or mirrored.
+
+        Momentum is kept: sum m (goal - x) = 0 as sum m rest = 0; and the moment of what moves particles about the centre is
+        what of sum m (x - centre) (T Sp rest)' = A T' is not symmetric, A the moments with Sp rest for rest. A R' is, R
+        being the nearest rotation, and so is A F' = A (sum m Sp rest rest' Sp')^-1 A'.
+        """
+        turned = self.rotations(position, plastic)
+        if "linear" in self.parts and self.material is not None:
+            map_ = self.strained(position, plastic)
+            volume = np.maximum(np.linalg.det(map_), 0.0)
+            part = self.material.linear * np.minimum(1.0, volume / LEAST_VOLUME)
+            scale = part / np.cbrt(np.where(volume > 0, volume, 1.0))
+            turned = scale[:, None, None] * map_ + (1 - part)[:, None, None] * turned
+        return turned if plastic is None else turned @ plastic
+
+    def centres(self, position: np.ndarray) -> np.ndarray:
+        """(clusters, d) float64 [m]: centres of mass with particles at `position`; 0 of a cluster without mass."""
+        sums = np.stack(
+            [np.bincount(self.owner, self.masses * x[self.indices], self.count) for x in position.T], axis=1
+        )
+        heavy = self.cluster_mass[:, None] > 0
+        return np.divide(sums, self.cluster_mass[:, None], out=np.zeros_like(sums), where=heavy)
+
+    def goals(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
+        """(entries, d) float64 [m]: where each cluster wants each of its particles: centre + R (rest offset), or what
+        `deformations` says for R."""
+        position = np.asarray(position, dtype=np.float64)
+        turned = np.einsum("nij,nj->ni", self.deformations(position, plastic)[self.owner], self.rest)
+        return self.centres(position)[self.owner] + turned
+
+    def energy(self, position: np.ndarray, plastic: np.ndarray | None = None) -> float:
+        """[J]: sum of w^2 m |goal - x|^2 / 2 over entries; rigid clusters store none."""
+        away = self.goals(position, plastic) - np.asarray(position, dtype=np.float64)[self.indices]
+        stiffness = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)[self.owner]
+        return 0.5 * float(np.sum(stiffness * self.masses * np.einsum("nk,nk->n", away, away)))
+
+    @property
+    def orphans(self) -> np.ndarray:
+        """Particles that no cluster holds: (n,) int64."""
+        return np.flatnonzero(np.bincount(self.indices, self.coefficients, len(self.mass)) == 0)
+
+
+def binned(places: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
+    """(count,) float64: the sums of weights by place, also where there are none."""
+    return np.bincount(places, weights, count).astype(np.float64)
+
+
+def stiffness_of_coefficient(coefficient: float, step: float) -> float:
+    """The stiffness w^2 [1/s^2] that moves a particle by `coefficient` in [0, 1] of the way to its goal in a step [s]: from
+    a = w^2 h^2 / (1 + w^2 h^2); 1 is rigid, inf. What a coefficient means hangs on the step it was meant for.
+
+    >>> round(stiffness_of_coefficient(0.5, 0.1), 9)
+    100.0
+    """
+    return np.inf if coefficient == 1 else coefficient / ((1 - coefficient) * step**2)
+
+
+MOST_SUBSTEP = 1e150  # s: Python refuses the square of much more
+
+
+def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
+    """How far masses go towards their goals in one of `iterations`: b = 1 - (1 + w^2 h^2)^(-1 / n); `stiffness` w^2 [1/s^2],
+    a number or an array; `substep` h [s].
+
+    All n take a lone cluster's deviation to 1 / (1 + w^2 h^2) of it, which is a step of implicit Euler, for any n; so the
+    material stays the same when the step is changed, and converges with it at first order. A stiffness of inf is rigid.
+
+    >>> matching_share(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
+    [0.5, 1.0]
+    """
+    with np.errstate(over="ignore"):
+        square = substep**2 if substep < MOST_SUBSTEP else np.inf
+        return -np.expm1(-np.log1p(stiffness * square) / iterations)
+
+
+def _check(clusters: Clusters) -> None:
+    """Raise InputError for arrays that are no clusters."""
+    offsets, indices, coefficients = clusters.offsets, clusters.indices, clusters.coefficients
+    if len(offsets) == 0 or offsets[0] != 0:
+        raise InputError(
+            f"cluster offsets begin with {int(offsets[0]) if len(offsets) else 'nothing'}; they must begin with 0 and have "
+            "one more entry than there are clusters"
+        )
+    if (np.diff(offsets) < 0).any() or offsets[-1] != len(indices):
+        raise InputError(
+            f"cluster offsets must not fall and must end with the number of indices, {len(indices)}; they end with "
+            f"{offsets[-1]}"
+        )
+    if len(coefficients) != len(indices) or len(clusters.stiffness) != len(offsets) - 1:
+        raise InputError(
+            f"{len(indices)} indices need as many coefficients, and {len(offsets) - 1} clusters as many stiffnesses; got "
+            f"{len(coefficients)} and {len(clusters.stiffness)}"
+        )
+    if clusters.material is not None and len(clusters.material.linear) != clusters.count:
+        raise InputError(f"a material of {len(clusters.material.linear)} clusters for {clusters.count} of them")
+    outside = np.flatnonzero((indices < 0) | (indices >= len(clusters.mass)))
+    if len(outside):
+        raise InputError(
+            f"cluster index {int(indices[outside[0]])} at {int(outside[0])}: particles are 0 to {len(clusters.mass) - 1}"
+        )
+    wrong = np.flatnonzero(~((coefficients >= 0) & (coefficients <= 1)))
+    if len(wrong):
+        raise InputError(f"coefficient {coefficients[wrong[0]]:g} at {int(wrong[0])}: must be in [0, 1]")
+    if not (clusters.stiffness >= 0).all():
+        raise InputError("cluster stiffnesses must be at least 0 (1/s^2), inf for rigid ones")

@@ -1,0 +1,197 @@
+"""All bodies of a scene as one set of particles: what a solver of clusters starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from model.assets.material import joined
+from model.assets.soft_body import BakedBody
+from model.core.errors import InputError, SceneError
+from model.core.memory import available_bytes, require
+from model.scene.bodies import Placed
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.lattice import LatticeCopies
+from model.shape_matching.links import LinkedCopies, Links, make_links
+
+MOST_PARTICLES = 2**31 - 1  # indices are 32-bit
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of a body: its part's `name`, what it is made of, its first particle and first cluster, its number in all;
+    `waits`: whether it is a spare one, which is not there when the scene starts."""
+
+    name: str
+    baked: BakedBody = field(repr=False)
+    number: int
+    first_particle: int
+    first_cluster: int
+    waits: bool = False
+
+    @property
+    def particles(self) -> slice:
+        return slice(self.first_particle, self.first_particle + len(self.baked.position))
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """The particles of all copies, one after the other, in the order of the file.
+
+    `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
+    is of; `clusters`, whose rest positions are those at the start, with those of `lattices` last; `links`; `copies`. To the
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    body: np.ndarray
+    clusters: Clusters
+    links: Links
+    copies: tuple[Copy, ...]
+    spacing: float
+    mass: float
+    lattices: tuple[LatticeCopies, ...] = ()
+    rows: int = 1
+    pinned: str = "none"
+    spring_count: int = 0
+
+    @property
+    def columns(self) -> int:
+        return len(self.position)
+
+    @property
+    def particle_count(self) -> int:
+        return len(self.position)
+
+    @cached_property
+    def loose(self) -> Clusters:
+        """The clusters that are no windows of a lattice, the first ones of all."""
+        if not self.lattices:
+            return self.clusters
+        whole, count = self.clusters, min(lattice.first_cluster for lattice in self.lattices)
+        last = whole.offsets[count]
+        return replace(
+            whole, offsets=whole.offsets[: count + 1], indices=whole.indices[:last], coefficients=whole.coefficients[:last],
+            stiffness=whole.stiffness[:count], material=whole.material and whole.material.first(count),
+        )  # fmt: skip
+
+    @property
+    def in_cluster_order(self) -> list[Copy]:
+        """The copies, in the order of their clusters."""
+        return _by_cluster(self.copies)
+
+    @property
+    def waiting(self) -> np.ndarray:
+        """(particles,) bool: those of spare copies, which wait at the place of their body's first one."""
+        return np.array([copy.waits for copy in self.copies])[self.body]
+
+    @property
+    def extent(self) -> float:
+        """Its longest side [m]."""
+        return float(np.ptp(self.position, axis=0).max(initial=self.spacing))
+
+
+def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
+    """The crowd of a scene's bodies, by name. Raises SceneError where it has too many particles."""
+    for name, part in parts.items():
+        try:
+            part.baked  # noqa: B018 - made here, so that its errors name the part
+        except SceneError as error:
+            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    total = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
+    if total > MOST_PARTICLES:
+        raise SceneError("copies", total, f"at most {MOST_PARTICLES} particles (32-bit indices)")
+    needed = sum((part.count + part.spare) * _bytes_of(part.baked) for part in parts.values())
+    require(needed, available_bytes(), "copies", total, "main memory")
+    copies: list[Copy] = []
+    positions, velocities, bodies, masses = _lists(4)
+    lattices = []
+    particle = 0
+    first_clusters = _first_clusters(parts)
+    for name, part in parts.items():
+        made, turn, cluster = part.baked, part.turn(), first_clusters[name]
+        here = made.position @ turn.T
+        centre = (made.mass[:, None] * here).sum(axis=0) / made.mass.sum()
+        moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
+        places = part.places()
+        if made.lattice and is_summed(made):
+            stiffness = float(made.clusters.stiffness[0])
+            lattices.append(LatticeCopies(made.lattice, particle, cluster, part.count + part.spare, stiffness, turn))
+        for number, place in enumerate([*places, *places[:1].repeat(part.spare, axis=0)]):
+            waits = number >= part.count
+            copies.append(Copy(name, made, len(copies), particle, cluster, waits))
+            positions.append(here + place)
+            velocities.append(0 * moving if waits else moving)
+            bodies.append(np.full(len(here), len(bodies), np.int32))
+            masses.append(made.mass)
+            particle, cluster = particle + len(here), cluster + made.clusters.count
+    position, mass = np.concatenate(positions), np.concatenate(masses)
+    in_order = _by_cluster(copies)
+    made_of = [copy.baked.clusters for copy in in_order]
+    clusters = Clusters(
+        np.concatenate([[0], np.cumsum(np.concatenate([np.diff(one.offsets) for one in made_of]))]).astype(np.int32),
+        np.concatenate([copy.baked.clusters.indices + copy.first_particle for copy in in_order]).astype(np.int32),
+        np.concatenate([one.coefficients for one in made_of]),
+        np.concatenate([one.stiffness for one in made_of]),
+        mass,
+        position,
+        joined([one.material for one in made_of], [one.count for one in made_of]),
+    )
+    spacing = float(np.mean([copy.baked.spacing for copy in copies]))
+    return Crowd(
+        position,
+        np.concatenate(velocities),
+        np.concatenate(bodies),
+        clusters,
+        make_links(_linked(copies)),
+        tuple(copies),
+        spacing,
+        float(mass.mean()),
+        tuple(lattices),
+    )
+
+
+def _bytes_of(body: BakedBody) -> int:
+    """Of a copy's particles, clusters and links while they are put together."""
+    return 160 * len(body.position) + 40 * len(body.clusters.indices) + 60 * len(body.links)
+
+
+def _by_cluster(copies: Sequence[Copy]) -> list[Copy]:
+    return sorted(copies, key=lambda copy: copy.first_cluster)
+
+
+def is_summed(body: BakedBody) -> bool:
+    """Whether a body's clusters are windows that do nothing beside turning, which passes along the axes sum up."""
+    return body.lattice is not None and not body.clusters.parts
+
+
+def _first_clusters(parts: Mapping[str, Placed]) -> dict[str, int]:
+    """The first cluster of each part: those of lattices come last."""
+    found, cluster = {}, 0
+    for summed in (False, True):
+        for name, part in parts.items():
+            if is_summed(part.baked) == summed:
+                found[name] = cluster
+                cluster += (part.count + part.spare) * part.baked.clusters.count
+    return found
+
+
+def _linked(copies: list[Copy]) -> list[LinkedCopies]:
+    """The links of each part, its copies side by side."""
+    found = []
+    for _, group in groupby(copies, key=lambda copy: copy.name):
+        same = list(group)
+        made, firsts = same[0].baked, np.array([copy.first_particle for copy in same])
+        found.append(LinkedCopies(made.links, made.rest_length, made.link_stiffness, firsts, len(made.position)))
+    return found
+
+
+def _lists(count: int) -> tuple[list[np.ndarray], ...]:
+    return tuple([] for _ in range(count))

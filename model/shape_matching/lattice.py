@@ -1,0 +1,118 @@
+"""Windows of regular lattices: a cluster around every mass, and the tables that are the same along each axis.
+
+The window of a mass holds those at most `region` places away along each axis that exist. All coefficients are 1, so that a
+mass has an equal share in each of the windows it is in: 1 over their number, which is the size of its own. As windows are cut
+off by straight edges, shares, masses, rest offsets and numbers are products, or sums, of one number for each axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.shape_matching.clusters import Clusters, matching_share
+
+TABLE = 5  # rows of an axis's table
+T_SHARE, T_INVERSE, T_CENTRE, T_MASS, T_COUNT = range(TABLE)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Of the places along an axis of a lattice, float64: `share` of a mass in each of its windows, 1 over their number along
+    this axis; `inverse_mass` 1 over the `mass`, the sum of shares in the window; `centre` [spacings]: where the window's
+    centre of mass lies, from its middle; `count` of the window's members."""
+
+    share: np.ndarray
+    inverse_mass: np.ndarray
+    centre: np.ndarray
+    mass: np.ndarray
+    count: np.ndarray
+
+    def table(self, real: type) -> np.ndarray:
+        """(TABLE, n) in the arithmetic `real`, in the order of the T_ constants: what kernels get."""
+        return np.stack([self.share, self.inverse_mass, self.centre, self.mass, self.count]).astype(real)
+
+
+def matching_axis(count: int, region: int) -> Axis:
+    """The tables of an axis of `count` masses.
+
+    >>> matching_axis(3, 1).centre.round(3).tolist()
+    [0.4, 0.0, -0.4]
+    """
+    place = np.arange(count)
+    first, last = np.maximum(place - region, 0), np.minimum(place + region, count - 1)
+    share = 1 / (last - first + 1)
+    sums = np.concatenate([[0.0], np.cumsum(share)])
+    turns = np.concatenate([[0.0], np.cumsum(share * place)])
+    mass = sums[last + 1] - sums[first]
+    return Axis(share, 1 / mass, (turns[last + 1] - turns[first]) / mass - place, mass, last - first + 1.0)
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A block of `counts` equal masses along x, y and z, `spacing` [m] apart at rest, with windows of the half-width
+    `region`. Masses and their windows are numbered x first, then y, then z."""
+
+    counts: tuple[int, int, int]
+    region: int
+    spacing: float
+
+    @property
+    def size(self) -> int:
+        """How many masses, and how many windows."""
+        return self.counts[0] * self.counts[1] * self.counts[2]
+
+    @property
+    def axes(self) -> tuple[Axis, Axis, Axis]:
+        x, y, z = (matching_axis(count, self.region) for count in self.counts)
+        return x, y, z
+
+    def positions(self) -> np.ndarray:
+        """(size, 3) float64 [m], the block's middle at the origin."""
+        x, y, z = (self.spacing * (np.arange(count) - 0.5 * (count - 1)) for count in self.counts)
+        grid = np.meshgrid(z, y, x, indexing="ij")
+        return np.stack([grid[2].ravel(), grid[1].ravel(), grid[0].ravel()], axis=1)
+
+    def clusters(self, position: np.ndarray, mass: np.ndarray, stiffness: float) -> Clusters:
+        """The windows in compressed form: what the tables stand for, and what is summed directly."""
+        nx, ny, nz = self.counts
+        sides = [np.minimum(self.region, count - 1) for count in self.counts]
+        z, y, x = (
+            np.arange(count)[:, None] + np.arange(-side, side + 1)
+            for count, side in zip((nz, ny, nx), reversed(sides), strict=True)
+        )
+        at = (z[:, None, None, :, None, None] * ny + y[None, :, None, None, :, None]) * nx + x[
+            None, None, :, None, None
+        ]
+        inside = (
+            ((z >= 0) & (z < nz))[:, None, None, :, None, None]
+            & ((y >= 0) & (y < ny))[None, :, None, None, :, None]
+            & ((x >= 0) & (x < nx))[None, None, :, None, None]
+        )
+        offsets = np.concatenate([[0], np.cumsum(inside.reshape(self.size, -1).sum(axis=1))]).astype(np.int32)
+        members = at[inside].astype(np.int32)
+        return Clusters(offsets, members, np.ones(len(members)), np.full(self.size, float(stiffness)), mass, position)
+
+
+V_SPACING, V_MATCHING, V_TURN = range(3)  # places of what a lattice's kernels read beside tables
+VALUES = V_TURN + 9
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeCopies:
+    """Copies of a lattice, one after the other: the first one's first particle and first cluster, how many, the `stiffness`
+    of all their clusters [1/s^2], and the rotation (3, 3) `turn` that they start with, from which theirs are counted."""
+
+    lattice: Lattice
+    first_particle: int
+    first_cluster: int
+    copies: int
+    stiffness: float
+    turn: np.ndarray
+
+    def values(self, substep: float, iterations: int) -> np.ndarray:
+        """(VALUES,) float64: the spacing [m], how far masses go towards their goals in one of `iterations` of a substep [s],
+        the turn by rows."""
+        share = matching_share(self.stiffness, substep, iterations)
+        return np.array([self.lattice.spacing, share, *self.turn.ravel()])

@@ -1,0 +1,71 @@
+"""Links of a crowd's bodies: constraints of distance between two particles, in colours that share no particle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.xpbd.colouring import Colouring, colour
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """`ends` (links, 2) int32: particles; `rest_length` (links,) float64 [m]; `softness` (links,) float64 [m/N]; colour c is
+    those from `starts[c]` to before `starts[c + 1]`, no two of which share a particle."""
+
+    ends: np.ndarray
+    rest_length: np.ndarray
+    softness: np.ndarray
+    starts: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.ends)
+
+    @property
+    def colours(self) -> int:
+        return len(self.starts) - 1
+
+    def values(self, substep: float, mass: float) -> np.ndarray:
+        """(links, 2) float64: rest length [m], compliance softness m / h^2, of no unit, for substeps of h [s] and masses
+        counted in m [kg] (M. Macklin et al., "XPBD", MIG 2016, eq. 4)."""
+        return np.stack([self.rest_length, self.softness * mass / substep**2], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedCopies:
+    """The links of one baked body, `ends` (n, 2), `rest_length` (n,) [m] and `stiffness` [N/m], and the first particles of
+    its copies; `particles`: of one."""
+
+    ends: np.ndarray
+    rest_length: np.ndarray
+    stiffness: float
+    firsts: np.ndarray
+    particles: int
+
+
+def make_links(bodies: Sequence[LinkedCopies]) -> Links:
+    """All links by colour, in each by body, copy and order of the body. A body is coloured once for all its copies. Raises
+    SceneError where too many links meet at a particle."""
+    made: list[tuple[LinkedCopies, Colouring]] = [
+        (body, colour(body.ends, body.particles)) for body in bodies if len(body.ends)
+    ]
+    ends, lengths, softness, sizes = [], [], [], []
+    for number in range(max((found.colours for _, found in made), default=0)):
+        size = 0
+        for body, found in made:
+            if number >= found.colours:
+                continue
+            chosen = found.order[found.starts[number] : found.starts[number + 1]]
+            copies = len(body.firsts)
+            ends.append((body.ends[chosen][None] + body.firsts[:, None, None]).reshape(-1, 2))
+            lengths.append(np.tile(body.rest_length[chosen], copies))
+            softness.append(np.full(copies * len(chosen), 1 / body.stiffness))
+            size += copies * len(chosen)
+        sizes.append(size)
+    if not sizes:
+        return Links(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0), np.zeros(1, np.int32))
+    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    return Links(np.concatenate(ends).astype(np.int32), np.concatenate(lengths), np.concatenate(softness), starts)

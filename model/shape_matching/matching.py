@@ -1,0 +1,41 @@
+"""Shape matching of a grid: a cluster around every mass, of those at most `region` rows and columns away that exist; see
+model/shape_matching/lattice.py for the tables of its rows and columns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.energy import masses
+from model.scene.scene import Scene
+from model.shape_matching.clusters import Clusters
+
+
+def matching_stiffness(scene: Scene) -> float:
+    """The square of the clusters' angular frequency [1/s^2] that makes the lattice as stiff in a long, even stretch as its
+    springs are.
+
+    Stretched by e, a chain of springs stores k (e d)^2 / 2 a mass, a window w^2 m <r^2> e^2 / 2 for its one mass, where the
+    mean square of the rest offsets along an axis is <r^2> = d^2 n (n + 1) / 3 for a half-width n: w^2 = 3 k / (n (n + 1) m).
+    Windows that are cut off by the edge are softer.
+    """
+    springs, region = scene.springs, scene.method.region
+    return 3 * springs.stiffness / (region * (region + 1) * scene.grid.mass) if springs else 0.0
+
+
+def lattice_clusters(scene: Scene) -> Clusters:
+    """The windows of a scene's grid in compressed form, row by row: what the tables stand for."""
+    grid, region = scene.grid, scene.method.region
+    row, column = np.divmod(np.arange(grid.particle_count), grid.columns)
+    reach = np.arange(-region, region + 1)
+    rows, columns = row[:, None, None] + reach[:, None], column[:, None, None] + reach
+    inside = (rows >= 0) & (rows < grid.rows) & (columns >= 0) & (columns < grid.columns)
+    members = (rows * grid.columns + columns)[inside]
+    rest = scene.springs.rest_length if scene.springs else grid.spacing
+    return Clusters(
+        np.concatenate([[0], np.cumsum(inside.sum(axis=(1, 2)))]).astype(np.int32),
+        members.astype(np.int32),
+        np.ones(len(members)),
+        np.full(grid.particle_count, matching_stiffness(scene)),
+        np.broadcast_to(masses(scene), (grid.particle_count, 1))[:, 0].astype(np.float64),
+        np.stack([column * rest, -row * rest], axis=1).astype(np.float64),
+    )

@@ -1,0 +1,56 @@
+"""Rigid bodies that come off colliders, and bounce off each other, as wholes: which clusters do, and what both backends read.
+
+A collider answers particle by particle. Of a rigid body only some touch, and matching shares what they got among all. So
+their impulses p_i = m_i dv_i are taken together: as a rigid motion they are worth Q = |sum p|^2 / M + L.(I^-1 L), L = sum r
+x p, and they asked for D = sum m_i dv_i^2. All times s = D / Q, the mean change, weighted by them, is the one asked for: a
+body that lands flat has M / (mass that touches), one on a corner what a rigid body gets there, 1 / m (1/M + (r x n) I^-1 (r
+x n)). Q <= D, as the best rigid motion near any has less energy. With u_n the speed into a collider at rest, sum p.u = -(1 +
+e) sum m u_n^2 and D = (1 + e)^2 sum m u_n^2, so the kinetic energy changes by s (sum p.u + D/2) = -s (1 - e^2) / 2 sum m
+u_n^2: never a gain, and no loss with e = 1. This needs velocities that are a rigid motion, so before colliders such bodies'
+velocities are made one, of the same momenta.
+
+Bodies that meet: particles' impulses for split masses (model/formulas/particle_contact.py) are those p, and an impulse is
+multiplied by the lesser s of its two bodies, the same for both, so that momenta stay. For two alone that are alike, or meet
+flat, this is the s of both.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model.shape_matching.clusters import Clusters
+
+if TYPE_CHECKING:
+    from model.scene.scene import Scene
+
+
+def whole_clusters(clusters: Clusters) -> np.ndarray:
+    """(clusters,) bool: those that are rigid, of two particles at least, and have them for themselves."""
+    sizes, count = np.diff(clusters.offsets), clusters.count
+    found = np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.shares != 1, count) == 0)
+    if clusters.material is not None:
+        found &= (clusters.material.linear == 0) & (clusters.material.creep == 0)
+    return np.asarray(found)
+
+
+def rebound_limits(clusters: Clusters) -> np.ndarray:
+    """(clusters,) float64: the most that impulses are multiplied by, as if the lightest particle alone touched, under the
+    middle; 0 of those that do not come off as a whole. It is reached between colliders that come nearer each other."""
+    lightest = np.full(clusters.count, np.inf)
+    np.minimum.at(lightest, clusters.owner, clusters.masses)
+    limits: np.ndarray = np.where(whole_clusters(clusters), clusters.cluster_mass / lightest, 0.0)
+    return limits
+
+
+def rebound_parts(scene: Scene) -> frozenset[str]:
+    """`rigid-rebound`, and `cluster_damping`, which makes rigid motions, where a collider gives back to a rigid body;
+    `rigid-bounce`, where particles do."""
+    found: set[str] = set()
+    if whole_clusters(scene.crowd.loose).any():
+        if any(collider.restitution > 0 for _, collider in scene.colliders):
+            found |= {"rigid-rebound", "cluster_damping"}
+        if scene.contact is not None and scene.contact.restitution > 0:
+            found.add("rigid-bounce")
+    return frozenset(found)

@@ -1,0 +1,122 @@
+"""Bodies that come and go while a scene runs: spare copies wait, weightless, until they are brought in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.scene.scene import Scene
+from model.shape_matching.crowd import Copy
+
+if TYPE_CHECKING:
+    from model.core.simulation import Simulation, State
+
+STILL = (0.0, 0.0, 0.0)  # m/s
+
+
+def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
+    """(particles,) bool: whose copies wait by these inverse masses [1/kg], (particles,); None where they are not those of
+    the scene's particles, all or none of a copy's being 0."""
+    crowd, waits = scene.crowd, inverse_mass == 0
+    known = np.where(waits, 0.0, 1 / crowd.clusters.mass)
+    share = np.bincount(crowd.body, waits) / np.bincount(crowd.body)
+    return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(share, (0, 1)).all() else None
+
+
+def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
+    """(particles,) bool: those of bodies that wait, by inverse masses as in State or (None) when the scene starts; None where
+    no body does."""
+    if not scene.bodies:
+        return None
+    waits = scene.crowd.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
+    return waits if waits.any() else None
+
+
+def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None = None) -> np.ndarray:
+    """Those of `position` (particles, dimensions) that are there by `absent`; all, where none would be left."""
+    waits = absent(scene, inverse_mass)
+    return position if waits is None or waits.all() else position[~waits]
+
+
+def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray:
+    """(copies,) bool: which copies of a scene's bodies are there by `absent`."""
+    waits = absent(scene, inverse_mass)
+    copies = scene.crowd.copies
+    return np.array([waits is None or not waits[copy.first_particle] for copy in copies])
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many particles, clusters and bodies are there; how many bodies wait, of how many particles. Of a sheet all masses
+    are there, and no bodies."""
+
+    particles: int
+    clusters: int = 0
+    bodies: int = 0
+    waiting: int = 0
+    waiting_particles: int = 0
+
+
+def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
+    """What is there and what waits, by `absent`."""
+    if not scene.bodies:
+        return Counts(scene.grid.particle_count)
+    is_there = copies_there(scene, inverse_mass)
+    there = [copy.baked for copy in scene.crowd.copies if is_there[copy.number]]
+    waiting = [copy.baked for copy in scene.crowd.copies if not is_there[copy.number]]
+    return Counts(
+        sum(len(body.position) for body in there), sum(body.clusters.count for body in there), len(there), len(waiting),
+        sum(len(body.position) for body in waiting),
+    )  # fmt: skip
+
+
+def added(
+    simulation: Simulation, name: str, origin: Sequence[float] | None, velocity: Sequence[float]
+) -> tuple[int, State]:
+    """See Simulation.add_body: the number of the copy, and the state with it."""
+    scene, weights = simulation.scene, simulation.body.inverse_mass
+    if name not in scene.bodies:
+        raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
+    part, mine = scene.bodies[name], [copy for copy in scene.crowd.copies if copy.name == name]
+    copy = next((one for one in mine if not weights[one.first_particle]), None)
+    if copy is None:
+        raise SceneError(f"{name}.spare", part.spare, "no copy is left; more of them, or remove_body, would do")
+    for field, value in (("origin", origin), ("velocity", velocity)):
+        array = np.asarray(value if value is not None else STILL)
+        if array.shape != (3,) or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
+            raise SceneError(field, value, "must be three finite numbers, x first")
+    moved = np.subtract(part.places()[0] if origin is None else origin, part.places()[0])
+    return copy.number, _put(simulation, copy, scene.crowd.position[mine[0].particles] + moved, velocity, True)
+
+
+def removed(simulation: Simulation, number: int) -> State:
+    """See Simulation.remove_body: the state without it."""
+    scene, weights = simulation.scene, simulation.body.inverse_mass
+    copies = scene.crowd.copies if scene.bodies else ()
+    if (
+        not isinstance(number, int | np.integer)
+        or not 0 <= number < len(copies)
+        or not weights[copies[number].first_particle]
+    ):
+        raise SceneError("body", number, "there is no such body now")
+    copy = copies[number]
+    if "spare" not in simulation.plan.parts:
+        raise SceneError(f"{copy.name}.spare", 0, "must be at least 1 in a scene that bodies leave")
+    return _put(simulation, copy, scene.crowd.position[copy.particles], STILL, False)
+
+
+def _put(simulation: Simulation, copy: Copy, position: np.ndarray, velocity: Sequence[float], there: bool) -> State:
+    """The state with a copy in its rest shape at `position`, as a body that is there, or that waits."""
+    state, crowd = simulation.state(), simulation.scene.crowd
+    clusters = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
+    state.position[copy.particles], state.velocity[copy.particles] = position, velocity
+    state.inverse_mass[copy.particles] = 1 / crowd.clusters.mass[copy.particles] if there else 0.0
+    if state.rotation is not None:
+        state.rotation[clusters] = (1.0, 0.0, 0.0, 0.0)
+    if state.plastic is not None:
+        state.plastic[clusters] = np.eye(3)
+    return state

@@ -1,0 +1,101 @@
+"""Colours for constraints, so that no two of one colour share a vertex and all of a colour can be solved at once.
+
+Colour by colour, the constraints without one, in a random but fixed order of priority, give as many as they can: in rounds
+each that comes first at all its vertices takes the colour, and those that share a vertex with it wait for the next colour
+(M. Luby, "A simple parallel algorithm for the maximal independent set problem", SIAM J. Comput. 15 (1986); M. T. Jones, P. E.
+Plassmann, "A parallel graph coloring heuristic", SIAM J. Sci. Comput. 14 (1993)). That is the greedy colouring in that order.
+Then colours are saved by greedy colouring again, whole colours in another order, which never takes more (J. C. Culberson,
+"Iterated greedy graph coloring and the difficulty landscape" (1992)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.core.errors import SceneError
+
+MOST_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that needs another solver
+PASSES = 32  # of saving colours; later ones were seen to save none
+WORD = 63  # colours that fit one signed word of used colours
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """`order` (n,) int32: constraints by colour, ascending in each; colour c is `order[starts[c]:starts[c + 1]]`, `starts`
+    (colours + 1,) int32, larger colours first. `least`: the most constraints at one vertex, which no colouring can beat."""
+
+    order: np.ndarray
+    starts: np.ndarray
+    least: int
+
+    @property
+    def colours(self) -> int:
+        return len(self.starts) - 1
+
+
+def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouring:
+    """Colours for `constraints` (n, k): the k different vertices 0 ... vertex_count - 1 of each.
+
+    The same for the same arguments. Raises SceneError where a vertex has more than MOST_COLOURS constraints.
+    """
+    vertices = np.asarray(constraints, dtype=np.int64)
+    valence = np.bincount(vertices.ravel(), minlength=vertex_count)
+    least = int(valence.max(initial=0))
+    if least > MOST_COLOURS:
+        raise SceneError(
+            "constraints",
+            least,
+            f"meet at vertex {int(np.argmax(valence))}; at most {MOST_COLOURS} at a vertex can be coloured: refine the mesh "
+            "there, or solve without colours",
+        )
+    generator = np.random.default_rng(seed)
+    given = _greedy(vertices, vertex_count, generator.permutation(len(vertices)))
+    for turn in range(PASSES):
+        sizes = np.bincount(given)
+        if not least < len(sizes) <= WORD:
+            break
+        order = generator.permutation(len(sizes)) if turn % 2 else np.arange(len(sizes))[::-1]
+        given = _again(vertices, vertex_count, given, order)
+    sizes = np.bincount(given)
+    rank = np.empty(len(sizes), dtype=np.int64)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    order = np.argsort(rank[given], kind="stable").astype(np.int32)
+    starts = np.concatenate([[0], np.cumsum(np.sort(sizes)[::-1])]).astype(np.int32)
+    return Colouring(order, starts, least)
+
+
+def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np.ndarray:
+    """(n,) int64: colours of the greedy colouring that takes constraints by ascending `priority` (n,), a permutation."""
+    given = np.full(len(vertices), -1, dtype=np.int64)
+    earliest = np.empty(vertex_count, dtype=np.int64)
+    waiting, number = np.arange(len(vertices)), 0
+    while len(waiting):
+        blocked = np.zeros(vertex_count, dtype=bool)
+        able = waiting
+        while len(able):
+            at, own = vertices[able], priority[able][:, None]
+            earliest[at] = len(vertices)
+            np.minimum.at(earliest, at, own)
+            takes = (earliest[at] == own).all(axis=1)
+            given[able[takes]] = number
+            blocked[at[takes]] = True
+            able = able[~blocked[at].any(axis=1)]
+        waiting = waiting[given[waiting] < 0]
+        number += 1
+    return given
+
+
+def _again(vertices: np.ndarray, vertex_count: int, given: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """(n,) int64: the lowest free colour for each constraint, all of a colour at once, colours in `order`."""
+    members = np.split(np.argsort(given, kind="stable"), np.cumsum(np.bincount(given))[:-1])
+    used = np.zeros(vertex_count, dtype=np.int64)  # a bit for each colour at the vertex
+    new = np.empty_like(given)
+    for old in order:
+        at = vertices[members[old]]
+        taken = np.bitwise_or.reduce(used[at], axis=1)
+        lowest = ~taken & (taken + 1)
+        used[at] |= lowest[:, None]
+        new[members[old]] = np.frexp(lowest.astype(np.float64))[1] - 1
+    return new

@@ -1,0 +1,99 @@
+"""The constants that the kernels of the position-based solvers read: a cloth's, of a substep, and those of its constraints.
+
+The first are those of model/mass_spring/cloth_parameters.py with the substep for the step, for a grid too: forces and
+colliders read them there. Of a kind of constraints all constants lie side by side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.integrators import damping_rate
+from model.core.parameters import rounded_record
+from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
+from model.scene.cloth import SPRING_KINDS
+from model.scene.scene import Scene
+from model.shape_matching.clusters import matching_share
+from model.shape_matching.matching import matching_stiffness
+
+CONSTRAINTS = (
+    "structural",
+    "stiff",
+    "shear",
+    "bending",
+)  # stiff: every second structural one, where a grid's alternate
+CONSTANTS = (
+    "rest",  # m
+    "compliance",  # alpha m / h^2, of no unit; 0: inextensible
+    "damping",  # gamma = alpha beta / h
+    "stiffening",  # 1 + gamma; of PBD 1 / stiffness
+    "both",  # 1 / (2 stiffening + compliance): the reciprocal between two masses that are free, and weigh as the sheet's
+    "one",  # the same where one of them is pinned
+)
+XPBD_PARAMETERS = (
+    *CLOTH_PARAMETERS,
+    "inverse_substep",  # 1/h, 1/s
+    "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
+    "braking",  # h c / m
+    *(f"distance_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
+    "matching",  # how far masses go towards the goals of their clusters in an iteration
+    "matching_rest",  # m, between neighbours of a cluster at rest
+)
+X_INVERSE_SUBSTEP, X_KEEP, X_DRAG, X_MATCHING, X_MATCHING_REST = (
+    XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "braking", "matching", "matching_rest")
+)
+# where a kind's constants begin
+X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"distance_{kind}_rest") for kind in CONSTRAINTS}
+X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
+
+
+OWN_FIELDS = {  # of the scene, by the value that follows from them
+    "inverse_substep": "method.dt",
+    "braking": "damping.coefficient",
+    **{f"distance_{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
+    "distance_stiff_compliance": "springs.stiffness_ratio",
+    "matching": "springs.stiffness",
+}
+
+
+def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
+    """The CONSTANTS of a kind of constraints, in float64; 0 where the scene has none of it."""
+    grid, method = scene.grid, scene.method
+    if scene.springs and kind in ("structural", "stiff"):
+        softness = scene.springs.softness(scene.springs.stiffness_ratio if kind == "stiff" else 1.0)
+        rest, damping = scene.springs.rest_length, 0.0
+    elif kind in scene.cloth_springs:
+        springs = scene.cloth_springs[kind]
+        softness, rest, damping = springs.softness(), REACH[kind] * grid.spacing, springs.damping
+    else:
+        return (0.0,) * len(CONSTANTS)
+    h = method.dt / method.substeps
+    compliance, gamma, stiffening = softness * grid.mass / h**2, softness * damping / h, 1 / method.pbd_stiffness
+    if method.solver == "pbd":
+        compliance = gamma = 0.0
+    stiffening += gamma
+    return rest, compliance, gamma, stiffening, 1 / (2 * stiffening + compliance), 1 / (stiffening + compliance)
+
+
+def xpbd_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
+    """(len(XPBD_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError.
+
+    `poke`: as many components [N] as the scene has dimensions.
+    """
+    h = scene.method.dt / scene.method.substeps
+    values = cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)
+    braking = damping_rate(scene) * h
+    values |= {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
+    for kind in CONSTRAINTS:
+        constants = constraint_constants(scene, kind)
+        values |= {f"distance_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
+    method, matching = scene.method, 0.0
+    if method.matches_shapes:
+        matching = matching_share(matching_stiffness(scene), h, method.iterations)
+    rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
+    values |= {"matching": matching, "matching_rest": rest}
+    assert tuple(values) == XPBD_PARAMETERS
+    return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)

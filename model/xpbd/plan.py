@@ -1,0 +1,258 @@
+"""The plan of a position-based step, and the families of constraints on a sheet: which there are, where, in which colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model.contact.particle_parameters import contact_parts
+from model.core.plan import Node, Plan, Stage
+from model.formulas import (
+    cluster,
+    colliders,
+    contact,
+    deformation,
+    distance,
+    lattice,
+    pace,
+    particle_contact,
+    rebound,
+    shape_matching,
+    wind,
+)  # fmt: skip
+from model.formulas import random as random_formulas
+from model.mass_spring.cloth_plan import TRIANGLES_EACH, cloth_parts
+from model.scene.cloth import SPRING_KINDS
+from model.scene.parts import Elastic
+from model.scene.scene import Scene
+from model.shape_matching.rigid_rebound import rebound_parts
+
+JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
+BODIES_LOOKED_AT = 27  # particles of the cells around one, a lattice's
+BODIES_MET = 4  # contacts of a particle at a body's surface; of one inside none
+LOOKED_AT = 4  # triangles that a mass of a cloth in a few layers is held against
+
+
+@dataclass(frozen=True)
+class Family:
+    """Constraints that go one way over the sheet from the first mass (i, j) to (i + rows, j + columns).
+
+    The family of (1, -1) is indexed by (i, j), too, and goes from (i, j + 1) to (i + 1, j): the first mass is the upper one.
+    No two of a colour share a mass: the colour is (i // rows) % 2, or (j // columns) % 2 where a family goes along rows.
+    `colours`: the places of its two colours in the order of all.
+    """
+
+    name: str
+    kind: str
+    rows: int
+    columns: int
+    colours: tuple[int, int]
+
+
+FAMILIES = (
+    Family("vertical", "structural", 1, 0, (0, 3)),
+    Family("falling", "shear", 1, 1, (1, 4)),
+    Family("rising", "shear", 1, -1, (2, 5)),
+    Family("horizontal", "structural", 0, 1, (6, 7)),
+    Family("vertical-bending", "bending", 2, 0, (8, 9)),
+    Family("horizontal-bending", "bending", 0, 2, (10, 11)),
+)
+
+
+def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The parts that need code. Beside a cloth's (a grid's springs are `structural` ones) and the ordering:
+
+    `structural-compliance` (and so on): the constraints have multipliers, or may get them, where the stiffness is live;
+    `structural-damping`: dampers along them;
+    `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
+    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `rubbing` where that has friction. Of the
+    solver shape-matching `clusters` instead of constraints.
+    """
+    parts = set(cloth_parts(scene, live))
+    method = scene.method
+    if method.matches_shapes:
+        return frozenset(parts - set(SPRING_KINDS)) | {"clusters"} | body_parts(scene)
+
+    def gives(springs: Elastic) -> bool:
+        return method.solver == "xpbd" and (not springs.inextensible or "stiffness" in live)
+
+    kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
+    if scene.springs:
+        parts.add("structural")
+        if gives(scene.springs):
+            parts.add("structural-compliance")
+        if scene.springs.alternate:
+            parts.add("alternating")
+    for kind, springs in kinds.items():
+        parts.discard(f"{kind}-damping")
+        if gives(springs):
+            parts.add(f"{kind}-compliance")
+            if springs.damping > 0:
+                parts.add(f"{kind}-damping")
+    if scene.loads:
+        parts.add("load")
+    if scene.attachments and "pins" in parts:
+        parts.add("attachments")
+    if scene.self_collision:
+        parts.add("self_collision")
+        if scene.self_collision.static_friction > 0:
+            parts.add("rubbing")
+    parts.add(method.ordering)
+    return frozenset(parts)
+
+
+def body_parts(scene: Scene) -> frozenset[str]:
+    """What of bodies needs code beside their clusters: `links`, what their clusters do beside turning, contacts."""
+    if not scene.bodies:
+        return frozenset()
+    links = {"links"} if scene.crowd.links.count else set()
+    spare = {"spare"} if any(copy.waits for copy in scene.crowd.copies) else set()
+    lattices = {"lattices"} if scene.crowd.lattices else set()
+    return scene.crowd.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
+
+
+def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
+    """The families of the constraints that are there, by their first colours."""
+    return tuple(family for family in FAMILIES if family.kind in scene_parts)
+
+
+def colour_order(scene_parts: frozenset[str]) -> list[tuple[Family, int]]:
+    """(family, its colour 0 or 1) in the order in which Gauss-Seidel projects: 4 to 12 of them, or none."""
+    found = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
+    return sorted(found, key=lambda entry: entry[0].colours[entry[1]])
+
+
+def constraint_count(scene: Scene) -> int:
+    """How many constraints one iteration projects (long-range attachments not counted)."""
+    grid, parts, total = scene.grid, xpbd_parts(scene), 0
+    for family in families(parts):
+        total += max(0, grid.rows - family.rows) * max(0, grid.columns - abs(family.columns))
+    return total
+
+
+def lattice_stages(region: int) -> tuple[Stage, ...]:
+    """An iteration of shape matching of a grid whose clusters are windows."""
+    sm, wide = shape_matching, 2 * region + 1
+    matching = (wide - 1) * sm.OPERATIONS_MEMBER + wide * sm.OPERATIONS_ROW + sm.OPERATIONS_CLUSTER
+    goals = wide * (sm.OPERATIONS_GOAL_MEMBER + sm.OPERATIONS_GOAL_ROW) + sm.OPERATIONS_MOVE
+    return Stage("match clusters", 1, 2, matching), Stage("move to goals", 3, 1, goals)
+
+
+def link_stages(scene: Scene) -> tuple[Stage, ...]:
+    """The links of bodies, a stage a colour: no two of a colour share a particle."""
+    starts, particles = scene.crowd.links.starts, scene.crowd.particle_count
+    each = (starts[1:] - starts[:-1]) * distance.OPERATIONS_SOFT / particles
+    return tuple(Stage(f"project links {number}", 1, 1, round(float(count))) for number, count in enumerate(each))
+
+
+def body_stages(scene: Scene) -> tuple[Stage, ...]:
+    """An iteration of shape matching of bodies: clusters gather their particles, particles their clusters.
+
+    An entry, a particle in a cluster, is a place, a rest offset, a mass or a share, and an index of four bytes; matched, it
+    reads a position, and moved, the cluster's rotation and centre, 12 scalars. Of a lattice each mass has sums of a slice,
+    nine scalars, which are written and read twice, and a rotation, four.
+    """
+    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    shaped = cluster.OPERATIONS_TURN
+    if clusters.parts & {"linear", "plastic"}:
+        shaped += deformation.OPERATIONS_GRADIENT
+        shaped += deformation.OPERATIONS_LINEAR * ("linear" in clusters.parts)
+        shaped += deformation.OPERATIONS_PLASTIC * ("plastic" in clusters.parts)
+    matched = overlap * cluster.OPERATIONS_MEMBER + each * shaped
+    moved = overlap * cluster.OPERATIONS_GOAL + cluster.OPERATIONS_MOVE
+    table = 3 + 1 + 1  # scalars
+    regular = 0.0  # the part of particles in lattices
+    for one in scene.crowd.lattices:
+        part = one.copies * one.lattice.size / particles
+        regular += part
+        matched += part * (lattice.OPERATIONS_MOMENTS + 2 * one.lattice.region * lattice.OPERATIONS_MEMBER)
+        matched += part * lattice.OPERATIONS_TURN
+        moved += part * (lattice.OPERATIONS_GOALS + (2 * one.lattice.region + 1) * lattice.OPERATIONS_GOAL_MEMBER)
+        moved += part * lattice.OPERATIONS_MOVE
+    reads = overlap * (3 + table) + 4 * each + regular * (3 + 9 + 3 + 4)
+    writes = each * (4 + 12) + regular * (9 + 9 + 4)
+    return (
+        Stage("match clusters", round(reads / 3), round(writes / 3), round(matched)),
+        Stage("move to goals", round((overlap * (12 + table) + regular * 9) / 3) + 1, 1, round(moved)),
+    )
+
+
+def damping_stage(scene: Scene) -> Stage:
+    """Clusters gather the momenta of their particles, particles the rigid motions of their clusters, 9 scalars."""
+    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    table = 1 + 1  # scalars: a mass or a factor, and an index
+    reads = overlap * (6 + table) + overlap * (9 + table) + 6
+    operations = overlap * (pace.OPERATIONS_MEMBER + pace.OPERATIONS_SLOWED) + each * pace.OPERATIONS_MOTION
+    return Stage("damp clusters", round(reads / 3), 1 + round(each * 3), round(operations))
+
+
+def rebound_stage(scene: Scene) -> Stage:
+    """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
+    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    reads = overlap * (2 * 7 + 9 + 2) + 9  # twice a place, a velocity and a mass; a motion, a factor and an index
+    member = pace.OPERATIONS_MEMBER + rebound.OPERATIONS_MEMBER + rebound.OPERATIONS_REBOUND
+    operations = overlap * member + each * pace.OPERATIONS_MOTION
+    return Stage("rebound", round(reads / 3), 2 + round(each * 3), round(operations))
+
+
+def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """The plan of a position-based solver. Numbers are per particle and axis, as in model/core/plan.py.
+
+    M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps (M. Macklin et al., "Small Steps in Physics Simulation",
+    SCA 2019); multipliers are 0 when a substep begins and live through its iterations.
+    """
+    parts, method, axes = xpbd_parts(scene, live), scene.method, scene.dimensions
+    outside: list[Stage] = []
+    if "gravity" in parts:
+        outside.append(Stage("gravity", 0, 0, 1))
+    if "wind" in parts:
+        outside.append(Stage("wind", 3, 1, TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)))
+    if "external" in parts:
+        outside.append(Stage("external force", 0, 0, random_formulas.OPERATIONS))
+    if "poke" in parts:
+        outside.append(Stage("poke", 0, 0, 0))
+    predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
+
+    def project(family: Family) -> int:
+        each = distance.OPERATIONS_SOFT if f"{family.kind}-compliance" in parts else distance.OPERATIONS_RIGID
+        return each + distance.OPERATIONS_DAMPER * (f"{family.kind}-damping" in parts)
+
+    colours: tuple[Stage, ...]
+    if method.matches_shapes:
+        colours = link_stages(scene) + body_stages(scene) if scene.bodies else lattice_stages(method.region)
+    elif method.ordering == "gauss-seidel":
+        colours = tuple(
+            Stage(f"project {family.name} {colour}", 1, 1, project(family) // 2)
+            for family, colour in colour_order(parts)
+        )
+    else:
+        operations = sum(2 * project(family) for family in families(parts))
+        colours = (Stage("project all", 1, 1, operations),) if operations else ()
+    if "attachments" in parts and scene.attachments:
+        colours += (Stage("attachments", 1, 1, scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT),)
+    search: tuple[Stage, ...] = ()
+    if scene.self_collision:
+        search = (Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST),)
+        sweep = Stage("project contacts", 2, 1, scene.self_collision.sweeps * contact.OPERATIONS_CONTACT)
+        colours += (sweep,)
+    if scene.contact:
+        search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
+        met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
+        colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
+    update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
+    bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
+    bounce = (bounces,) if "bouncing" in parts else ()
+    slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
+    bodies = scene.colliders
+    touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
+    turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
+    iteration = Node("iteration", colours, method.iterations)
+    stages = (*outside, predict, *search, iteration, update, *bounce, *slow, *touch, *turned_round)
+    substep = Node("substep", stages, method.substeps)
+    root = Node("step", (substep,))
+    if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers
+        passes = sum(stage.reads + stage.writes for stage in root.stages() if stage.name != "collide")
+        return Plan(root, passes, parts, dimensions=axes)
+    return Plan(root, 4 * method.substeps, parts, dimensions=axes)

@@ -1,0 +1,254 @@
+"""Every figure of the lab, drawn from the store: what `softlab figures` calls.
+
+>>> from plots.core.draw import draw_all
+>>> draw_all("softlab-results/results.sqlite", "figures", committed=["labbook/data/h200.csv"])
+"""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from model.core.errors import InputError
+from plots.core import shapes
+from plots.core.data import Origin, Results, load
+from plots.core.style import SUFFIXES, Drawing, save, settings
+from plots.figures import (
+    ablation,
+    bandwidth,
+    bar,
+    convergence,
+    crowds,
+    graphics,
+    hard,
+    hard_bodies,
+    joules,
+    kernels,
+    lab_step,
+    overtaking,
+    peers,
+    precisions,
+    projections,
+    roofline,
+    stability,
+    thread_scaling,
+    time_per_step,
+    work_precision,
+)
+from plots.findings import damping as findings_damping
+from plots.findings import determinism as findings_determinism
+from plots.findings import dissipation as findings_dissipation
+from plots.findings import exact as findings_exact
+from plots.findings import float32 as findings_float32
+from plots.findings import looks as findings_looks
+
+FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
+    "time-per-step": time_per_step.draw,
+    "thread-scaling": thread_scaling.draw,
+    "overtaking": overtaking.draw,
+    "graphics": graphics.draw,
+    "bandwidth": bandwidth.draw,
+    "precisions": precisions.draw,
+    "shapes": shapes.draw,
+    "work-precision": work_precision.draw,
+    "lab-step": lab_step.draw,
+    "kernels": kernels.draw,
+    "roofline": roofline.draw,
+    "joules": joules.draw,
+    "peers": peers.draw,
+    "stability-stiffness": stability.draw_stiffness,
+    "stability-damping": stability.draw_damping,
+    "findings-damping": findings_damping.draw,
+    "findings-float32": findings_float32.draw,
+    "findings-dissipation": findings_dissipation.draw,
+    "findings-exact": findings_exact.draw,
+    "findings-looks": findings_looks.draw,
+    "findings-determinism": findings_determinism.draw,
+    "convergence": convergence.draw,
+    "ablation": ablation.draw,
+    "projections": projections.draw,
+    "published": projections.draw_published,
+    "crowds": crowds.draw,
+    "hard-states": hard.draw_states,
+    "hard-verdicts": hard.draw_verdicts,
+    "hard-bodies": hard_bodies.draw,
+    "hard-body-states": hard_bodies.draw_states,
+    "bar-solvers": bar.draw,
+    "bar-clusters": bar.draw_clusters,
+}
+TITLES = {
+    "time-per-step": time_per_step.TITLE,
+    "thread-scaling": thread_scaling.TITLE,
+    "overtaking": overtaking.TITLE,
+    "graphics": graphics.TITLE,
+    "bandwidth": bandwidth.TITLE,
+    "precisions": precisions.TITLE,
+    "shapes": shapes.TITLE,
+    "work-precision": work_precision.TITLE,
+    "lab-step": lab_step.TITLE,
+    "kernels": kernels.TITLE,
+    "roofline": roofline.TITLE,
+    "joules": joules.TITLE,
+    "peers": peers.TITLE,
+    "stability-stiffness": stability.TITLE_STIFFNESS,
+    "stability-damping": stability.TITLE_DAMPING,
+    "findings-damping": findings_damping.TITLE,
+    "findings-float32": findings_float32.TITLE,
+    "findings-dissipation": findings_dissipation.TITLE,
+    "findings-exact": findings_exact.TITLE,
+    "findings-looks": findings_looks.TITLE,
+    "findings-determinism": findings_determinism.TITLE,
+    "convergence": convergence.TITLE,
+    "ablation": ablation.TITLE,
+    "projections": projections.TITLE,
+    "published": projections.PUBLISHED_TITLE,
+    "crowds": crowds.TITLE,
+    "hard-states": hard.STATES_TITLE,
+    "hard-verdicts": hard.VERDICTS_TITLE,
+    "hard-bodies": hard_bodies.TITLE,
+    "hard-body-states": hard_bodies.STATES_TITLE,
+    "bar-solvers": bar.TITLE,
+    "bar-clusters": bar.CLUSTERS_TITLE,
+}
+
+
+@dataclass(frozen=True)
+class FigureFiles:
+    """A figure on disk: `paths` (.svg, .png) and `caption`; where the data do not hold it, no paths but a `reason`.
+    `footer`: points at its top that tell machine, commit and date."""
+
+    name: str
+    title: str
+    paths: tuple[Path, ...]
+    caption: str
+    reason: str | None = None
+    footer: float = 0.0
+
+
+Tell = Callable[[str], None]
+
+
+def draw_figures(
+    results: Results,
+    out_dir: str | Path,
+    *,
+    footer: bool = True,
+    suffixes: Sequence[str] = SUFFIXES,
+    helped: bool = False,
+    tell: Tell = lambda name: None,
+) -> list[FigureFiles]:
+    """Draw what the results hold into an existing folder. `footer`: machine, commit and date on the figure itself;
+    `suffixes`: the formats; `helped`: by a second process (for programs whose main module may be imported again); `tell`
+    hears of each figure that is done.
+
+    A figure that the data do not hold is left out, with its reason; an older file of its name is removed then, so that
+    the folder never mixes two states. Raises InputError where the folder cannot be written.
+    """
+    folder = Path(out_dir)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; make it first, or give another path for the figures")
+    made: dict[str, FigureFiles] = {}
+    gc.freeze()  # a hundred thousand measures stay: to look through them for garbage takes as long as half of the figures
+    try:
+        with settings(), Helper(results if helped else None, folder, footer, suffixes) as helper:
+            for name in reversed(FIGURES):  # from the end on, until it meets the helper
+                made[name] = helper.result(name) or _draw(results, name, folder, footer, suffixes)
+                tell(name)
+    finally:
+        gc.unfreeze()
+    return [made[name] for name in FIGURES]
+
+
+def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Sequence[str]) -> FigureFiles:
+    drawing = FIGURES[name](results)
+    if isinstance(drawing, str):
+        for suffix in suffixes:
+            _remove(folder / f"{name}.{suffix}")
+        return FigureFiles(name, TITLES[name], (), "", drawing)
+    paths = save(drawing, folder, name, footer=footer, suffixes=suffixes)
+    height = drawing.footer_height if footer else 0.0
+    return FigureFiles(name, drawing.title, tuple(paths), drawing.caption, None, height)
+
+
+class Helper:
+    """A second process that draws figures, from the first one on; a context manager. Of None results: nobody helps."""
+
+    def __init__(self, results: Results | None, *how: Any):
+        self.results, self.how = results, how
+        self.begun: dict[str, Future[FigureFiles]] = {}
+
+    def __enter__(self) -> Helper:
+        if self.results is None:
+            return self
+        with suppress(OSError, ImportError):  # a machine without semaphores: one process draws all
+            context = multiprocessing.get_context("spawn")  # a fork would take over locks of threads that it lacks
+            self.pool = ProcessPoolExecutor(1, context, _begin_helping, (self.results,))
+            self.begun = {name: self.pool.submit(_help, name, *self.how) for name in FIGURES}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.begun:
+            self.pool.shutdown(cancel_futures=True)
+
+    def result(self, name: str) -> FigureFiles | None:
+        """What the helper made of a figure; None for one that it had not begun, or failed at, and will not touch now."""
+        if name not in self.begun or self.begun[name].cancel():
+            return None
+        try:
+            return self.begun[name].result()
+        except Exception:  # whatever it was shows itself when the figure is drawn here
+            return None
+
+
+_given: list[Results] = []  # what the helper draws
+
+
+def _begin_helping(results: Results) -> None:
+    """In the helper's process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who is helped
+    gc.freeze()
+    _given.append(results)
+
+
+def _help(name: str, *how: Any) -> FigureFiles:
+    with settings():
+        return _draw(_given[0], name, *how)
+
+
+def draw_all(
+    store_or_paths: Origin | Sequence[Origin] | None, out_dir: str | Path, committed: Iterable[str | Path] = ()
+) -> list[Path]:
+    """Every figure that the results hold, as .svg and .png in `out_dir`; the paths.
+
+    `store_or_paths`: the user's own store(s), open or as paths (.sqlite, .csv), None where there is none; `committed`:
+    text exports to draw lightly behind them (or as the main thing where there is no own store). `out_dir` is made where
+    its parent exists. Raises InputError.
+    """
+    results = load(store_or_paths, committed)
+    return [path for figure in draw_figures(results, figures_folder(out_dir)) for path in figure.paths]
+
+
+def figures_folder(out_dir: str | Path) -> Path:
+    """The folder, made where its parent exists. Raises InputError."""
+    folder = Path(out_dir)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder} cannot be made: {error.strerror or error}; give another path for the figures"
+        ) from None
+    return folder
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be replaced: {error.strerror or error}; check its permissions") from None

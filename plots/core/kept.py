@@ -1,0 +1,117 @@
+"""Figures that were drawn before: files in the user's cache, known by what is on the figure and by the code that draws.
+
+To make a figure's parts takes a fifth of the time; to find their places and to write them takes the rest. So a figure is
+made, its parts are looked at, and if the same ones were written before, the files of then are taken.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.core.digest import source_digest
+from model.core.disk_cache import user_cache
+
+MOST_FILES = 400  # six sets of figures; beyond it those not used for longest go
+
+
+def key_of(figure: Any, *more: Any) -> str:
+    """A hash of what is on a figure that is not laid out yet, of the code that draws, and of what `more` decides."""
+    digest = hashlib.sha256(_code().encode())
+    for piece in (*more, *figure.get_size_inches(), *_parts(figure)):
+        told = np.ascontiguousarray(piece).tobytes() if isinstance(piece, np.ndarray) else repr(piece).encode()
+        digest.update(len(told).to_bytes(8, "little") + told)
+    return digest.hexdigest()[:32]
+
+
+@cache
+def _code() -> str:
+    import matplotlib
+
+    return f"{source_digest(Path(__file__).parent.parent)} matplotlib {matplotlib.__version__}"
+
+
+def _parts(figure: Any) -> Iterator[Any]:
+    """What the data decide: of every part its kind, place, text and looks. Ticks follow from the axes."""
+    from matplotlib.ticker import FixedLocator
+
+    for artist in (*figure.texts, *figure.legends, *figure.patches, *figure.lines, *figure.images):
+        yield from _artist(artist)
+    for ax in figure.axes:
+        spec = ax.get_subplotspec()
+        yield spec and (spec.num1, spec.num2, *spec.get_gridspec().get_geometry(), ax.get_title(), ax.axison)
+        yield spec and (spec.get_gridspec().get_height_ratios(), spec.get_gridspec().get_width_ratios())
+        yield ax.get_aspect(), ax.get_position(original=True).bounds
+        for axis in (ax.xaxis, ax.yaxis):
+            yield axis.get_scale(), tuple(axis.get_view_interval()), axis.get_label_text(), axis.get_visible()
+            for ticker in (axis.get_major_locator(), axis.get_major_formatter(), axis.get_minor_locator()):
+                yield type(ticker).__name__, getattr(ticker, "seq", None)
+                yield [float(at) for at in ticker()] if isinstance(ticker, FixedLocator) else None
+                yield getattr(getattr(ticker, "func", None), "args", None)  # labels that were given one by one
+        legend = ax.get_legend()
+        for artist in (*ax.lines, *ax.collections, *ax.patches, *ax.texts, *ax.images, *((legend,) if legend else ())):
+            yield from _artist(artist)
+
+
+def _artist(artist: Any) -> Iterator[Any]:
+    yield type(artist).__name__, artist.get_visible(), artist.get_alpha(), artist.get_zorder(), str(artist.get_label())
+    if hasattr(artist, "get_texts"):  # a legend, whose handles are parts by themselves
+        yield [text.get_text() for text in artist.get_texts()], artist.get_title().get_text()
+        for handle in artist.legend_handles:
+            yield from _artist(handle)
+    if hasattr(artist, "get_text"):
+        yield artist.get_text(), artist.get_position(), artist.get_fontsize(), artist.get_rotation(), artist.get_ha()
+        yield artist.get_va(), getattr(artist, "xyann", None), getattr(artist, "xy", None), str(artist.get_color())
+    if hasattr(artist, "get_xydata"):
+        yield np.asarray(artist.get_xydata(), float)
+        yield artist.get_linestyle(), str(artist.get_marker()), artist.get_linewidth(), artist.get_markersize()
+        yield str(artist.get_color()), str(artist.get_markerfacecolor()), str(artist.get_markeredgecolor())
+    if hasattr(artist, "get_offsets"):  # a collection
+        yield from (path.vertices for path in artist.get_paths())
+        for values in (artist.get_offsets(), artist.get_facecolor(), artist.get_edgecolor(), artist.get_linewidth()):
+            yield np.asarray(values, float)
+        yield np.asarray([] if artist.get_array() is None else artist.get_array(), float)
+    elif hasattr(artist, "get_path") and hasattr(artist, "get_facecolor"):  # a patch
+        yield artist.get_path().vertices, tuple(artist.get_facecolor()), tuple(artist.get_edgecolor())
+        yield np.asarray(artist.get_patch_transform().get_matrix()), artist.get_hatch(), artist.get_linestyle()
+    if hasattr(artist, "get_extent") and hasattr(artist, "get_array"):  # an image
+        yield np.asarray(artist.get_array()), tuple(artist.get_extent())
+
+
+def fetch(key: str, suffix: str, target: Path) -> bool:
+    """Copy the file of a key to `target`; whether there was one. Raises OSError where the target cannot be written."""
+    folder = user_cache("figures")
+    held = folder / f"{key}.{suffix}" if folder else None
+    if held is None or not held.is_file():
+        return False
+    shutil.copyfile(held, target)
+    with suppress(OSError):
+        os.utime(held)  # used now
+    return True
+
+
+def keep(key: str, suffix: str, made: Path) -> None:
+    """Put a copy of a file under its key; in silence where that cannot be."""
+    folder = user_cache("figures")
+    if folder is None:
+        return
+    with suppress(OSError):
+        handle, name = tempfile.mkstemp(dir=folder, suffix=".tmp")
+        os.close(handle)
+        try:
+            shutil.copyfile(made, name)
+            os.replace(name, folder / f"{key}.{suffix}")
+        finally:
+            Path(name).unlink(missing_ok=True)
+        files = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
+        for old in files[:-MOST_FILES]:
+            old.unlink(missing_ok=True)

@@ -1,0 +1,108 @@
+"""What the figures of kernels have in common: which machine stands for a backend, how a rung is drawn, its roofs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+from bench.measure.cases import LADDER
+from bench.store.results import Timing
+from plots.core.data import Results, Source, is_wrong
+from plots.core.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Curve, new_figure
+
+BACKENDS = ("cpu", "gpu")
+RUNGS = {
+    "stages": Curve("stages", GREY, "v"),
+    "launch": Curve("launch", PURPLE, "^"),
+    "graph": Curve("graph", ORANGE, "s"),
+    "one-block": Curve("one-block", VERMILLION, "P"),
+    "resident": Curve("resident", GREEN, "D"),
+    "tiles": Curve("tiles", BLUE, "o"),
+    "fused": Curve("fused", ORANGE, "s"),
+    "tiled": Curve("tiled", BLUE, "o"),
+    "team": Curve("team", GREEN, "D"),
+}
+OTHER = Curve("", SKY, "X")  # a kernel that was measured and has no place here yet
+
+
+def rung(kernel: str) -> Curve:
+    """How a kernel is drawn."""
+    return RUNGS.get(kernel) or Curve(kernel, OTHER.colour, OTHER.marker)
+
+
+def in_order(kernels: dict[str, list[Timing]]) -> list[tuple[str, list[Timing]]]:
+    """The kernels from the plainest on, each with its timings."""
+    return sorted(kernels.items(), key=lambda item: LADDER.index(item[0]) if item[0] in LADDER else len(LADDER))
+
+
+def machine_of(results: Results, backend: str, holds: Callable[[Source], bool] = lambda _: True) -> Source | None:
+    """The machine whose kernels stand for a backend: a featured one, else a committed one."""
+    found = (s for s in (*results.featured, *results.background) if s.ladder(backend) and holds(s))
+    return next(found, None)
+
+
+def backend_panels(
+    results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, height: float = 3.8, share_y: bool = True
+) -> tuple[Any, list[tuple[Any, str, Source]]]:
+    """A panel for each backend whose kernels were timed; no figure (None) where none were."""
+    chosen = []
+    for backend in BACKENDS:
+        source = machine_of(results, backend, lambda s, name=backend: holds(s, name))  # type: ignore[misc]
+        if source is not None:
+            chosen.append((backend, source))
+    if not chosen:
+        return None, []
+    figure, axes = new_figure(len(chosen), height, share_y)
+    for ax, (backend, source) in zip(axes, chosen, strict=True):
+        ax.set_title(title(source, backend), fontsize=8)
+    return figure, [(ax, backend, source) for ax, (backend, source) in zip(axes, chosen, strict=True)]
+
+
+def title(source: Source, backend: str) -> str:
+    """`GPU: NVIDIA H200`."""
+    name = f"GPU: {source.gpu}" if backend == "gpu" else f"CPU: {source.processor}, 1x threads"
+    return name if source.own else f"{name} (committed)"
+
+
+def sources_of(chosen: list[tuple[Any, str, Source]]) -> tuple[Source, ...]:
+    """The machines of the panels, each once."""
+    return tuple({source.machine.key: source for *_, source in chosen}.values())
+
+
+def threading_words(chosen: list[tuple[Any, str, Source]]) -> str:
+    """The layer and wait policy of the CPU's panel, for a caption."""
+    known = [source.threading for _, backend, source in chosen if backend == "cpu" and source.threading[0]]
+    return "".join(f"CPU: threading layer {layer}, wait policy {policy}. " for layer, policy in known)
+
+
+def defaults(source: Source, backend: str, precision: str = "float32") -> list[Timing]:
+    """At every size the kernel that the backend chooses by itself, smallest first; sizes without one are left out."""
+    kernels = source.ladder(backend, precision)
+    chosen = [t for times in kernels.values() for t in times if source.defaults.get(t.configuration)]
+    return sorted(chosen, key=lambda t: t.particles)
+
+
+def fastest(source: Source, backend: str, precision: str = "float32") -> list[Timing]:
+    """At every size the kernel with the least median, of those whose answer is right."""
+    best: dict[int, Timing] = {}
+    for times in source.ladder(backend, precision).values():
+        for t in times:
+            if not is_wrong(t) and (t.particles not in best or t.median < best[t.particles].median):
+                best[t.particles] = t
+    return [best[n] for n in sorted(best)]
+
+
+def mark_switches(ax: Any, source: Source, backend: str, precision: str = "float32") -> bool:
+    """A thin line between two sizes where the backend's own choice changes, named on both sides; whether there is one."""
+    found = defaults(source, backend, precision)
+    for left, right in pairwise(found):
+        if left.kernel != right.kernel:
+            where = (left.particles * right.particles) ** 0.5
+            ax.axvline(where, color=BLACK, linestyle=":", linewidth=0.8, zorder=1)
+            for name, side, shift in ((left.kernel, "right", -2), (right.kernel, "left", 2)):
+                ax.annotate(
+                    name, (where, 1), (shift, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
+                    fontsize=6, color="#555555", ha=side, va="top", rotation=90,
+                )  # fmt: skip
+    return len({t.kernel for t in found}) > 1

@@ -1,0 +1,310 @@
+"""How every figure looks: colours that colour-blind readers tell apart (Okabe and Ito, 2008), a marker for each curve,
+sizes that stay legible in a column, and how a measured point is shown.
+
+Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the answer was wrong; it
+belongs to no curve. matplotlib is imported where it is used, with its object interface: no window, no global state.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.store.results import Timing
+from model.core.files import replacing
+from plots.core import kept
+from plots.core.data import Results, Source, is_suspect, is_wrong
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
+)  # fmt: skip
+GREY = "#8A8A8A"
+WIDTH = 6.3  # inch: the text's width on A4
+HEIGHT = 3.6  # inch
+PNG_DPI = 160
+SUFFIXES = ("svg", "png")  # for books and for screens
+MOST_PANELS = 3
+FOOTER_SIZE = 6  # point
+FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
+RAISED = str.maketrans(
+    "-\N{MINUS SIGN}0123456789", "\u207b\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
+)
+
+SETTINGS: dict[str, Any] = {
+    "font.size": 9,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.grid.which": "major",
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 4.5,
+    "legend.frameon": False,
+    "svg.hashsalt": "softlab",  # equal figures are equal files
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How one curve is drawn."""
+
+    label: str
+    colour: str
+    marker: str
+    line: str = "-"
+
+
+THREADS = {
+    "1": Curve("1 thread", PURPLE, "v"),
+    "1x": Curve("1x threads", BLUE, "o"),
+    "2x": Curve("2x threads", ORANGE, "s"),
+    "4x": Curve("4x threads", VERMILLION, "^"),
+}
+GPU = Curve("GPU", GREEN, "D")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A finished figure: `figure` (matplotlib), `title`, `text` (what is shown), and the `sources` it is drawn from."""
+
+    figure: Any
+    title: str
+    text: str
+    sources: tuple[Source, ...] = ()
+
+    @property
+    def caption(self) -> str:
+        """What is shown, then machine, commit and date of every source."""
+        return " ".join([self.text.strip(), *(f"{line}." for line in self.provenance)])
+
+    @property
+    def provenance(self) -> list[str]:
+        """Machine, commit and date, one line a source."""
+        return list(dict.fromkeys(source.provenance for source in self.sources))
+
+    @property
+    def footer_height(self) -> float:
+        """Points that the provenance takes above the figure."""
+        return FOOTER_LINE * (len(self.provenance) + 0.5) if self.sources else 0.0
+
+
+@contextmanager
+def settings() -> Iterator[None]:
+    """matplotlib's settings for the lab, while a figure is made and saved."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()  # a user's own settings would make figures differ from machine to machine
+        for name, value in SETTINGS.items():
+            matplotlib.rcParams[name] = value  # type: ignore[index]  # typed as one of many literal names
+        yield
+
+
+def new_figure(columns: int = 1, height: float = HEIGHT, share_y: bool = True) -> tuple[Any, list[Any]]:
+    """A figure with its axes, on the Agg canvas."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, columns, sharey=share_y, squeeze=False)[0]
+    return figure, list(axes)
+
+
+def panels(
+    results: Results, holds: Callable[[Source], bool], height: float = HEIGHT
+) -> tuple[Any, list[tuple[Any, Source]]]:
+    """A panel for each featured source that `holds` what is drawn; no figure (None) where none does."""
+    chosen = [source for source in results.featured if holds(source)][:MOST_PANELS]
+    if not chosen:
+        return None, []
+    figure, axes = new_figure(len(chosen), height)
+    for ax, source in zip(axes, chosen, strict=True):
+        if len(chosen) > 1:
+            ax.set_title(source.machine.label.replace("; ", "\n"), fontsize=8)
+    return figure, list(zip(axes, chosen, strict=True))
+
+
+def draw_times(
+    ax: Any,
+    times: Sequence[Timing],
+    curve: Curve,
+    value: Callable[[Timing, float], float] = lambda _, seconds: seconds,
+    *,
+    light: bool = False,
+) -> None:
+    """One curve over the number of masses: medians, a band from the least to the greatest repeat, marks.
+
+    `value(timing, seconds)` turns seconds per step into what the axis shows. `light`: a committed curve behind others.
+    """
+    sound = [timing for timing in times if not is_wrong(timing)]
+    x = np.array([timing.particles for timing in sound], float)
+    y = np.array([value(timing, timing.median) for timing in sound])
+    if light:
+        ax.plot(x, y, curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
+        return
+    low = np.array([value(timing, timing.low) for timing in sound])
+    high = np.array([value(timing, timing.high) for timing in sound])
+    if len(x):
+        ax.fill_between(x, np.minimum(low, high), np.maximum(low, high), color=curve.colour, alpha=0.18, linewidth=0)
+        ax.plot(x, y, curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
+    hollow = np.array([is_suspect(timing) for timing in sound], bool)
+    if hollow.any():
+        face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
+        ax.plot(x[hollow], y[hollow], curve.marker, **face, zorder=4)
+    wrong = [timing for timing in times if is_wrong(timing)]
+    ax.plot([t.particles for t in wrong], [value(t, t.median) for t in wrong], "x", color=BLACK, zorder=5)
+
+
+def log_axes(ax: Any, y_label: str | None = None, *, log_y: bool = True) -> None:
+    """Masses on a logarithmic x axis, and the label of the y axis."""
+    ax.set_xscale("log")
+    if log_y:
+        ax.set_yscale("log")
+    ax.set_xlabel("masses")
+    if y_label:
+        ax.set_ylabel(y_label)
+
+
+def plain_ticks(axis: Any) -> None:
+    """1, 2, 5, 10 instead of powers, for an axis that spans little."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    subs = (1.0, 2.0, 5.0) if high < 300 * low else (1.0,)
+    axis.set_major_locator(LogLocator(base=10, subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def time_ticks(axis: Any) -> None:
+    """Seconds with their prefix (20 \N{MICRO SIGN}s), for a logarithmic axis of times."""
+    from matplotlib.ticker import EngFormatter
+
+    plain_ticks(axis)
+    axis.set_major_formatter(EngFormatter(unit="s"))
+
+
+def legend_below(figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4) -> None:
+    """One legend under the panels, every label once, with what hollow marks and crosses mean where they occur."""
+    from matplotlib.lines import Line2D
+
+    handles: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    if any(is_suspect(timing) and not is_wrong(timing) for timing in times):
+        handles["suspect"] = Line2D([], [], color=GREY, marker="o", markerfacecolor="white", linestyle="")
+    if any(is_wrong(timing) for timing in times):
+        handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
+    if handles:
+        longest = max(map(len, handles))
+        columns = min(columns, 4 if longest < 18 else 3 if longest < 26 else 2)  # or the legend is wider than the page
+        figure.legend(
+            list(handles.values()), list(handles), loc="outside lower center", ncols=min(columns, len(handles))
+        )
+
+
+def threading_note(sources: Sequence[Source]) -> str:
+    """Threading layer and wait policy in words, for captions of CPU times."""
+    known = {source.threading for source in sources if source.threading[0]}
+    return "; ".join(f"threading layer {layer}, wait policy {policy}" for layer, policy in sorted(known, key=str))
+
+
+def lay_out(figure: Any) -> None:
+    """Find the places of all parts, once and for good: half of what a figure costs, which else every format takes anew.
+
+    Powers of ten are written as text (10²), not as formulas, which would be parsed label by label.
+    """
+    from matplotlib.ticker import LogFormatterSciNotation
+
+    class Powers(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: Any = None) -> str:
+            return plain_power(super().__call__(x, pos))
+
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)):
+        if type(axis.get_major_formatter()) is LogFormatterSciNotation:
+            axis.set_major_formatter(Powers())
+        if type(axis.get_minor_formatter()) is LogFormatterSciNotation:
+            axis.set_minor_formatter(Powers())
+    figure.set_dpi(PNG_DPI)
+    engine.execute(figure)
+    figure.set_layout_engine(None)
+
+
+def plain_power(formula: str) -> str:
+    """`$\\mathdefault{2\\times10^{-3}}$`, as matplotlib labels an axis, as text."""
+    found = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", formula)
+    if found is None:
+        return formula
+    return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), found[1]).replace(
+        r"\times", "\N{MULTIPLICATION SIGN}"
+    )
+
+
+def save(
+    drawing: Drawing,
+    folder: Path,
+    name: str,
+    *,
+    footer: bool = False,
+    suffixes: Sequence[str] = SUFFIXES,
+) -> list[Path]:
+    """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError.
+
+    `footer`: with machine, commit and date in a strip above the figure (see `without_footer`).
+    """
+    from matplotlib.transforms import Bbox
+
+    figure = drawing.figure
+    key = kept.key_of(figure, drawing.title, drawing.caption, footer)
+    width, height = figure.get_size_inches()
+    above = 0.0
+    if footer:
+        text = "\n".join(drawing.provenance)
+        figure.text(0.995, 1.0, text, fontsize=FOOTER_SIZE, color="#555555", ha="right", va="bottom")
+        above = drawing.footer_height / 72
+    written = []
+    for suffix in suffixes:
+        path = folder / f"{name}.{suffix}"
+        metadata: dict[str, Any] = {"Title": drawing.title}
+        metadata |= {"pdf": {"Subject": drawing.caption, "CreationDate": None}}.get(
+            suffix, {"Description": drawing.caption}
+        )
+        if suffix == "svg":
+            metadata["Date"] = None  # a date would make equal figures differ
+        with replacing(path) as temporary:
+            if not kept.fetch(key, suffix, temporary):
+                lay_out(figure)
+                figure.savefig(
+                    temporary, format=suffix, dpi=PNG_DPI, metadata=metadata,
+                    bbox_inches=Bbox.from_bounds(0, 0, width, height + above),
+                )  # fmt: skip
+                kept.keep(key, suffix, temporary)
+        written.append(path)
+    return written
+
+
+def without_footer(svg: str, height: float) -> str:
+    """A figure as `save` wrote it, .svg, less the strip of so many points above it: what is out of view is not shown."""
+
+    def lower(found: re.Match[str]) -> str:
+        width, tall = float(found[1]), float(found[2]) - height
+        return f'width="{width:g}pt" height="{tall:g}pt" viewBox="0 {height:g} {width:g} {tall:g}"'
+
+    return re.sub(r'width="([0-9.]+)pt" height="([0-9.]+)pt" viewBox="0 0 [0-9. ]+"', lower, svg, count=1)

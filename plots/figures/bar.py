@@ -1,0 +1,138 @@
+"""Three solvers, one body: sag and first frequency over a rod's, against spacing and substeps; and what clusters do to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from bench.experiments.bar import FINEST, SOLVERS, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
+from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
+from plots.core.bar_points import JELLY, Bar, bars, first_backend, series
+from plots.core.data import Results
+from plots.core.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Drawing,
+    legend_below,
+    new_figure,
+    plain_ticks,
+)
+
+TITLE = "Three solvers, one bar"
+CLUSTERS_TITLE = "A bar and the size of its clusters"
+MISSING = "the bar was not measured (softlab bar)"
+CURVES = {  # solver: label, colour, marker, line
+    "mass-spring": ("mass-spring", BLUE, "o", "-"),
+    "xpbd, converged": ("XPBD, converged", SKY, "v", "--"),
+    "xpbd": ("XPBD, 1 iteration", GREEN, "s", "-"),
+    "shape-matching": ("shape matching, windows of 3 x 3", ORANGE, "^", "-"),
+    JELLY: ("jelly bar", VERMILLION, "D", "-"),
+}
+REGIONS = {1: (ORANGE, "^"), 2: (GREEN, "s"), 3: (BLUE, "o"), 4: (PURPLE, "v")}
+ROWS = {SAG: "sag / a rod's", FREQUENCY: "first frequency / a rod's"}
+
+
+def draw(results: Results) -> Drawing | str:
+    """Sag above, frequency below; against the spacing on the left, the substeps on the right; or why there is none."""
+    found, sources = bars(results)
+    if not any(bar.solver in SOLVERS for bar in found):
+        return MISSING
+    found = first_backend(found)
+    figure, _ = new_figure(1, 5.2)
+    figure.clear()
+    axes = figure.subplots(2, 2, sharex="col")
+    for row, name in zip(axes, ROWS, strict=True):
+        for solver, (label, colour, marker, line) in CURVES.items():
+            jelly = solver == JELLY
+            size, some = (SOME_OVERLAP, SOME_LAYERS) if jelly else (1, SOME_LINKS)
+            by_spacing = series(found, solver, _fine, substeps=FINEST, size=size)
+            by_substeps = series(found, solver, _substeps, fine=some, size=size)
+            how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
+            if solver == "mass-spring":  # under the others, most of which come to it
+                how |= {"linewidth": 3.5, "markersize": 7.5}
+            _curve(row[0], by_spacing, _fine, name, **how)
+            _curve(row[1], by_substeps, _substeps, name, **how)
+        row[0].set_ylabel(ROWS[name])
+        for ax in row:
+            ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
+    axes[0][1].set_yscale("log")  # the other spans less
+    plain_ticks(axes[0][1].yaxis)
+    drawn = [bar for bar in found if bar.solver in CURVES and not bar.law]
+    _doubling(axes[1][0], drawn, _fine, "masses along the bar")
+    _doubling(axes[1][1], drawn, _substeps, "substeps of a frame")
+    legend_below(figure, list(axes.ravel()), columns=3)
+    caption = (
+        "One bar of one material: a strip of the lab's grid that hangs, under each solver, and a jelly bar of clusters, "
+        f"which stands. Left: at {FINEST} substeps of a frame of a sixtieth of a second, against the masses along it. Right: "
+        f"at {SOME_LINKS} along it, against the substeps; mass-spring, whose steps are the substeps, is refused where there "
+        "is no mark. Over the closed form of a rod of the material (grey); float64, exact math."
+    )
+    return Drawing(figure, TITLE, caption, sources)
+
+
+def draw_clusters(results: Results) -> Drawing | str:
+    """Windows of the strip on the left, overlap of the jelly bar on the right; or why there is none."""
+    found, sources = bars(results)
+    if not any(bar.solver in ("shape-matching", JELLY) for bar in found):
+        return MISSING
+    found = first_backend(found)
+    figure, (left, right) = new_figure(2, 3.4, share_y=False)
+    for region, (colour, marker) in REGIONS.items():
+        mine = series(found, "shape-matching", _fine, substeps=FINEST, size=region)
+        wide = 2 * region + 1
+        _curve(left, mine, _fine, SAG, color=colour, marker=marker, label=f"windows of {wide} x {wide}")
+        _curve(left, mine, _fine, ACROSS, color=colour, marker=marker, linestyle=":", markersize=3)
+    if any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in found):
+        left.plot([], [], ":", color=GREY, label="loaded across")
+    overlaps = series(found, JELLY, _size, substeps=FINEST, fine=SOME_LAYERS)
+    for name, colour, marker in ((SAG, VERMILLION, "D"), (FREQUENCY, SKY, "v")):
+        _curve(
+            right, overlaps, _size, name, color=colour, marker=marker, label=f"jelly bar: {ROWS[name].split(' /')[0]}"
+        )
+    for ax in (left, right):
+        ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
+    left.set_yscale("log")
+    plain_ticks(left.yaxis)
+    _doubling(left, [bar for bar in found if bar.solver == "shape-matching"], _fine, "masses along the strip")
+    left.set_ylabel("sag / a rod's")
+    right.set_xlabel("overlap: cluster radius / cluster spacing")
+    right.set_ylabel("over a rod's")
+    legend_below(figure, [left, right], columns=3)
+    caption = (
+        "Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip that hangs (solid) or is "
+        "held at its side (dotted, over a beam's): windows that the strip's ends cut off are softer. Right: the jelly bar, "
+        "its clusters' stiffness chosen so that the material is one; clusters that hardly overlap do not make it one."
+    )
+    return Drawing(figure, CLUSTERS_TITLE, caption, sources)
+
+
+def _fine(bar: Bar) -> float:
+    return bar.fine
+
+
+def _substeps(bar: Bar) -> float:
+    return bar.substeps
+
+
+def _size(bar: Bar) -> float:
+    return bar.size
+
+
+def _curve(ax: Any, mine: Sequence[Bar], where: Callable[[Bar], float], name: str, **how: Any) -> None:
+    points = [(where(bar), part) for bar in mine if (part := bar.part(name)) is not None]
+    if points:
+        ax.plot(*zip(*points, strict=True), **how)
+
+
+def _doubling(ax: Any, found: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
+    """A logarithmic x axis with a tick at each value that was measured."""
+    values = sorted({where(bar) for bar in found})
+    ax.set_xscale("log")
+    ax.set_xticks(values, [f"{value:g}" for value in values])
+    ax.set_xticks([], minor=True)
+    ax.set_xlabel(label)

@@ -1,0 +1,139 @@
+"""How fast the orderings of a position-based solver converge: by iterations, and by the time that these take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from bench.experiments.accuracy.methods import XPBD, name_of
+from bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
+from bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
+from bench.store.results import Measure
+from plots.core.data import Results, Source
+from plots.core.style import GREY, Drawing, legend_below, new_figure
+from plots.figures.work_precision import XPBD as CURVES
+from plots.findings.points import source_with
+
+TITLE = "Convergence of the orderings"
+LINES = ("-", "--", "-.", ":")  # of the sizes drawn, small first
+
+
+@dataclass(frozen=True)
+class Converging:
+    """One ordering, by `name`, after so many iterations of a sheet of `side` x `side` masses. `left`: the residual over that
+    of the start; `seconds`: of a step; `ratio`, `least`, `most`: of its time over Gauss-Seidel's with as many iterations."""
+
+    name: str
+    backend: str
+    side: int
+    iterations: int
+    left: float
+    seconds: float
+    ratio: float
+    least: float
+    most: float
+    suspect: bool
+
+
+def converging(source: Source, backend: str | None = None) -> list[Converging]:
+    """All of a source (and backend), by ordering, size and iterations."""
+    held: dict[str, dict[str, Measure]] = {}
+    for measure in source.measures:
+        if measure.description.get("finding") == CONVERGENCE and backend in (None, measure.description["backend"]):
+            held.setdefault(measure.configuration, {})[measure.name] = measure
+    found = [entry for numbers in held.values() if (entry := _entry(numbers))]
+    return sorted(found, key=lambda e: (e.backend, XPBD.index(e.name), e.side, e.iterations))
+
+
+def _entry(numbers: dict[str, Measure]) -> Converging | None:
+    value = {name: measure.value for name, measure in numbers.items() if measure.value is not None}
+    if not value.keys() >= {RESIDUAL, BEFORE, SECONDS, RATIO, LEAST, MOST}:
+        return None
+    description = numbers[RESIDUAL].description
+    tables = [table for table in description["scene"].values() if isinstance(table, dict)]
+    method = next(table for table in tables if "ordering" in table)
+    return Converging(
+        name=name_of(method),
+        backend=description["backend"],
+        side=next(table for table in tables if "rows" in table)["rows"],
+        iterations=method["iterations"],
+        left=value[RESIDUAL] / value[BEFORE],
+        seconds=value[SECONDS],
+        ratio=value[RATIO],
+        least=value[LEAST],
+        most=value[MOST],
+        suspect="; " in (numbers[RATIO].reason or ""),
+    )
+
+
+def source_of(results: Results, backend: str | None = None) -> Source | None:
+    """The first source that holds the experiment (on a backend), featured ones first."""
+    return source_with(results, lambda source: bool(converging(source, backend)))
+
+
+def seconds_to(found: Sequence[Converging], left: float) -> float | None:
+    """The time [s] in which one ordering at one size gets down to `left`, between two numbers of iterations by straight lines
+    in logarithms; None where it does not."""
+    points = [(e.left, e.seconds) for e in sorted(found, key=lambda e: e.iterations)]
+    for (above, early), (below, late) in pairwise(points):
+        if above > left >= below:
+            share = math.log(above / left) / math.log(above / below)
+            return early * (late / early) ** share
+    return points[0][1] if points and points[0][0] <= left else None
+
+
+def least_common(groups: Sequence[Sequence[Converging]]) -> float:
+    """The smallest residual that every ordering reached: where they are compared."""
+    return max(min(e.left for e in group) for group in groups)
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure: by iterations, and by time on each backend; or why there is none."""
+    source = source_of(results, "gpu") or source_of(results)
+    if source is None:
+        return "the orderings of position-based solvers were not timed"
+    backends = [name for name in ("cpu", "gpu") if converging(source, name)]
+    figure, axes = new_figure(1 + len(backends), 3.8)
+    _panel(axes[0], converging(source, backends[0]), lambda entry: entry.iterations)
+    axes[0].set_xlabel("iterations of a step")
+    axes[0].set_title("by iterations")
+    for ax, backend in zip(axes[1:], backends, strict=True):
+        _panel(ax, converging(source, backend), lambda entry: 1e3 * entry.seconds)
+        ax.set_xlabel("time of the step / ms")
+        ax.set_title(f"by time, {backend.upper()}")
+    axes[0].set_ylabel("stretch left / stretch at the start")
+    sides = sorted({entry.side for entry in converging(source, backends[0])})
+    for side, line in zip(_shown(sides), LINES, strict=False):
+        axes[0].plot([], [], line, color=GREY, label=f"{side} x {side}")
+    legend_below(figure, axes, columns=4)
+    caption = (
+        "What one step leaves of the stretch of a cloth hung by two corners, drawn out and rippled by a hundredth, whose "
+        f"structural and shear springs do not give (root mean square); Gauss-Seidel in {colours()} colours. Averaged Jacobi "
+        "is right here, where the compliance is 0; with compliance it converges to another stiffness."
+    )
+    return Drawing(figure, TITLE, caption, (source,))
+
+
+def _shown(sides: list[int]) -> list[int]:
+    """At most as many sizes as there are lines, the smallest and the largest among them."""
+    if len(sides) <= len(LINES):
+        return sides
+    return [*sides[: len(LINES) - 1], sides[-1]]
+
+
+def _panel(ax: Any, found: list[Converging], where: Any) -> None:
+    sides = _shown(sorted({entry.side for entry in found}))
+    for name, (colour, marker) in CURVES.items():
+        for side, line in zip(sides, LINES, strict=False):
+            mine = [entry for entry in found if (entry.name, entry.side) == (name, side)]
+            if mine:
+                ax.plot(
+                    [where(e) for e in mine], [e.left for e in mine], line, marker=marker, color=colour, markersize=3
+                )
+        if any(entry.name == name for entry in found):
+            ax.plot([], [], marker=marker, color=colour, label=name)
+    ax.set_xscale("log")
+    ax.set_yscale("log")

@@ -1,0 +1,51 @@
+"""Particles a second of bodies: clusters alone, with contacts, and of a grid."""
+
+from __future__ import annotations
+
+from bench.experiments.crowds import CrowdPoint, points
+from plots.core.data import Results, Source
+from plots.core.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, Drawing, legend_below, log_axes, new_figure
+from plots.figures import backends
+from plots.figures.backends import name_of, sources_of
+
+TITLE = "Particles of bodies a second"
+LOOKS = {
+    "rigid": ("rigid bodies: one cluster", BLUE, "o"),
+    "soft": ("soft bodies: overlapping clusters", GREEN, "D"),
+    "heap": ("soft bodies in a heap, with contacts", VERMILLION, "^"),
+    "grid": ("jelly grid, a cluster around every mass", ORANGE, "s"),
+    "lattice": ("jelly cube, a cluster around every mass", PURPLE, "P"),
+}
+LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's or a cube's clusters
+
+
+def panels(results: Results) -> list[tuple[str, Source, list[CrowdPoint]]]:
+    """(backend, source, points) of the backends that were timed."""
+    return backends.panels(results, points)
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, a panel a backend; or why there is none."""
+    chosen = panels(results)
+    if not chosen:
+        return "bodies were not timed (softlab crowds)"
+    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
+        for kind, (label, colour, marker) in LOOKS.items():
+            for region, line in LINES.items():
+                mine = [p for p in found if (p.kind, p.region) == (kind, region)]
+                if mine:
+                    name = label if line == "-" else None
+                    x, y = [p.particles for p in mine], [p.rate for p in mine]
+                    ax.plot(x, y, line, color=colour, marker=marker, label=name)
+        log_axes(ax)
+        ax.set_xlabel("particles")
+        ax.set_title(name_of(backend, source), fontsize=8)
+    axes[0].set_ylabel("particles x substeps / s")
+    legend_below(figure, axes, columns=2)
+    caption = (
+        "Particles times substeps over the time of a step, float32, one iteration: blobs of about 280 particles that fall "
+        "freely, as soft and as rigid bodies, or into a heap with contacts; and the lab's grid and a cube by shape matching, "
+        "their clusters 3 masses wide (solid), 5 (dashed) or 9 (dotted)."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -1,0 +1,61 @@
+"""What drawing costs: time per step with a picture every few steps, against without."""
+
+from __future__ import annotations
+
+from bench.measure.timing import DRAW_EVERY
+from bench.store.results import Timing
+from plots.core.data import Results, Source
+from plots.core.style import (
+    GPU,
+    THREADS,
+    Curve,
+    Drawing,
+    draw_times,
+    legend_below,
+    log_axes,
+    panels,
+    time_ticks,
+)
+
+TITLE = "With against without graphics"
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    figure, chosen = panels(results, lambda source: any(t.graphics for t in source.timings))
+    if figure is None:
+        return skipped_reason(results) or "nothing was timed with graphics"
+    times: list[Timing] = []
+    for ax, source in chosen:
+        for backend, word, style in (("cpu", "1x", THREADS["1x"]), ("gpu", None, GPU)):
+            name = "CPU, 1x threads" if backend == "cpu" else "GPU"
+            without = source.select(backend, word)
+            drawn = source.select(backend, word, graphics=True)
+            draw_times(ax, without, Curve(f"{name}, without", style.colour, style.marker))
+            draw_times(ax, drawn, Curve(f"{name}, with graphics", style.colour, "v" if word else "p", "--"))
+            times += [*without, *drawn]
+        log_axes(ax)
+    chosen[0][0].set_ylabel("time per step")
+    time_ticks(chosen[0][0].yaxis)
+    legend_below(figure, [ax for ax, _ in chosen], times, columns=2)
+    sources = [source for _, source in chosen]
+    caption = (
+        f"Time of one step alone, and with every {DRAW_EVERY} steps drawn off-screen (each spring a line), float32, "
+        f"square grids."
+    )
+    return Drawing(figure, TITLE, caption, tuple(sources))
+
+
+def skipped_reason(results: Results) -> str | None:
+    """Why the featured machines have no timings with graphics, where the sweep said so."""
+    for source in results.featured:
+        for measure in source.measures:
+            if measure.name == "skipped" and measure.description.get("graphics"):
+                return measure.reason
+    return None
+
+
+def drawing_costs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:
+    """Pairs (without, with) of one backend, smallest grid first."""
+    drawn = {(t.rows, t.columns): t for t in source.select(backend, word, graphics=True)}
+    return [(t, drawn[t.rows, t.columns]) for t in source.select(backend, word) if (t.rows, t.columns) in drawn]

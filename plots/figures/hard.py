@@ -1,0 +1,139 @@
+"""The hard cases: a contact sheet of end states, and the table of verdicts as a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from app.render.camera3d import Camera3D
+from bench.stress.results import BODIES, HardRow, rows_of, table_of
+from plots.core.data import Results, Source, judgements
+from plots.core.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, WIDTH, Drawing
+
+STATES_TITLE = "What the hard cases end in"
+VERDICTS_TITLE = "Verdicts of the hard cases"
+ACROSS = 6  # panels a line of the contact sheet
+PANEL = 1.2  # inch, high
+LINE = 0.19  # inch: a line of the verdict table
+POINT = 1e-12  # m: a shape that is smaller is drawn as a point
+PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
+NOT_HARD = ""
+NOT_OF_SHEETS = {NOT_HARD, *BODIES}  # those of bodies: plots/figures/hard_bodies.py
+COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
+
+
+def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
+    """The verdicts of sheets that are told of, and their sources: featured ones first, of each backend one machine's."""
+    found, sources = judgements(results, lambda measure: measure.description.get("hard", NOT_HARD) not in NOT_OF_SHEETS)
+    return rows_of(found), sources
+
+
+def draw_states(results: Results) -> Drawing | str:
+    """The contact sheet, or why there is none."""
+    rows, sources = hard_rows(results)
+    shown = _shown(rows)
+    if not shown:
+        return "the hard cases were not run"
+    lines = -(-len(shown) // ACROSS)
+    figure = new_sheet(PANEL * lines)
+    axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
+    for ax in axes:
+        ax.set_axis_off()
+    for ax, row in zip(axes, shown, strict=False):
+        _draw_shape(ax, row)
+    words = "; ".join(dict.fromkeys(f"{row.case}: {row.title}" for row in shown))
+    caption = (
+        f"The last state of each hard case, of {PREFERRED[0]} in float64, or of {PREFERRED[-1]} where constraints "
+        "are the case, and one for each reason to fail; large grids are thinned, each panel to its own scale, the first row "
+        f"of masses orange; cloths from the right and above. {words}."
+    )
+    return Drawing(figure, STATES_TITLE, caption, sources)
+
+
+def draw_verdicts(results: Results) -> Drawing | str:
+    """The verdict table, a line a case and a column a method, or why there is none."""
+    rows, sources = hard_rows(results)
+    if not rows:
+        return "the hard cases were not run"
+    names, lines = table_of(rows)
+    figure = new_sheet(LINE * (len(lines) + 3))
+    ax = figure.subplots()
+    ax.set_axis_off()
+    ax.set_xlim(-0.02, len(names))
+    ax.set_ylim(len(lines), -0.1)
+    for y, (case, _, _, cells) in enumerate(lines):
+        ax.text(-0.05, y + 0.5, case, ha="right", va="center", fontsize=7)
+        for x, (verdict, text) in enumerate(cells):
+            if not verdict:
+                continue
+            ax.fill([x + 0.02, x + 0.98, x + 0.98, x + 0.02], [y + 0.05, y + 0.05, y + 0.95, y + 0.95],
+                    color=COLOURS[verdict], alpha=0.35, linewidth=0)  # fmt: skip
+            ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
+    for x, name in enumerate(names):
+        ax.text(x + 0.5, -0.15, name.replace(" ", "\n"), ha="center", va="bottom", fontsize=7)
+    ran = sorted({row.backend.upper() for row in rows})
+    caption = (
+        f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "
+        "was done. Fails: implied by the method, with what it costs in the text. A failure in capitals is a bug of this lab."
+    )
+    return Drawing(figure, VERDICTS_TITLE, caption, sources)
+
+
+def new_sheet(height: float) -> Any:
+    """An empty figure of so many inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, max(height, PANEL)), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
+    """A row a case, of the preferred integrator; and for each reason to fail the last case that did."""
+    failing = [row for row in rows if row.shape and row.verdict in ("fail", "known")]
+    failing.sort(key=lambda row: row.precision, reverse=True)  # float32, where there is more to see, is kept
+    told = {row.diagnosis: row for row in failing}
+    found = []
+    for case in dict.fromkeys(row.case for row in rows):
+        drawn = [row for row in rows if row.case == case and row.shape]
+        right = [row for name in PREFERRED for row in drawn
+                 if row.integrator == name and row.verdict in ("pass", "refused")]  # fmt: skip
+        found += [*right[:1], *(row for row in told.values() if row.case == case)]
+    return found
+
+
+def as_seen(position: np.ndarray) -> np.ndarray:
+    """(..., 2) [m]: a grid as it is, a cloth in space from where the off-screen pictures show it, without perspective."""
+    return position if position.shape[-1] == 2 else position @ Camera3D(1, 1).axes[:2].T
+
+
+def _draw_shape(ax: Any, row: HardRow) -> None:
+    assert row.shape is not None
+    grid = as_seen(np.array(row.shape.position, dtype=float))
+    centre, extent = framed(grid.reshape(-1, 2))
+    grid = (grid - centre) / extent if extent > POINT else np.zeros_like(grid)
+    colour = VERMILLION if row.verdict in ("fail", "known") else BLUE
+    for line in (*grid, *np.moveaxis(grid, 1, 0)):
+        ax.plot(line[:, 0], line[:, 1], color=colour, linewidth=0.5, marker=".", markersize=1.2)
+    ax.plot(grid[0, :, 0], grid[0, :, 1], linestyle="", marker=".", color=ORANGE, markersize=2.5)
+    finish_panel(ax, row, extent)
+
+
+def framed(flat: np.ndarray) -> tuple[np.ndarray, float]:
+    """(centre, longest side) [m] of what (n, 2) holds."""
+    return (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
+
+
+def finish_panel(ax: Any, row: HardRow, extent: float) -> None:
+    """A panel of side 1 about the origin, with its name, scale, and what failed."""
+    ax.set_xlim(-0.6, 0.6)
+    ax.set_ylim(-0.6, 0.6)
+    ax.set_aspect("equal")
+    scale = f"{extent:.3g} m" if extent > POINT else "a point"
+    fails = row.verdict in ("fail", "known")
+    words = f"{row.integrator}, {row.precision}: fails\n" if fails else ""
+    ax.set_title(f"{row.case}\n{words}", fontsize=6.5, pad=1, color=VERMILLION if fails else "black")
+    ax.text(0.5, -0.02, scale, transform=ax.transAxes, fontsize=6, color=GREY, ha="center", va="top")

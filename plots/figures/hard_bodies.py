@@ -1,0 +1,124 @@
+"""The hard cases of bodies: how far each measured number stays from its bound, and what they end in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from bench.stress.results import BODIES, HardRow, Told, rows_of
+from plots.core.data import Results, Source, judgements
+from plots.core.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, Drawing, legend_below
+from plots.figures.hard import ACROSS, PANEL, as_seen, finish_panel, framed, new_sheet
+
+TITLE = "Bodies against their bounds"
+STATES_TITLE = "What the hard cases of bodies end in"
+MISSING = "the hard cases of bodies were not run"
+LOOKS = {  # backend, precision: colour, marker
+    ("cpu", "float64"): (BLUE, "o"), ("cpu", "float32"): (ORANGE, "s"),
+    ("gpu", "float64"): (SKY, "D"), ("gpu", "float32"): (VERMILLION, "^"),
+}  # fmt: skip
+ROW = 0.16  # inch: a line of the figure of bounds
+LEAST = 1e-4  # of its bound: what is less, 0 too, is drawn there
+OVERSHOT = 10.0  # of its bound: what is more, or not finite, is drawn there
+OF_BODIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
+
+
+def body_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
+    """The verdicts of bodies that are told of, and their sources: featured ones first, of each backend one machine's."""
+    found, sources = judgements(results, lambda measure: measure.description.get("hard", "") in BODIES)
+    return rows_of(found), sources
+
+
+def share(check: Told) -> float | None:
+    """A measured number over its bound, or the bound over it where it must be more; None where none is judged."""
+    relation, _, rest = check.bound.partition(" ")
+    if relation not in ("<", ">"):
+        return None
+    bound = float(rest.split()[0])
+    if check.value is None:
+        return np.inf
+    if relation == "<":
+        return max(check.value, 0.0) / bound if bound > 0 else np.inf
+    return bound / check.value if check.value > 0 else np.inf
+
+
+def worst(row: HardRow) -> float | None:
+    """Of a run, the largest share of its judged numbers."""
+    return max((part for check in row.checks if (part := share(check)) is not None), default=None)
+
+
+def draw(results: Results) -> Drawing | str:
+    """A line a case: the run's number that is nearest to its bound, over that; or why there is none."""
+    rows, sources = body_rows(results)
+    judged = [(row, part) for row in rows if (part := worst(row)) is not None]
+    if not judged:
+        return MISSING
+    names = list(dict.fromkeys(row.case for row, _ in judged))
+    titles = {row.case: row.title for row, _ in judged}
+    figure = new_sheet(ROW * (len(names) + 6))
+    ax = figure.subplots()
+    for (backend, precision), (colour, marker) in LOOKS.items():
+        mine = [
+            (names.index(row.case), part)
+            for row, part in judged
+            if (row.backend, row.precision) == (backend, precision)
+        ]
+        if mine:
+            y, x = np.array([place for place, _ in mine]), np.array([part for _, part in mine])
+            label = f"{backend.upper()} {precision}"
+            ax.plot(np.clip(x, LEAST, OVERSHOT), y, marker, color=colour, linestyle="", label=label, markersize=4)
+    ax.axvline(1.0, color=BLACK, linewidth=0.8)
+    ax.set_xscale("log")
+    ax.set_xlim(LEAST / 2, 2 * OVERSHOT)
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.set_yticks(range(len(names)), [f"{titles[name]}  {name}" for name in names], fontsize=6.5)
+    ax.set_xlabel("measured over its bound")
+    legend_below(figure, [ax])
+    caption = (
+        "Of each run, the judged number that comes nearest to its bound, over that; of one that must be more, the bound over "
+        "it. Right of the line is a failure. What is less than a ten-thousandth, or 0, stands at the left edge."
+    )
+    return Drawing(figure, TITLE, caption, sources)
+
+
+def draw_states(results: Results) -> Drawing | str:
+    """The contact sheet, or why there is none."""
+    rows, sources = body_rows(results)
+    shown = _shown(rows)
+    if not shown:
+        return MISSING
+    lines = -(-len(shown) // ACROSS)
+    figure = new_sheet(PANEL * lines)
+    axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
+    for ax in axes:
+        ax.set_axis_off()
+    for ax, row in zip(axes, shown, strict=False):
+        _draw_particles(ax, row)
+    words = "; ".join(f"{row.case}: {row.title}" for row in shown)
+    caption = (
+        "The last state of each hard case of bodies, its particles from the right and above, a colour a body, each panel to "
+        f"its own scale. {words}."
+    )
+    return Drawing(figure, STATES_TITLE, caption, sources)
+
+
+def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
+    """A row a case: one that failed, else one in float64."""
+    found = []
+    for case in dict.fromkeys(row.case for row in rows):
+        drawn = [row for row in rows if row.case == case and row.shape]
+        drawn.sort(key=lambda row: (row.verdict not in ("fail", "known"), row.precision != "float64"))
+        found += drawn[:1]
+    return found
+
+
+def _draw_particles(ax: Any, row: HardRow) -> None:
+    assert row.shape is not None
+    bodies = [as_seen(np.array(body, dtype=float)) for body in row.shape.position]
+    centre, extent = framed(np.concatenate(bodies))
+    for number, body in enumerate(bodies):
+        at = (body - centre) / extent if extent > 0 else np.zeros_like(body)
+        ax.plot(at[:, 0], at[:, 1], linestyle="", marker=".", markersize=1.5, color=OF_BODIES[number % len(OF_BODIES)])
+    finish_panel(ax, row, extent)

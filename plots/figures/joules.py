@@ -1,0 +1,57 @@
+"""Energy beside time: joules per million mass-steps of every kernel, where the machine counts them."""
+
+from __future__ import annotations
+
+from bench.store.results import Timing
+from plots.core.data import Results, Source
+from plots.core.ladder import backend_panels, in_order, rung, sources_of
+from plots.core.style import Drawing, legend_below, log_axes, plain_ticks
+
+TITLE = "Energy of every kernel"
+MILLION = 1e6
+
+
+def joules(source: Source, timing: Timing) -> float | None:
+    """Joules per million mass-steps [J] of a forced kernel's configuration; None where they were not counted."""
+    sample = source.energies.get(timing.configuration)
+    if sample is None or sample.joules_per_step is None:
+        return None
+    return MILLION * sample.joules_per_step / timing.particles
+
+
+def watts(source: Source, timing: Timing) -> float | None:
+    """The mean power [W] while the joules were counted."""
+    sample = source.energies.get(timing.configuration)
+    if sample is None or sample.joules_per_step is None:
+        return None
+    return sample.joules_per_step / sample.median
+
+
+def has_joules(source: Source, backend: str) -> bool:
+    """Whether any kernel of a backend has joules."""
+    return any(joules(source, t) is not None for times in source.ladder(backend).values() for t in times)
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    figure, chosen = backend_panels(results, has_joules)
+    if figure is None:
+        return (
+            "no joules were counted: the machine has no energy counter that may be read, or the kernels were not timed"
+        )
+    for ax, backend, source in chosen:
+        for kernel, mine in in_order(source.ladder(backend)):
+            points = [(t.particles, j) for t in mine if (j := joules(source, t)) is not None]
+            curve = rung(kernel)
+            if points:
+                x, y = [n for n, _ in points], [j for _, j in points]
+                ax.plot(x, y, curve.line, color=curve.colour, marker=curve.marker, label=curve.label)
+        log_axes(ax)
+    plain_ticks(chosen[0][0].yaxis)
+    chosen[0][0].set_ylabel("J per million mass-steps")
+    legend_below(figure, [ax for ax, *_ in chosen])
+    caption = (
+        "Energy of a million mass-steps with each kernel, float32, over about half a second of stepping: what the device's "
+        "own counter tells, its idle share included, so that a slow kernel pays for the time it takes."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -1,0 +1,45 @@
+"""Every kernel of each backend: time per step against masses, with what one step per pass over memory must take."""
+
+from __future__ import annotations
+
+from bench.store.results import Timing
+from plots.core.data import Results
+from plots.core.ladder import backend_panels, in_order, mark_switches, rung, sources_of, threading_words
+from plots.core.style import BLACK, Drawing, draw_times, legend_below, log_axes, time_ticks
+from plots.figures.bandwidth import copy_bandwidth
+
+TITLE = "Every kernel"
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    figure, chosen = backend_panels(results, share_y=False)
+    if figure is None:
+        return "the kernels were not timed one by one (softlab sweep --kernels)"
+    times: list[Timing] = []
+    switches = False
+    for ax, backend, source in chosen:
+        for kernel, mine in in_order(source.ladder(backend)):
+            draw_times(ax, mine, rung(kernel))
+            times += mine
+        bandwidth = copy_bandwidth(source, backend)
+        sizes = {
+            t.particles: t.bytes_per_step for t in source.kernels if t.backend == backend and t.precision == "float32"
+        }
+        roof = [(n, moved / bandwidth) for n, moved in sorted(sizes.items()) if moved and bandwidth]
+        log_axes(ax)
+        low, high = ax.get_ylim()
+        x, y = [n for n, _ in roof], [seconds for _, seconds in roof]
+        ax.plot(x, y, "--", color=BLACK, linewidth=1, label="one step per pass", zorder=2)
+        ax.set_ylim(low, high)  # at small sizes the roof lies far under every time
+        time_ticks(ax.yaxis)
+        switches = mark_switches(ax, source, backend) or switches
+    chosen[0][0].set_ylabel("time per step")
+    legend_below(figure, [ax for ax, *_ in chosen], times)
+    marks = "Dotted lines: where the kernel changes that the backend chooses by itself. " if switches else ""
+    caption = (
+        "Time of one step of the square grid with each kernel, float32: medians, and bands from the least to the "
+        "greatest repeat. Dashed: what one step per pass over memory takes at the measured copy bandwidth; kernels that "
+        f"do several steps per pass, or stay on the chip, go below it. {marks}{threading_words(chosen)}"
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -1,0 +1,80 @@
+"""The finding about the hand-out's step: against Newton's law its error does not fall, against half the acceleration it
+falls in proportion to the step size. Beside it, the orders of the other integrators."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from plots.core.accuracy_points import Point, order_points, points
+from plots.core.data import Results
+from plots.core.style import GREY, VERMILLION, Drawing, legend_below
+from plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source, scene_panels
+
+TITLE = "What the hand-out's step converges to"
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, one panel a scene, or why there is none."""
+    source = accurate_source(results)
+    if source is None:
+        return "no accuracy runs were measured"
+    here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
+    if not here:
+        return "the hand-out's step was not among the accuracy runs in float64"
+    figure, axes = scene_panels(len(here), 3.8)
+    for ax, scene in zip(axes, here, strict=True):
+        _draw_panel(ax, [p for p in points(source, scene) if p.integrator in INTEGRATORS])
+        ax.set_title(scene)
+    for ax in axes[::2]:
+        ax.set_ylabel("error / spacings")
+    legend_below(figure, axes, columns=3)
+    caption = (
+        "Error in float64 against step size: of every integrator against the solution of Newton's law, and of the "
+        "hand-out's step (lab) also against the solution of the equation with half the acceleration. Thin: slopes of "
+        "order 1, 2 and 4. Hollow: below what the reference resolves."
+    )
+    return Drawing(figure, TITLE, caption, (source,))
+
+
+def _draw_panel(ax: Any, found: list[Point]) -> None:
+    for name, (colour, marker) in INTEGRATORS.items():
+        mine = [p for p in order_points(found, name) if p.error > 0]
+        if not mine:
+            continue
+        label = "lab, against Newton's law" if name == "lab" else name
+        ax.plot([p.dt for p in mine], [p.error for p in mine], marker=marker, color=colour, label=label)
+        hollow = [p for p in mine if not p.resolved]
+        ax.plot([p.dt for p in hollow], [p.error for p in hollow], marker, color=colour, markerfacecolor="white")
+    halves = [p for p in order_points(found, "lab") if p.half]
+    if halves:
+        x, y = [p.dt for p in halves], [p.half for p in halves]
+        ax.plot(
+            x,
+            y,
+            "--",
+            marker="*",
+            color=VERMILLION,
+            label="lab, against half the acceleration",
+        )
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    steps = sorted({p.dt for p in found if not p.diverged})
+    _draw_slopes(ax, found, steps)
+    ax.set_xticks(steps, [f"{1000 * dt:g}" for dt in steps])
+    ax.set_xticks([], minor=True)
+    ax.set_xlabel("step size / ms")
+    ax.margins(y=0.1)
+
+
+def _draw_slopes(ax: Any, found: list[Point], steps: list[float]) -> None:
+    """Thin lines of order 1, 2 and 4, through the integrator that should have that order, a little below it."""
+    for name, order in (("semi-implicit-euler", 1), ("velocity-verlet", 2), ("rk4", 4)):
+        mine = order_points(found, name)
+        if len(mine) < 2 or not steps:
+            continue
+        anchor = max(mine, key=lambda p: p.dt)
+        ax.plot(
+            steps, [0.6 * anchor.error * (dt / anchor.dt) ** order for dt in steps], color=GREY, linewidth=0.7, zorder=1
+        )
+        ax.annotate(f"order {order}", (steps[0], 0.6 * anchor.error * (steps[0] / anchor.dt) ** order), (0, -3),
+                    textcoords="offset points", fontsize=7, color="#555555", ha="left", va="top")  # fmt: skip

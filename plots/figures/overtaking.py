@@ -1,0 +1,104 @@
+"""Where the GPU overtakes: the best CPU time over the GPU's, against masses, on one machine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from bench.store.results import Timing
+from plots.core.data import Results, Source, is_suspect, is_wrong
+from plots.core.style import BLACK, GREEN, GREY, HEIGHT, PURPLE, Drawing, log_axes, new_figure, plain_ticks
+
+TITLE = "Where the GPU overtakes"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The fastest CPU timing and the GPU's, of one size. `ratio`: CPU time over GPU time; `low`, `high`: the least and
+    the greatest that the repeats allow; `clear`: the repeats do not overlap."""
+
+    cpu: Timing
+    gpu: Timing
+
+    @property
+    def ratio(self) -> float:
+        return self.cpu.median / self.gpu.median
+
+    @property
+    def low(self) -> float:
+        return self.cpu.low / self.gpu.high
+
+    @property
+    def high(self) -> float:
+        return self.cpu.high / self.gpu.low
+
+    @property
+    def clear(self) -> bool:
+        return self.low > 1 or self.high < 1
+
+
+def pairs(source: Source, precision: str = "float32", *, graphics: bool = False) -> list[Pair]:
+    """CPU (of the thread count with the least median) against GPU at every square both were timed at.
+
+    Configurations whose answer was wrong do not compete.
+    """
+    best: dict[int, Timing] = {}
+    for timing in source.timings:
+        chosen = timing.backend == "cpu" and timing.precision == precision and timing.graphics == graphics
+        if chosen and timing.rows == timing.columns and not is_wrong(timing):
+            held = best.get(timing.particles)
+            best[timing.particles] = timing if held is None or timing.median < held.median else held
+    on_gpu = [t for t in source.select("gpu", None, precision, graphics=graphics) if not is_wrong(t)]
+    return [Pair(best[t.particles], t) for t in on_gpu if t.particles in best]
+
+
+def crossing(found: list[Pair]) -> float | None:
+    """Masses at which the ratio last passes 1 upwards, interpolated between two sizes; None where it does not."""
+    result = None
+    for left, right in pairwise(found):
+        if left.ratio < 1 <= right.ratio:
+            share = math.log(1 / left.ratio) / math.log(right.ratio / left.ratio)
+            result = left.gpu.particles * (right.gpu.particles / left.gpu.particles) ** share
+    return result
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    source = next((s for s in (*results.featured, *results.background) if pairs(s)), None)
+    if source is None:
+        return "no machine in the data has timed both a GPU and a CPU at one size"
+    figure, (ax,) = new_figure(1, HEIGHT)
+    for precision, colour, marker in (("float32", GREEN, "D"), ("float64", PURPLE, "P")):
+        found = pairs(source, precision)
+        if not found:
+            continue
+        x = [pair.gpu.particles for pair in found]
+        ax.fill_between(x, [p.low for p in found], [p.high for p in found], color=colour, alpha=0.18, linewidth=0)
+        ax.plot(x, [p.ratio for p in found], marker=marker, color=colour, label=precision)
+        hollow = [p for p in found if is_suspect(p.cpu) or is_suspect(p.gpu)]
+        ax.plot(
+            [p.gpu.particles for p in hollow], [p.ratio for p in hollow], marker, markerfacecolor="white",
+            markeredgecolor=colour, label="suspect" if hollow and precision == "float32" else None,
+        )  # fmt: skip
+        where = crossing(found)
+        if where and precision == "float32":
+            ax.plot([where], [1], "o", color=BLACK, zorder=5)
+            ax.annotate(
+                f"the GPU overtakes at about {float(f'{where:.1e}'):,.0f} masses".replace(",", " "), (where, 1), (10, -14),
+                textcoords="offset points", fontsize=8,
+            )  # fmt: skip
+        elif precision == "float32":
+            side = "faster" if found[-1].ratio >= 1 else "slower"
+            ax.set_title(
+                f"no crossing: the GPU is {side} from the smallest size to the largest", loc="right", fontsize=8
+            )
+    ax.axhline(1, color=GREY, linewidth=1, zorder=1)
+    log_axes(ax, "CPU time / GPU time")
+    plain_ticks(ax.yaxis)
+    ax.legend(loc="upper left")
+    caption = (
+        "Time of a step with the fastest of the CPU's thread counts over the GPU's, square grids without graphics; "
+        "above 1 the GPU is faster."
+    )
+    return Drawing(figure, TITLE, caption, (source,))

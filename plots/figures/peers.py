@@ -1,0 +1,104 @@
+"""Side by side: the time of what a user could pick instead, over the lab's own, against size."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.peers.registry import PEERS, label
+from bench.peers.results import Ratio
+from plots.core.data import Results, Source
+from plots.core.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Curve,
+    Drawing,
+    log_axes,
+    new_figure,
+    plain_ticks,
+)
+
+TITLE = "Side by side with what could be used instead"
+PRECISION = "float32"
+LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"))
+CURVES = {
+    peer.name: Curve(peer.label, *look) for peer, look in zip(PEERS, (LOOKS * len(PEERS))[: len(PEERS)], strict=True)
+}
+
+
+def square_ratios(source: Source, backend: str) -> list[Ratio]:
+    """What one panel shows of a machine."""
+    return [r for r in source.peers if (r.backend, r.precision) == (backend, PRECISION) and r.rows == r.columns]
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none. A panel a backend, each of the first machine that holds it, own ones first."""
+    chosen: list[tuple[str, Source]] = []
+    for backend in ("cpu", "gpu"):
+        holding = (s for s in (*results.featured, *results.background) if square_ratios(s, backend))
+        chosen += [(backend, source) for source in [next(holding, None)] if source is not None]
+    if not chosen:
+        return "nothing was timed beside peers (softlab sweep --peers)"
+    figure, axes = new_figure(len(chosen), share_y=False)
+    marks: set[str] = set()
+    for ax, (backend, source) in zip(axes, chosen, strict=True):
+        found = square_ratios(source, backend)
+        for name in dict.fromkeys(r.peer for r in found):
+            marks |= _draw_peer(
+                ax, [r for r in found if r.peer == name], CURVES.get(name) or Curve(label(name), GREY, ".")
+            )
+        ax.axhline(1, color=BLACK, linewidth=1, zorder=1)
+        ax.annotate("the lab", (0.99, 1), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
+        log_axes(ax)
+        plain_ticks(ax.yaxis)
+        ax.set_title(_title(backend, source, found), fontsize=8)
+    axes[0].set_ylabel("time of the peer / time of the lab")
+    _legend(figure, axes, marks)
+    caption = (
+        f"Time of a step of other programs over the lab's own, same scene and step, {PRECISION}, square grids, measured in "
+        "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
+        "faster. Every state was first held against the lab's own in float64."
+    )
+    return Drawing(figure, TITLE, caption, tuple(source for _, source in chosen))
+
+
+def _title(backend: str, source: Source, found: list[Ratio]) -> str:
+    if backend == "gpu":
+        return f"GPU: {source.gpu}"
+    threads = max(r.threads or 1 for r in found)
+    return f"CPU: {source.processor}\n{threads} threads where a peer has threads"
+
+
+def _draw_peer(ax: Any, found: list[Ratio], curve: Curve) -> set[str]:
+    """One line; which of the marks `suspect` and `wrong answer` it needed."""
+    sound = [r for r in found if not r.wrong]
+    x = [r.particles for r in sound]
+    ax.fill_between(x, [r.low for r in sound], [r.high for r in sound], color=curve.colour, alpha=0.18, linewidth=0)
+    ax.plot(
+        x, [r.ratio for r in sound], curve.line, color=curve.colour, marker=curve.marker, label=curve.label, zorder=3
+    )
+    hollow = [r for r in sound if r.suspect]
+    wrong = [r for r in found if r.wrong]
+    face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
+    ax.plot([r.particles for r in hollow], [r.ratio for r in hollow], curve.marker, **face, zorder=4)
+    ax.plot([r.particles for r in wrong], [r.ratio for r in wrong], "x", color=BLACK, zorder=5)
+    return {name for name, some in (("suspect", hollow), ("wrong answer", wrong)) if some}
+
+
+def _legend(figure: Any, axes: list[Any], marks: set[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles: dict[str, Any] = {}
+    for ax in axes:
+        for handle, text in zip(*ax.get_legend_handles_labels(), strict=True):
+            handles.setdefault(text, handle)
+    if "suspect" in marks:
+        handles["suspect"] = Line2D([], [], color=GREY, marker="o", markerfacecolor="white", linestyle="")
+    if "wrong answer" in marks:
+        handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3)

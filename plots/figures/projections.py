@@ -1,0 +1,92 @@
+"""Projections a second of the position-based solvers, against the size of the sheet; and published frames beside ours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.experiments.projections import ProjectionPoint, beside_published, points
+from plots.core.data import Results, Source
+from plots.core.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
+from plots.figures import backends
+from plots.figures.backends import name_of, sources_of
+
+TITLE = "Projections a second"
+PUBLISHED_TITLE = "Published cloth beside ours"
+LOOKS = {
+    ("gauss-seidel", 4): ("Gauss-Seidel, 4 neighbours", BLUE, "o"),
+    ("gauss-seidel", 12): ("Gauss-Seidel, 12 neighbours", GREEN, "D"),
+    ("jacobi", 4): ("Jacobi, 4 neighbours", ORANGE, "s"),
+    ("jacobi", 12): ("Jacobi, 12 neighbours", VERMILLION, "^"),
+}
+LINES = {10: "-", 1: "--"}  # by iterations a substep
+
+
+def panels(results: Results) -> list[tuple[str, Source, list[ProjectionPoint]]]:
+    """(backend, source, points) of the backends that were timed."""
+    return backends.panels(results, points)
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, a panel a backend; or why there is none."""
+    chosen = panels(results)
+    if not chosen:
+        return "projections were not timed (softlab projections)"
+    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
+        for (ordering, neighbours), (label, colour, marker) in LOOKS.items():
+            for iterations, line in LINES.items():
+                _curve(ax, found, (ordering, neighbours, iterations), line, colour, marker, label)
+        log_axes(ax)
+        ax.set_title(name_of(backend, source), fontsize=8)
+    axes[0].set_ylabel("projections a second")
+    legend_below(figure, axes, columns=2)
+    caption = (
+        "Constraints x iterations x substeps over the time of a step, 10 substeps of 10 iterations (solid) or of one "
+        "(dashed), float32: a hanging sheet with the springs of 4 or 12 neighbours, by coloured Gauss-Seidel and by Jacobi. "
+        "The whole step is timed, prediction and velocities included."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
+
+
+def _curve(ax: Any, found: list[ProjectionPoint], key: tuple[str, int, int], line: str, *look: str) -> None:
+    """One line of squares, with a label where it is the solid one."""
+    colour, marker, label = look
+    mine = [p for p in found if (p.ordering, p.neighbours, p.iterations) == key and p.rows == p.columns]
+    mine = [p for p in mine if p.substeps == 10]
+    if mine:
+        name = label if line == "-" else None
+        ax.plot(
+            [p.rows * p.columns for p in mine], [p.rate for p in mine], line, color=colour, marker=marker, label=name
+        )
+
+
+def draw_published(results: Results) -> Drawing | str:
+    """Published milliseconds a step, and ours of the same size and iterations; or why there is none."""
+    chosen = [(b, s, beside_published(found)) for b, s, found in panels(results)]
+    chosen = [entry for entry in chosen if entry[2]]
+    if not chosen:
+        return "no published scene was timed (softlab projections)"
+    figure, (ax,) = new_figure(1, 3.4)
+    names = list(dict.fromkeys(f"{e.source}\n{e.what}" for _, _, pairs in chosen for e, _ in pairs))
+    published = {f"{e.source}\n{e.what}": (e.seconds, e.processor) for _, _, pairs in chosen for e, _ in pairs}
+    places = range(len(names))
+    ax.plot([published[n][0] for n in names], places, "|", color="black", markersize=12, label="published")
+    for place, name in zip(places, names, strict=True):
+        ax.annotate(
+            published[name][1], (published[name][0], place), (6, 0), textcoords="offset points", fontsize=6, va="center"
+        )
+    for (backend, source, pairs), colour in zip(chosen, (BLUE, GREEN), strict=False):
+        mine = {f"{e.source}\n{e.what}": p.step for e, p in pairs}
+        held = [(mine[n], place) for place, n in zip(places, names, strict=True) if n in mine]
+        ax.plot(*zip(*held, strict=True), "o", color=colour, label=name_of(backend, source))
+    ax.set_yticks(list(places), names, fontsize=7)
+    ax.invert_yaxis()
+    ax.set_xscale("log")
+    ax.set_xlabel("time of a step / s")
+    legend_below(figure, [ax])
+    caption = (
+        "The time of a step as published, with the GPU it was measured on, and of a sheet of the same size, springs and "
+        "iterations here, float32. Materials and what else was computed are not all told, and the GPUs are years apart: "
+        "read orders of magnitude."
+    )
+    return Drawing(figure, PUBLISHED_TITLE, caption, sources_of(chosen))

@@ -1,0 +1,111 @@
+"""The roofline: how much of what one step per pass over memory could reach each kernel reaches, and the roof above it.
+
+A step moves so many bytes and does so many operations per mass (model/core/plan.py). One step per pass takes at least the
+bytes over the copy bandwidth: 100 %. A kernel that does several steps per pass, or keeps the grid on the chip, is bound
+by the operations over the arithmetic rate instead: the second roof, which counts every operation, a square root or a
+quotient too, as if it were half of a multiply-add. Practice: Williams, Waterman, Patterson, "Roofline", 2009.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bench.store.results import Timing
+from model.core.errors import SoftlabError
+from model.core.plans import scene_plan
+from model.scene.scene import Scene
+from plots.core.data import Results, Source
+from plots.core.ladder import backend_panels, in_order, rung, sources_of
+from plots.core.style import BLACK, GREY, Drawing, draw_times, legend_below, log_axes, plain_ticks
+from plots.figures.bandwidth import copy_bandwidth
+
+TITLE = "Roofline"
+
+
+@dataclass(frozen=True)
+class Roofs:
+    """Of one backend, machine, scene and precision: `bytes`, `operations` per mass and step; `bandwidth` [B/s]; `rate`
+    [operations/s], None where it was not measured."""
+
+    bytes: float
+    operations: int
+    bandwidth: float
+    rate: float | None
+
+    @property
+    def pass_seconds(self) -> float:
+        """Seconds per mass and step at the copy bandwidth, one step per pass [s]."""
+        return self.bytes / self.bandwidth
+
+    @property
+    def arithmetic_seconds(self) -> float | None:
+        """Seconds per mass and step at the arithmetic rate [s]."""
+        return self.operations / self.rate if self.rate else None
+
+    @property
+    def arithmetic_share(self) -> float | None:
+        """The arithmetic roof as a share of the one-step-per-pass roof."""
+        return self.pass_seconds / self.arithmetic_seconds if self.arithmetic_seconds else None
+
+    def share(self, timing: Timing, seconds: float | None = None) -> float:
+        """What a timing reaches of the one-step-per-pass roof."""
+        return self.pass_seconds * timing.particles / (timing.median if seconds is None else seconds)
+
+
+def roofs(source: Source, backend: str, precision: str = "float32") -> Roofs | None:
+    """The roofs over a machine's kernels, or None where bandwidth or scene are not known."""
+    bandwidth = copy_bandwidth(source, backend)
+    sample = next(
+        (t for t in source.kernels if (t.backend, t.precision) == (backend, precision) and t.bytes_per_step), None
+    )
+    if not bandwidth or sample is None or not sample.bytes_per_step:
+        return None
+    try:
+        grid = {"rows": sample.rows, "columns": sample.columns}
+        scene = Scene.stored({name: table | (grid if name == "grid" else {}) for name, table in source.scene.items()})
+        operations = scene_plan(scene).operations
+    except SoftlabError:  # a scene of another lab version
+        return None
+    rates = source.machine.record.get("gpu_arithmetic" if backend == "gpu" else "arithmetic") or {}
+    return Roofs(sample.bytes_per_step / sample.particles, operations, bandwidth, rates.get(precision))
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    figure, chosen = backend_panels(results, lambda source, backend: roofs(source, backend) is not None)
+    if figure is None:
+        return "the kernels were not timed one by one, or no copy bandwidth was measured"
+    times: list[Timing] = []
+    words = []
+    for ax, backend, source in chosen:
+        found = roofs(source, backend)
+        assert found is not None
+        for kernel, mine in in_order(source.ladder(backend)):
+            draw_times(ax, mine, rung(kernel), _percent(found))
+            times += mine
+        ax.axhline(100, color=GREY, linewidth=1.2, zorder=1, label="one step per pass")
+        name = "GPU" if backend == "gpu" else "CPU"
+        if found.arithmetic_share and found.rate:
+            ax.axhline(
+                100 * found.arithmetic_share, color=BLACK, linestyle="--", linewidth=1, zorder=1, label="arithmetic"
+            )
+            words.append(f"{name} {found.bandwidth / 1e9:.0f} GB/s and {found.rate / 1e9:.0f} G operations/s")
+        else:
+            words.append(f"{name} {found.bandwidth / 1e9:.0f} GB/s (its arithmetic rate was not measured)")
+        log_axes(ax)
+        operations, moved = found.operations, found.bytes
+    plain_ticks(chosen[0][0].yaxis)
+    chosen[0][0].set_ylabel("share of one step per pass / %")
+    legend_below(figure, [ax for ax, *_ in chosen], times)
+    caption = (
+        f"What each kernel reaches, float32, of one step per pass over memory ({moved:g} bytes a mass and step at the "
+        f"copy bandwidth: 100\N{NO-BREAK SPACE}%), and the roof that the arithmetic sets ({operations} operations a mass "
+        f"and step, each as half of a multiply-add: a bound that no kernel with quotients and roots can reach). "
+        f"Measured limits: {', '.join(words)}."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
+
+
+def _percent(found: Roofs) -> Callable[[Timing, float], float]:
+    return lambda timing, seconds: 100 * found.share(timing, seconds)

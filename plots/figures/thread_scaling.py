@@ -1,0 +1,56 @@
+"""Thread scaling: how much faster more threads are than one, or than as many as cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from bench.store.results import Timing
+from plots.core.data import THREAD_WORDS, Results, Source, is_wrong
+from plots.core.style import GREY, THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
+
+TITLE = "Thread scaling"
+
+
+def baseline(source: Source, precision: str = "float32") -> str | None:
+    """What thread counts are held against: one thread where it was timed, else 1x; None where neither was."""
+    return next((word for word in ("1", "1x") if source.select("cpu", word, precision)), None)
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+
+    def compares(source: Source) -> bool:
+        base = baseline(source)
+        return base is not None and any(word != base and source.select("cpu", word) for word in THREAD_WORDS)
+
+    figure, chosen = panels(results, compares)
+    if figure is None:
+        return "fewer than two thread counts were timed"
+    times: list[Timing] = []
+    words = set()
+    for ax, source in chosen:
+        base = baseline(source) or "1x"
+        words.add("one thread" if base == "1" else "1x threads")
+        held = {(t.rows, t.columns): t for t in source.select("cpu", base) if not is_wrong(t)}
+        for word in THREAD_WORDS:
+            mine = [t for t in source.select("cpu", word) if (t.rows, t.columns) in held and word != base]
+            if mine:
+                draw_times(ax, mine, THREADS[word], _speed_up(held))
+                times += mine
+        ax.axhline(1, color=GREY, linewidth=1, zorder=1)
+        log_axes(ax)
+        plain_ticks(ax.yaxis)
+    against = " or ".join(sorted(words))
+    chosen[0][0].set_ylabel(f"speed-up against {against}")
+    legend_below(figure, [ax for ax, _ in chosen], times)
+    sources = [source for _, source in chosen]
+    cores = ", ".join(sorted({f"{s.machine.record.get('cores')} cores" for s in sources}))
+    caption = (
+        f"Speed-up of more threads against {against} at the same size, float32, square grids ({cores}); above 1 is "
+        f"faster."
+    )
+    return Drawing(figure, TITLE, caption, tuple(sources))
+
+
+def _speed_up(held: Mapping[tuple[int, int], Timing]) -> Callable[[Timing, float], float]:
+    return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds

@@ -1,0 +1,68 @@
+"""Time per step against masses: threads at 1x, 2x and 4x of the cores, and the GPU."""
+
+from __future__ import annotations
+
+from plots.core.data import THREAD_WORDS, Results, Source
+from plots.core.style import (
+    GPU,
+    GREY,
+    THREADS,
+    Curve,
+    Drawing,
+    draw_times,
+    legend_below,
+    log_axes,
+    panels,
+    threading_note,
+    time_ticks,
+)
+
+TITLE = "Time per step against size"
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    figure, chosen = panels(results, lambda source: any(not t.graphics for t in source.timings))
+    if figure is None:
+        return "no timings without graphics"
+    times = []
+    for ax, source in chosen:
+        behind = _draw_background(ax, results)
+        for word in ("1", *THREAD_WORDS):
+            curve = source.select("cpu", word)
+            if curve:
+                draw_times(ax, curve, THREADS[word])
+                times += curve
+        if on_gpu := source.select("gpu"):
+            draw_times(ax, on_gpu, GPU)
+            times += on_gpu
+        log_axes(ax)
+    chosen[0][0].set_ylabel("time per step")
+    time_ticks(chosen[0][0].yaxis)
+    legend_below(figure, [ax for ax, _ in chosen], times)
+    sources = [source for _, source in chosen]
+    caption = (
+        "Time of one step of the square grid without graphics against its masses, float32: medians, "
+        f"and bands from the least to the greatest repeat. {_threads_text(sources)}"
+    )
+    return Drawing(figure, TITLE, caption, (*sources, *behind))
+
+
+def _threads_text(sources: list[Source]) -> str:
+    note = threading_note(sources)
+    return f"CPU: {note}. " if note else ""
+
+
+def _draw_background(ax: object, results: Results) -> list[Source]:
+    """Committed curves behind the user's own: the GPU where there is one, and threads at 1x."""
+    styles = iter(("--", ":", "-.", (0, (6, 2, 1, 2, 1, 2))))
+    drawn = []
+    for source in results.background:
+        for backend, word, name in (("gpu", None, source.gpu), ("cpu", "1x", f"{source.processor}, 1x")):
+            curve = source.select(backend, word)
+            if curve:
+                style = next(styles, "-")
+                light = Curve(f"committed: {name}", GREY, "", style)  # type: ignore[arg-type]
+                draw_times(ax, curve, light, light=True)
+                drawn.append(source)
+    return drawn

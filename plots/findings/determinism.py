@@ -1,0 +1,69 @@
+"""The finding about determinism: gathering in a fixed order against scattering."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.experiments.findings_determinism import DETERMINISM
+from plots.core.costs_points import Cost, costs, source_of
+from plots.core.data import Results, Source
+from plots.core.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    VERMILLION,
+    Drawing,
+    legend_below,
+    log_axes,
+    new_figure,
+    plain_ticks,
+)
+
+TITLE = "What determinism costs"
+WAYS = {  # backend, way: label, colour, marker
+    ("cpu", "colours"): ("CPU, scatter in colours", BLUE, "o"),
+    ("cpu", "twice"): ("CPU, gather, each spring twice", ORANGE, "^"),
+    ("gpu", "atomics"): ("GPU, scatter with atomics", VERMILLION, "X"),
+    ("gpu", "colours"): ("GPU, scatter in colours", GREEN, "D"),
+}
+LINES = {"float32": "-", "float64": "--"}
+NAMES = {"cpu": "CPU, over the kernel fused", "gpu": "GPU, over the kernel graph"}
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, a panel a backend; or why there is none."""
+    held = {backend: source_of(results, DETERMINISM, backend) for backend in NAMES}
+    sources = {backend: source for backend, source in held.items() if source}
+    if not sources:
+        return "gather and scatter were not timed side by side"
+    figure, axes = new_figure(len(sources), 3.8, share_y=False)
+    for ax, (backend, source) in zip(axes, sources.items(), strict=True):
+        _panel(ax, backend, costs(source, DETERMINISM, backend))
+    axes[0].set_ylabel("time / time of the lab's gather")
+    legend_below(figure, axes, columns=2)
+    caption = (
+        "Time of a step when each spring adds its pull to both of its masses (scatter), or when each mass evaluates all of "
+        "its springs itself, over that of the lab's kernel of one pass a step, sampled in turn. Over 1: the lab's gather "
+        "is faster. All but the atomic additions repeat bit for bit. Solid: float32, dashed: float64. Bars: extremes."
+    )
+    found: tuple[Source, ...] = tuple({id(s): s for s in sources.values()}.values())
+    return Drawing(figure, TITLE, caption, found)
+
+
+def _panel(ax: Any, backend: str, found: list[Cost]) -> None:
+    for (its, way), (label, colour, marker) in WAYS.items():
+        for precision, line in LINES.items():
+            mine = [c for c in found if (c.backend, c.way, c.precision) == (its, way, precision)]
+            if not mine:
+                continue
+            ax.plot(
+                [c.particles for c in mine], [c.ratio for c in mine], line, marker=marker, color=colour,
+                label=f"{label}, {precision}",
+            )  # fmt: skip
+            for c in mine:
+                ax.plot([c.particles] * 2, [c.least, c.most], color=colour, linewidth=0.8)
+    ax.axhline(1, color=GREY, linewidth=1, zorder=1)
+    log_axes(ax)
+    plain_ticks(ax.yaxis)
+    ax.set_title(NAMES[backend])

@@ -1,0 +1,125 @@
+"""A mark on a sample reaches the store, wherever samples are taken: with what was wrong with the answer, and with the word
+that no GPU was there. Nothing is stepped: samples are made up, what takes them is the lab's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bench.experiments.accuracy import experiment as accuracy
+from bench.experiments.advise import ablate
+from bench.experiments.advise import search as advise_search
+from bench.measure import case_timing, costs_timing, findings_timing
+from bench.measure import group as measure_group
+from bench.measure.timing import Sample
+from bench.peers import sweep as peer_sweep  # fmt: skip
+from bench.store.database import Store
+from bench.store.results import configuration, timings
+from model.scene.scene import load_scene
+
+SCENE = load_scene("lab-grid")
+NOTHING: Callable[..., None] = lambda *_, **__: None  # noqa: E731
+
+
+def described(backend: str) -> dict[str, Any]:
+    return configuration(SCENE, backend=backend, threads=2 if backend == "cpu" else None)
+
+
+def case_of(backend: str) -> Any:
+    simulation = SimpleNamespace(kernel="fused", limit=1.0, scene=SCENE)
+    return SimpleNamespace(
+        description=described(backend), sources="s", backend=backend, scene=SCENE, particles=4, kind=("made up",),
+        simulation_kind=backend, open=lambda: nullcontext(simulation),
+    )  # fmt: skip
+
+
+def subject_of(name: Any) -> Any:
+    return SimpleNamespace(name=name, restore_seconds=0.0, simulation=SimpleNamespace(kernel="fused"))
+
+
+def by_group(store: Store, run: str, backend: str) -> None:
+    """bench/measure/group.py, with the mark of a wrong answer beside the sample's own."""
+    effort = SimpleNamespace(repeats_of=lambda case: 1)
+    summary = SimpleNamespace(run=run, machine="m", samples=0, suspect=0, measured=0)
+    runner = measure_group.GroupRunner(store, effort, summary, [backend], {}, NOTHING)  # type: ignore[arg-type]
+    runner._sample([subject_of(case_of(backend))], {backend: "wrong answer: 3 spacings off"})  # type: ignore[dict-item]
+    assert (summary.samples, summary.suspect, summary.measured) == (1, 1, 1)
+
+
+def by_peers(store: Store, run: str, backend: str) -> None:
+    runner = object.__new__(peer_sweep._Comparison)
+    runner.store, runner.summary, runner._costs = store, SimpleNamespace(run=run, samples=0, suspect=0, measured=0), {}
+    runner._neighbours, runner._missing = None, lambda case: 1
+    runner._sample([subject_of(case_of(backend))], ["wrong answer: 3 spacings off"], NOTHING)
+    assert runner.summary.suspect == 1
+
+
+def by_accuracy(store: Store, run: str, backend: str) -> None:
+    summary = SimpleNamespace(run=run, measured=0)
+    group = accuracy._Group(store, summary, accuracy.Effort(1, 0.1, 1.0), NOTHING)  # type: ignore[arg-type]
+    group._sample([subject_of(case_of(backend))])
+
+
+def by_advice(store: Store, run: str, backend: str) -> None:
+    search = advise_search.Search(store, SimpleNamespace(run=run, machine="m"))  # type: ignore[arg-type]
+    search._sample([case_of(backend)])
+
+
+def by_ablation(store: Store, run: str, backend: str) -> None:
+    work = object.__new__(ablate._Work)
+    work.store, work.summary = store, SimpleNamespace(run=run)
+    added: list[Any] = []
+    work._add = lambda variant, numbers: added.append(numbers)
+    variant = SimpleNamespace(case=case_of(backend), ablation=SimpleNamespace(name="all"))
+    work._time([subject_of(variant)], NOTHING)
+    assert added[0][ablate.SUSPECT][0] == 1 and "load" in added[0][ablate.SUSPECT][2]
+
+
+def by_cases(store: Store, run: str, backend: str) -> None:
+    timing = case_timing.Timing("step", 1, lambda *_: [], "told")
+    timing._time(store, SimpleNamespace(run=run, measured=0, skipped=[]), [case_of(backend)])  # type: ignore[arg-type]
+
+
+def by_findings(store: Store, run: str, backend: str) -> None:
+    times = SimpleNamespace(store=store, repeats=1, seconds=0.1, most=1.0)
+    findings_timing.time_steps(times, run, [(SCENE, described(backend), "s")])  # type: ignore[arg-type]
+
+
+def by_costs(store: Store, run: str, backend: str) -> None:
+    record = costs_timing.Record(store, run, "s")
+    (told,) = costs_timing.in_turn(record, [subject_of(described(backend))], 1)
+    assert "load" in (told[costs_timing.RATIO][2] or "")
+
+
+WAYS = {
+    measure_group: by_group, peer_sweep: by_peers, accuracy: by_accuracy, advise_search: by_advice, ablate: by_ablation,
+    case_timing: by_cases, findings_timing: by_findings, costs_timing: by_costs,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("module", WAYS, ids=[module.__name__ for module in WAYS])
+@pytest.mark.parametrize("backend", ["cpu", "gpu"])
+def test_marks_reach_the_store(module: Any, backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def taken(subjects: Any, repeats: Any, _: Any = None) -> Any:
+        for subject in subjects:
+            yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
+
+    monkeypatch.setattr(module, "interleaved", taken)
+    monkeypatch.setattr(module, "gpu_simulated", lambda: True, raising=module is not peer_sweep)
+    monkeypatch.setattr(module, "warm_up", NOTHING, raising=False)
+    monkeypatch.setattr(module, "choose_steps", NOTHING, raising=False)
+    monkeypatch.setattr(module, "open_simulation", lambda *_, **__: case_of(backend).open(), raising=False)
+    with Store(":memory:") as store:
+        store.add_machine("m", "Some CPU", {"cpu": "Some CPU", "cores": 2})
+        WAYS[module](store, store.start_run("m", "test"), backend)
+        found = timings(store, stage=None)
+        assert found
+        for timing in found:
+            reasons = [reason for mark in timing.suspect for reason in mark.split("; ")]
+            assert "load: other programs ran on the cores in use" in reasons
+            assert ("CUDA simulator, no GPU" in reasons) == (backend == "gpu" and module is not peer_sweep)
+            assert ("wrong answer: 3 spacings off" in reasons) == (module in (measure_group, peer_sweep))

@@ -1,0 +1,438 @@
+"""The drawing in space: what a picture of a cloth shows, the demo of a cloth, and its window on a virtual screen."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_cloth import FakeCloth, open_fake
+from test_viewer import Window, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
+
+from app.command.demo import Demo
+from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
+from app.output.video import render
+from app.render import colours
+from app.render.camera3d import Camera3D
+from app.render.collider_shapes import grounds, shadow_matrix
+from app.window.controls import SPACE_KEYS, keys_text
+from app.window.scenery import KEY
+from model.core.build import rest_positions
+from model.core.errors import InputError
+from model.scene.scene import Scene, load_scene
+
+TOOLS = Path(__file__).resolve().parents[1] / "tools"
+
+HANGING: dict[str, Any] = {
+    "cloth": {"rows": 7, "columns": 9, "spacing": 0.25, "pinned": "top-corners"},
+    "structural": {},
+    "shear": {},
+    "gravity": {"enabled": False},
+    "method": {"dt": 0.001},
+}
+SCENE = Scene(HANGING)
+FLAT = Scene(HANGING | {"cloth": HANGING["cloth"] | {"placement": "flat"}})
+REST = rest_positions(SCENE.grid)
+RANDOM = np.random.default_rng(5)
+
+
+# ---------------------------------------------------------------------- pictures
+
+
+@cache
+def available() -> tuple[bool, str]:
+    return opengl_available()
+
+
+@pytest.fixture
+def drawing() -> None:
+    works, text = available()
+    if not works:
+        pytest.skip(f"no off-screen OpenGL: {text}")
+
+
+def near(image: np.ndarray, renderer: OffscreenRenderer, place: Any, reach: int = 1) -> np.ndarray:
+    """(pixels, 3) in 0 to 1 around a place [m]."""
+    x, y = renderer.camera.to_window(np.asarray(place, dtype=float))
+    row, column = round(renderer.height - 1 - y), round(x)
+    return image[row - reach : row + reach + 1, column - reach : column + reach + 1, :3].reshape(-1, 3) / 255
+
+
+def hue(pixels: np.ndarray) -> np.ndarray:
+    """(3,) mean colour without its lightness: what light of one colour leaves as it was."""
+    mean = pixels.mean(axis=0)
+    return mean / mean.sum()
+
+
+def looks_like(pixels: np.ndarray, colour: Any) -> bool:
+    """Same hue as a surface's colour; the highlight adds at most 0.06 of white, 0.03 of the sum of a middle tone."""
+    return bool(np.abs(hue(pixels) - np.array(colour) / np.sum(colour)).max() < 0.03)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_front_and_back_have_their_own_colours() -> None:
+    middle = REST.mean(axis=0)
+    with OffscreenRenderer(SCENE, 480, 360, legend=False) as renderer:
+        for yaw, seen, hidden in ((0.2, colours.CLOTH_FRONT, colours.CLOTH_BACK),
+                                  (0.2 + np.pi, colours.CLOTH_BACK, colours.CLOTH_FRONT)):  # fmt: skip
+            renderer.camera.yaw = yaw
+            renderer.fit(REST)
+            renderer.draw(REST)
+            pixels = near(renderer.image(), renderer, middle)
+            assert looks_like(pixels, seen) and not looks_like(pixels, hidden)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_light_comes_from_above() -> None:
+    """A cloth bent over an edge along x: the half that faces up is lighter than the half that faces down."""
+    position = REST.copy()
+    upper, lower = REST[:, 1] > -0.7, REST[:, 1] < -0.8
+    position[:, 2] = np.where(upper, -REST[:, 1], 1.5 + REST[:, 1])
+    with OffscreenRenderer(SCENE, 480, 360, legend=False) as renderer:
+        renderer.camera.yaw = renderer.camera.pitch = 0.0
+        renderer.fit(position)
+        renderer.draw(position)
+        image = renderer.image()
+        up = near(image, renderer, position[upper].mean(axis=0)).mean()
+        down = near(image, renderer, position[lower].mean(axis=0)).mean()
+    assert up > 1.3 * down > 0.2
+
+
+@pytest.mark.usefixtures("drawing")
+def test_springs_have_the_colour_of_their_strain() -> None:
+    position = REST * (1.0, 1.4, 1.0)  # vertical springs stretched by 0.4
+    with OffscreenRenderer(SCENE, 640, 480, lines=True) as renderer:
+        renderer.fit(position)
+        assert renderer.strain_range == pytest.approx(0.5)
+        renderer.draw(position)
+        image = renderer.image()
+        for first, second, strain in ((30, 39, 0.4), (30, 31, 0.0)):
+            pixels = near(image, renderer, (position[first] + position[second]) / 2)
+            wanted = colours.strain_colours(np.array([strain]), 0.5)[0]
+            assert np.abs(pixels - wanted).max(axis=1).min() < 0.04
+        legend = image[-90:, -320:, :3].reshape(-1, 3) / 255
+        assert np.abs(legend - colours.STOPS[-1]).max(axis=1).min() < 0.05
+
+
+@pytest.mark.usefixtures("drawing")
+def test_pins_are_marked_and_a_selected_mass_has_a_ring() -> None:
+    with OffscreenRenderer(SCENE, 480, 360, legend=False) as renderer:
+        renderer.draw(REST)
+        image = renderer.image()
+        for corner in (0, 8):
+            assert near(image, renderer, REST[corner]).max() < 0.2
+        assert near(image, renderer, REST[-1]).mean() > 0.2
+        renderer._view.draw(renderer.camera, 0.5, selected=31)
+        ring = near(renderer.image(), renderer, REST[31], 11)
+        assert np.abs(ring - colours.SELECTED).max(axis=1).min() < 0.05
+        assert np.abs(near(image, renderer, REST[31], 11) - colours.SELECTED).max(axis=1).min() > 0.2
+
+
+@pytest.mark.usefixtures("drawing")
+def test_colliders_hide_what_is_behind_and_move_with_time() -> None:
+    ball = {"sphere": {"center": [1.0, -0.7, 0.8], "radius": 0.3, "velocity": [0.0, 0.0, -1.6]}}
+    with OffscreenRenderer(Scene(HANGING | ball), 480, 360, legend=False) as renderer:
+        renderer.camera.yaw = renderer.camera.pitch = 0.0
+        renderer.fit(REST)
+        renderer.draw(REST)
+        assert looks_like(near(renderer.image(), renderer, (1.0, -0.7, 1.1)), colours.COLLIDER)
+        renderer.draw(REST, time=1.0)  # now behind the cloth
+        assert looks_like(near(renderer.image(), renderer, (1.0, -0.7, 0.0)), colours.CLOTH_FRONT)
+
+
+@pytest.mark.usefixtures("drawing")
+@pytest.mark.parametrize(
+    "collider",
+    [
+        {"capsule": {"start": [0.3, -0.7, 0.6], "end": [1.7, -0.7, 0.6], "radius": 0.2}},
+        {"box": {"center": [1.0, -0.7, 0.6], "half_size": [0.4, 0.3, 0.1]}},
+    ],
+)
+def test_capsules_and_boxes_are_drawn(collider: dict[str, Any]) -> None:
+    with OffscreenRenderer(Scene(HANGING | collider), 320, 240, legend=False) as renderer:
+        renderer.camera.yaw = renderer.camera.pitch = 0.0
+        renderer.fit(REST)
+        renderer.draw(REST)
+        assert looks_like(near(renderer.image(), renderer, (1.0, -0.7, 0.7)), colours.COLLIDER)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_there_is_a_ground_with_lines_and_a_shadow_on_it() -> None:
+    position = rest_positions(FLAT.grid)
+    scene = Scene(FLAT.as_dict() | {"plane": {"point": [0.0, -0.5, 0.0]}})
+    with OffscreenRenderer(scene, 640, 480, legend=False) as renderer:
+        renderer.fit(position)
+        renderer.camera.distance *= 1.6
+        renderer.draw(position)
+        image = renderer.image()
+        (ground,) = grounds(scene, 0.0, 0.0)
+        under = (np.append(position.mean(axis=0), 1) @ shadow_matrix(ground, KEY).T)[:3]
+        corner = (np.append(position[-1], 1) @ shadow_matrix(ground, KEY).T)[:3]
+        inside = corner + 0.03 * (under - corner)  # just within the corner that the cloth does not hide
+        outside = corner - 0.25 * (under - corner)
+        dark, light = (near(image, renderer, place, 2).max(axis=0).mean() for place in (inside, outside))
+        assert dark < 0.93 < light < 0.98  # shadow, ground; the background is white
+        renderer.camera.pitch = -0.3  # from below: seen through
+        renderer.draw(position)
+        below = near(renderer.image(), renderer, position.mean(axis=0), 8)
+        assert looks_like(np.median(below, axis=0)[None], colours.CLOTH_BACK)  # of most pixels: between the lines
+
+
+@pytest.mark.usefixtures("drawing")
+def test_pictures_have_eight_bits_a_colour_and_smooth_edges() -> None:
+    with OffscreenRenderer(SCENE, 320, 240, legend=False) as renderer:
+        renderer.camera.pitch = 0.0
+        edge = REST[[0, 6 * 9]].mean(axis=0)  # the left one: upright, and moved into the middle of a pixel
+        left, _ = renderer.camera.to_window(edge)
+        renderer.camera.pan(np.floor(left) + 0.5 - left, 0.0)
+        renderer.draw(REST)
+        image = renderer.image()
+        assert np.unique(image[:, :, :3].reshape(-1, 3), axis=0).shape[0] > 150
+        x, y = renderer.camera.to_window(edge)
+        row = image[239 - round(y), round(x) - 4 : round(x) + 5, 0].astype(int)
+        between = (row > row.min() + 12) & (row < row.max() - 12)
+        assert renderer._view._target.samples < 2 or between.any()
+
+
+@pytest.mark.usefixtures("drawing")
+def test_bad_shapes_are_refused_and_diverged_states_drawn() -> None:
+    with OffscreenRenderer(SCENE, 160, 120) as renderer:
+        with pytest.raises(InputError, match=r"\(63, 3\)"):
+            renderer.draw(REST[:, :2])
+        renderer.fit(np.full((63, 3), np.nan))
+        renderer.draw(np.full((63, 3), 1e300))
+        renderer.draw(REST)
+        assert np.isfinite(renderer.camera.matrix()).all()
+
+
+@pytest.mark.usefixtures("drawing")
+@pytest.mark.parametrize("cloth", [{"rows": 1, "columns": 1}, {"rows": 1, "columns": 6}, {"rows": 2, "columns": 2}])
+def test_small_cloths_can_be_drawn(cloth: dict[str, int]) -> None:
+    for parts in ({}, {"bending": {}}, {"structural": {}, "shear": {}}):
+        scene = Scene({"cloth": cloth} | parts)
+        with OffscreenRenderer(scene, 160, 120, legend=False) as renderer:
+            renderer.draw(rest_positions(scene.grid))
+            x, y = renderer.camera.to_window(rest_positions(scene.grid)[0])
+            assert renderer.image()[119 - round(y) - 2 :, round(x) - 3 : round(x) + 4][:5, :, :3].min() < 200
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_simulation_is_drawn_as_its_state_is_and_normals_only_where_they_are_seen() -> None:
+    simulation = FakeCloth(SCENE)
+    moved = (REST + RANDOM.normal(0, 0.02, REST.shape)).astype(np.float32)  # as it is read: normals of the same numbers
+    simulation._position = moved.astype(np.float64)
+    with OffscreenRenderer(SCENE, 320, 240, legend=False) as renderer:
+        renderer.draw(simulation.read("position"))
+        by_state = renderer.image()
+        simulation.asked.clear()
+        renderer._view.upload_from(simulation)
+        assert simulation.asked == ["position", "normal"]
+        renderer._view.draw(renderer.camera, 0.5)
+        np.testing.assert_array_equal(renderer.image(), by_state)
+        simulation.asked.clear()
+        assert renderer._view.toggle_lines()
+        renderer._view.upload_from(simulation)
+        assert simulation.asked == ["position"]
+        renderer._view.upload_from(simulation, simulation._position.astype(np.float32))
+        assert simulation.asked == ["position"]  # what was read already is not read again
+
+
+@pytest.mark.usefixtures("drawing")
+def test_frames_and_clips_of_a_cloth(tmp_path: Path) -> None:
+    import imageio_ffmpeg
+    from PIL import Image
+
+    tables = HANGING | {"gravity": {}, "sphere": {"center": [1.0, -2.0, 0.0], "radius": 0.3, "velocity": [0, 3.0, 0]}}
+    simulation = FakeCloth(Scene(tables))
+    frame = render(simulation, tmp_path / "frame.png", width=320, height=240)
+    assert np.asarray(Image.open(frame)).shape == (240, 320, 3)
+    clip = render(simulation, tmp_path / "clip.mp4", steps=30, steps_per_frame=10, width=160, height=120)
+    assert imageio_ffmpeg.count_frames_and_secs(clip)[0] == 4
+    assert simulation.asked.count("normal") == 4
+    assert render_frame(simulation.scene, REST, tmp_path / "lines.png", 160, 120, lines=True, time=0.2).exists()
+    states = np.stack([REST, 1.1 * REST])
+    assert render(states, tmp_path / "states.mp4", scene=SCENE, width=160, height=120).exists()
+
+
+# ---------------------------------------------------------------------- the demo
+
+
+@pytest.fixture
+def demo() -> Iterator[Demo]:
+    with Demo([SCENE], open_world=open_fake) as running:
+        yield running
+
+
+def test_a_mass_is_pulled_in_space_and_let_go(demo: Demo) -> None:
+    assert demo.take(31, REST[31] + (0.1, 0.2, 0.3))
+    gain = 100.0  # N/m: the stiffest springs'
+    np.testing.assert_allclose(demo.force(), np.array([0.1, 0.2, 0.3]) * gain, rtol=1e-5)
+    demo.drag(*(REST[31] + (0.0, 0.0, 0.2)))
+    demo.frame()
+    moved = demo.positions[0] - REST
+    assert moved[31, 2] > 0.001 and not moved[30].any()
+    for _ in range(60):
+        demo.frame()
+    np.testing.assert_allclose(demo.positions[0][31], REST[31] + (0.0, 0.0, 0.2), atol=0.01)
+    demo.release()
+    assert demo.force() == (0.0, 0.0, 0.0)
+
+
+def test_a_pulled_cloth_does_not_swing_up() -> None:
+    """The hand takes energy once it holds still: after 3 s of a pull the mass is at rest near the pointer, and a cloth of
+    real springs, nearly without dampers, has no more energy than the pull has given it: half of force times way."""
+    scene = load_scene("cloth-hanging").replace({"cloth.rows": 12, "cloth.columns": 12, "gravity.enabled": False})
+    with Demo([scene], math="exact") as demo:
+        start = demo.positions[0][66].astype(float)
+        target = start + np.array([0.3, 0.2, 0.2])
+        assert demo.take(66, target)
+        most = 0.0
+        for _ in range(300):
+            demo.frame()
+            most = max(most, float(np.abs(demo.positions[0][66] - start).max()))
+        assert not demo.frozen and most < 0.6  # twice the way: a swing without loss about the pointer
+        stiffness = 100.0  # N/m, of the hand: not more work than filling its spring by the whole way
+        assert demo.statistics.kinetic < 0.5 * stiffness * float(np.sum((target - start) ** 2))
+        assert np.linalg.norm(demo.positions[0][66] - target) < np.linalg.norm(start - target)
+
+
+def test_arrows_and_enter_work_as_in_the_plane(demo: Demo) -> None:
+    camera = Camera3D(800, 600, yaw=np.pi / 2, pitch=0.0)  # from +x: what lies to the right in the window is -z
+    demo.press_key()
+    assert demo.hand.selected == 3 * 9 + 4
+    assert demo.force()[1] < 0 == demo.force()[0] == demo.force()[2]
+    demo.release()
+    demo.move_selection(1, 0, camera.direction(1, 0))
+    assert demo.hand.selected == 3 * 9 + 5
+    demo.press_key()
+    np.testing.assert_allclose(np.array(demo.force()) / 50.0, (0, 0, -1), atol=1e-12)  # two spacings of 100 N/m
+
+
+def test_the_demo_changes_every_kind_of_spring(demo: Demo, monkeypatch: pytest.MonkeyPatch) -> None:
+    changes: dict[str, Any] = {}
+    monkeypatch.setattr(demo.world, "set", changes.__setitem__)
+    demo.change_stiffness(1)
+    assert changes == {"structural.stiffness": 125.0, "shear.stiffness": 125.0}
+    assert "structural stiffness 125 N/m, shear stiffness 125 N/m" in demo.message
+
+
+def test_the_statistics_have_three_dimensions(demo: Demo) -> None:
+    np.testing.assert_allclose(demo.statistics.bounds, (0, -1.5, 0, 2, 0, 0), atol=1e-6)
+    assert demo.statistics.strain_range == pytest.approx(0.01)
+
+
+def test_the_keys_of_space_are_told() -> None:
+    wide, narrow = keys_text(1200, space=True), keys_text(400, space=True)
+    assert len(narrow.splitlines()) == len(SPACE_KEYS) + 1 and len(wide.splitlines()) == -(-len(SPACE_KEYS) // 2) + 1
+    assert "surface" in wide and "surface" not in keys_text(1200)
+    assert all(len(meaning) < 30 and len(key) < 8 for key, meaning in SPACE_KEYS)
+
+
+# ---------------------------------------------------------------------- the window itself
+
+
+class ClothWindow(Window):
+    """The demo's window with a cloth that needs no solver."""
+
+    def __init__(self, folder: Path, display: str):  # noqa: F811
+        self.folder, self.state_file = folder, folder / "state.json"
+        path = os.pathsep.join([str(TOOLS), str(TOOLS.parents[1])])
+        self.environment = os.environ | {"DISPLAY": display, "OMP_WAIT_POLICY": "passive", "PYTHONPATH": path}
+        code = (
+            "from pathlib import Path; from app.command.demo import Demo; from app.window.viewer import Viewer\n"
+            "from model.scene.scene import Scene; from fake_cloth import open_fake\n"
+            f"demo = Demo([Scene({HANGING!r})], open_world=open_fake)\n"
+            f"Viewer(demo, Path({str(self.state_file)!r}), None).run()\n"
+        )
+        self.log = folder / "log.txt"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", code], cwd=folder, env=self.environment, stdout=log, stderr=subprocess.STDOUT
+            )
+
+
+@pytest.fixture(scope="module")
+def cloth_window(tmp_path_factory: pytest.TempPathFactory, display: str) -> Iterator[ClothWindow]:  # noqa: F811
+    shown = ClothWindow(tmp_path_factory.mktemp("cloth"), display)
+    try:
+        shown.wait("the first frames", lambda state: state["frame"] > 3)
+        shown.xdotool("mousemove", 5, 700)  # the keyboard follows the pointer where no window manager runs
+        yield shown
+    finally:
+        if shown.process.poll() is None:
+            shown.process.kill()
+        shown.process.wait(timeout=10)
+
+
+@pytest.mark.display
+@needs_display
+def test_window_turns_moves_zooms_and_frames(cloth_window: ClothWindow) -> None:
+    before = cloth_window.settled()
+    cloth_window.xdotool("mousemove", 60, 300)  # beside the cloth
+    cloth_window.xdotool("mousedown", 1)
+    cloth_window.xdotool("mousemove", 110, 280)
+    state = cloth_window.wait("a turn", lambda state: state["yaw"] < before["yaw"] - 0.2)
+    assert state["pitch"] < before["pitch"] and state["poke"] is None
+    cloth_window.xdotool("mouseup", 1)
+    cloth_window.xdotool("mousedown", 2)
+    cloth_window.xdotool("mousemove", 60, 300)
+    cloth_window.wait("the turn back", lambda state: abs(state["yaw"] - before["yaw"]) < 0.01)
+    cloth_window.xdotool("mouseup", 2)
+    cloth_window.xdotool("click", 4)
+    cloth_window.wait("a nearer eye", lambda state: state["distance"] < 0.95 * before["distance"])
+    x = cloth_window.mass(31)[0]
+    cloth_window.xdotool("mousedown", 3)
+    cloth_window.xdotool("mousemove", 100, 320)
+    cloth_window.wait("a moved view", lambda state: abs(state["masses"]["31"]["window"][0] - x - 40) < 3)
+    cloth_window.xdotool("mouseup", 3)
+    cloth_window.key("f")
+    state = cloth_window.wait(
+        "everything framed", lambda state: abs(state["distance"] - before["distance"]) < 0.01 * before["distance"]
+    )
+    assert math.isclose(state["yaw"], before["yaw"], abs_tol=0.01)
+
+
+@pytest.mark.display
+@needs_display
+def test_window_pulls_a_mass_in_the_plane_of_the_view(cloth_window: ClothWindow) -> None:
+    cloth_window.settled()
+    x, y = cloth_window.grab(31)
+    cloth_window.xdotool("mousemove", x + 60, y - 30)
+    state = cloth_window.wait(
+        "a pull", lambda state: state["poke"] is not None and math.hypot(*state["poke"]["force"]) > 1
+    )
+    force, yaw, pitch = np.array(state["poke"]["force"]), state["yaw"], state["pitch"]
+    toward = np.array([math.sin(yaw) * math.cos(pitch), math.sin(pitch), math.cos(yaw) * math.cos(pitch)])
+    assert state["poke"]["particle"] == 31 and len(force) == 3
+    # nothing along the line of sight, but for what the mass moves within a frame in the plane's own rounding
+    assert abs(force @ toward) < 0.02 * np.linalg.norm(force)
+    cloth_window.xdotool("mouseup", 1)
+    cloth_window.wait("the hand let go", lambda state: state["poke"] is None)
+    cloth_window.key("r")
+
+
+@pytest.mark.display
+@needs_display
+def test_window_shows_springs_keys_and_a_picture(cloth_window: ClothWindow) -> None:
+    from PIL import Image
+
+    cloth_window.key("r")
+    cloth_window.key("f")
+    cloth_window.key("l")
+    cloth_window.wait("springs", lambda state: state["lines"])
+    cloth_window.key("l")
+    cloth_window.wait("a surface", lambda state: not state["lines"])
+    cloth_window.settled()
+    cloth_window.key("s")
+    state = cloth_window.wait("a screenshot", lambda state: state["screenshot"] is not None)
+    picture = np.asarray(Image.open(state["screenshot"]))
+    assert list(picture.shape[:2]) == state["window"][::-1]
+    x, y = cloth_window.mass(31)
+    assert looks_like(picture[y - 5 : y + 6, x + 14 : x + 20].reshape(-1, 3) / 255, colours.CLOTH_FRONT)

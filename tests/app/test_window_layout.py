@@ -1,0 +1,179 @@
+"""The window's camera, label, lines and detail as pure functions: none of it needs OpenGL."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.command.demo import NO_BODIES
+from app.render.camera3d import MOST_PITCH, NEAREST, Camera3D
+from app.window.controls import keys_text
+from app.window.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
+from app.window.looks import OF_PLANE, Looks
+from app.window.panels import TIP_GAP, beside_tip, divided
+
+WINDOW = (1200.0, 900.0)
+LABEL = (70.0, 18.0)
+UP = np.array([0.0, 1.0, 0.0])
+ANGLE = st.floats(-1.5, 1.5)
+
+
+def height(camera: Camera3D, point: np.ndarray, normal: np.ndarray) -> float:
+    """Of the eye over a plane, in distances."""
+    return float((camera.eye - point) @ normal) / camera.distance
+
+
+# ---------------------------------------------------------------------- the camera and the ground
+
+
+def test_dragging_down_ends_just_above_the_ground() -> None:
+    camera = Camera3D(1200, 900, y=2.0, distance=10.0)
+    for _ in range(100):
+        camera.orbit(0.0, 40.0)  # up by so much: the eye goes down
+        camera.keep_above(np.zeros(3), UP)
+    assert height(camera, np.zeros(3), UP) == pytest.approx(NEAREST)
+    assert camera.pitch == pytest.approx(np.arcsin(NEAREST - 0.2)), (
+        "what stands on the ground is seen from below, a little"
+    )
+    assert camera.target == pytest.approx([0, 2, 0])
+
+
+def test_above_the_ground_nothing_changes() -> None:
+    camera = Camera3D(1200, 900, y=2.0, distance=10.0, pitch=-0.1)
+    before = replace(camera)
+    camera.keep_above(np.zeros(3), UP)
+    assert camera == before
+
+
+@given(ANGLE, ANGLE, st.floats(-5.0, 5.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0))
+def test_the_eye_is_above_every_floor_wherever_it_looks(
+    pitch: float, yaw: float, y: float, slope: float, turned: float
+) -> None:
+    normal = np.array([np.sin(slope) * np.cos(turned), np.cos(slope), np.sin(slope) * np.sin(turned)])
+    point = np.array([0.3, -0.2, 0.1])
+    camera = Camera3D(1200, 900, y=y, distance=3.0, yaw=yaw, pitch=min(max(pitch, -MOST_PITCH), MOST_PITCH))
+    camera.keep_above(point, normal)
+    assert height(camera, point, normal) >= NEAREST - 1e-9
+    assert abs(camera.pitch) <= MOST_PITCH
+
+
+@pytest.mark.parametrize("normal", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.9, 0.43588989, 0.0]])
+def test_walls_and_ceilings_leave_it_outside(normal: list[float]) -> None:
+    camera = Camera3D(1200, 900, distance=10.0, yaw=-1.0)
+    before = replace(camera)
+    camera.keep_above(np.array([5.0, 5.0, 0.0]), np.array(normal))
+    assert camera == before
+
+
+# ---------------------------------------------------------------------- the force's label
+
+
+@pytest.mark.parametrize("turn", np.arange(0, 2 * np.pi, np.pi / 8))
+@pytest.mark.parametrize("length", [2.0, 30.0, 300.0])
+def test_the_label_lies_clear_of_the_arrow_and_of_the_ring(turn: float, length: float) -> None:
+    way = np.array([np.cos(turn), np.sin(turn)])
+    start = np.array([600.0, 450.0])
+    end = start + length * way
+    left, bottom = beside_tip(tuple(start), tuple(end), LABEL, WINDOW)
+    low, high = np.array([left, bottom]), np.array([left, bottom]) + LABEL
+    for share in np.linspace(0, 1, 50):  # of the arrow, whose head is 6 pixels to either side
+        at = start + share * (end - start)
+        away = np.hypot(*(at - np.clip(at, low, high)))
+        assert away >= TIP_GAP - 1e-9
+
+
+@pytest.mark.parametrize("end", [(1190.0, 450.0), (10.0, 450.0), (600.0, 895.0), (600.0, 3.0), (1195.0, 895.0)])
+def test_near_the_edge_the_label_stays_in_the_window(end: tuple[float, float]) -> None:
+    left, bottom = beside_tip((600.0, 450.0), end, LABEL, WINDOW)
+    assert 0 <= left <= WINDOW[0] - LABEL[0] and 0 <= bottom <= WINDOW[1] - LABEL[1]
+
+
+# ---------------------------------------------------------------------- lines and detail
+
+
+@pytest.mark.parametrize(
+    "text,parts,expected",
+    [("a\nb\nc", 3, ["a", "b", "c"]), ("a\nb\nc", 2, ["a", "b\nc"]), ("a", 3, ["a", "", ""]), ("a\nb", 1, ["a\nb"])],
+)
+def test_lines_go_to_their_styles(text: str, parts: int, expected: list[str]) -> None:
+    assert divided(text, parts) == expected
+
+
+@pytest.mark.parametrize(
+    "renderer,detail",
+    [
+        ("llvmpipe (LLVM 15.0.6, 256 bits)", QUICK),
+        ("softpipe", QUICK),
+        ("SwiftShader Device (LLVM 10.0.0)", QUICK),
+        ("NVIDIA H200/PCIe/SSE2", FINE),
+        ("Mesa Intel(R) UHD Graphics 620 (KBL GT2)", FINE),
+    ],
+)
+def test_a_processor_that_draws_is_asked_for_less(renderer: str, detail: object) -> None:
+    assert usual_detail(renderer) is detail
+
+
+def test_the_key_goes_through_every_detail_and_costs_fall() -> None:
+    found = [FINE]
+    for _ in DETAILS:
+        found.append(next_detail(found[-1]))
+    assert set(found) == set(DETAILS) and found[0] is found[-1]
+    costs = [(max(detail.samples, 1) / detail.coarse**2, detail.shadows) for detail in DETAILS]
+    assert costs == sorted(costs, reverse=True) and len(set(costs)) == len(costs)
+
+
+@pytest.mark.parametrize("bodies", [False, True])
+def test_the_keys_of_space_name_the_detail_and_the_turn_once(bodies: bool) -> None:
+    text = keys_text(600, space=True, bodies=bodies)
+    assert text.count("fine, plain, quick picture") == 1 and text.count("turn (middle)") == 1
+    assert "fine, plain" not in keys_text(600)
+
+
+# ---------------------------------------------------------------------- what keys change of the look
+
+
+class SeenView:
+    """A view that only knows what it shows."""
+
+    def __init__(self) -> None:
+        self.detail, self.lines, self.skin = FINE, False, True
+        self.particles = self.clusters = self.links = False
+        self.show_in = lambda detail: setattr(self, "detail", detail)
+
+    def toggle_lines(self) -> bool:
+        self.lines = not self.lines
+        return self.lines
+
+    def toggle_particles(self) -> None:
+        self.particles = not self.particles
+
+
+def looks_of(dimensions: int, bodies: bool) -> tuple[Looks, list[str]]:
+    said: list[str] = []
+    scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {})
+    demo = SimpleNamespace(world=SimpleNamespace(scene=scene), say=said.append)
+    return Looks(cast("Any", demo), [SeenView(), SeenView()]), said
+
+
+def test_keys_of_bodies_and_of_space_say_where_they_mean_nothing() -> None:
+    for dimensions, told in ((2, OF_PLANE), (3, "surface")):
+        looks, said = looks_of(dimensions, bodies=False)
+        looks.toggle("particles")
+        looks.next_colouring()
+        looks.toggle_lines()
+        looks.toggle_lines()
+        assert said[:2] == [NO_BODIES] * 2 and said[-1] == told
+
+
+def test_the_look_changes_in_every_view() -> None:
+    looks, said = looks_of(3, bodies=True)
+    looks.next_detail()
+    looks.toggle("particles")
+    assert [(view.detail, view.particles) for view in looks.views] == [(DETAILS[1], True)] * 2
+    assert said == [f"plain picture: {DETAILS[1].meaning}", "particles behind the skin"]

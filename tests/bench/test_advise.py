@@ -1,0 +1,290 @@
+"""`softlab advise`: shown right by brute force under a made-up clock, clear where there is no answer, and safe to write."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import softlab
+from app.command.scene_file import scene_toml, write_scene
+from bench.experiments.accuracy.own_reference import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
+from bench.experiments.advise import search as advise_search
+from bench.experiments.advise.check import brute_force, grid_steps
+from bench.experiments.advise.experiment import advise
+from bench.experiments.advise.search import TIGHT, next_steps
+from bench.measure.growth import MOST_GROWTH, kept_growth, measure_growth
+from bench.measure.timing import Sample
+from bench.reference import cache
+from bench.store.database import Store
+from model.core.errors import InputError, SceneError
+from model.core.integrators import INTEGRATORS
+from model.scene.reader import catalogue
+from model.scene.scene import Scene, load_scene
+
+END = 0.3  # s
+METHODS = ("lab", "rk4", "taylor")  # the variants that tests/bench/test_accuracy.py compiles, too
+SINGLE = ("float32",)
+
+
+def small(changes=None) -> Scene:
+    """S1 at 8 x 8."""
+    return load_scene("lab-curtain").replace({"grid.rows": 8, "grid.columns": 8} | (changes or {}))
+
+
+@pytest.fixture
+def clockwork(monkeypatch):
+    """A machine on which a force costs 1 us, and 10 us more a step: times that follow from the method alone."""
+
+    def interleaved(subjects, repeats, _):
+        for _ in range(max(repeats)):
+            for subject in subjects:
+                method = subject.simulation.scene.method
+                yield subject, Sample(100 * (1e-5 + 1e-6 * INTEGRATORS[method.integrator].forces), 100, None)
+
+    monkeypatch.setattr(advise_search, "interleaved", interleaved)
+    monkeypatch.setattr(advise_search, "warm_up", lambda subject: (0.0, 0.0))
+    monkeypatch.setattr(advise_search, "choose_steps", lambda subject, *_: 100)
+
+
+ASKED = {"backends": ["cpu"], "integrators": METHODS, "precisions": SINGLE, "progress": False}
+
+
+@pytest.fixture
+def store(tmp_path):
+    with Store(tmp_path / "results.sqlite") as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("error", [0.2, 1e-2, 1e-3, 1e-4])
+def test_no_cheaper_configuration_of_the_grid_reaches_the_error(store, clockwork, error):
+    """S1 at 8 x 8: the whole grid, four step sizes an octave, judged; nothing in it reaches the error for less than the
+    advised configuration's cost, but for the 3 % within which its step size was closed in on."""
+    advice = advise(store, small(), error, time=END, **ASKED)
+    assert advice.best is not None, advice.why
+    assert advice.best.error <= error
+    assert advice.best.dt <= advice.best.limit
+    assert advice.best.steps * advice.best.dt == pytest.approx(END)
+    check = brute_force(
+        store, advice, backends=["cpu"], integrators=METHODS, precisions=SINGLE, per_octave=4, octaves=4
+    )
+    assert check.judged == sum(
+        len(grid_steps(math.ceil(END / check_limit), 4, 4)) for check_limit in map(limit_of, METHODS)
+    )
+    assert check.reaching >= 4
+    assert check.cheaper(TIGHT) == []
+
+
+def limit_of(name: str) -> float:
+    from model.core.integrators import stability_limit
+
+    return stability_limit(small({"method.integrator": name}))
+
+
+def test_an_answer_in_words_and_from_the_store(store, clockwork, monkeypatch):
+    """Asked again, nothing is run: the store holds it. The step that solves another equation is left out by name."""
+    advice = advise(store, small(), 1e-3, time=END, **ASKED)
+    text = str(advice)
+    assert "soonest    rk4" in text
+    assert "% of its stability limit" in text
+    assert "lab" in dict((name.split(",")[0], reason) for name, reason in advice.beaten)
+    runs = store.query("SELECT count(*) FROM sample")[0][0]
+    monkeypatch.setattr(advise_search.Search, "_run", lambda *_: pytest.fail("run again"))
+    again = advise(store, small(), 1e-3, time=END, **ASKED)
+    assert again.choices == advice.choices
+    assert store.query("SELECT count(*) FROM sample")[0][0] == runs
+
+
+def test_an_error_that_nothing_reaches(store, clockwork):
+    """In float32 rounding stops the error from falling: the answer says how near one can get."""
+    advice = advise(store, small(), 1e-7, time=END, total_seconds=20, **ASKED)
+    assert advice.best is None
+    assert "nothing tried reaches 1e-07 spacings: the closest is rk4" in (advice.why or "")
+    assert "stops falling" in dict(advice.beaten)["rk4, float32, cpu"]
+    with pytest.raises(ValueError, match="nothing tried"):
+        advice.configured()
+
+
+def test_chaos_forbids_an_answer(store):
+    """10 x 10, two corners, undamped: by 5 s a disturbance of 1e-9 has grown beyond 1e3 (docs/method.md, fact 5); the
+    answer names a time up to which there is one, and there the growth is indeed less."""
+    scene = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10, "damping.coefficient": 0.0})
+    advice = advise(store, scene, 1e-3, time=5.0, **ASKED)
+    assert advice.best is None
+    assert advice.growth > MOST_GROWTH
+    assert "chaos" in (advice.why or "")
+    suggested = float(str(advice.why).rpartition("--time ")[2])
+    assert 0.5 < suggested < 4
+    assert measure_growth(scene, suggested).factor < MOST_GROWTH
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "time", "field"),
+    [
+        ({"external.magnitude": 0.1}, 1e-3, 1.0, "external.magnitude"),
+        ({"grid.pinned": [[i, j] for i in range(8) for j in range(8)]}, 1e-3, 1.0, "grid.pinned"),
+        ({}, 0.0, 1.0, "--error"),
+        ({}, float("nan"), 1.0, "--error"),
+        ({}, 1e-12, 1.0, "--error"),
+        ({}, 1e-3, -1.0, "--time"),
+        ({}, 1e-3, float("inf"), "--time"),
+        ({"springs.stiffness": 1e12}, 1e-3, 1.0, "--time"),
+    ],
+)
+def test_what_has_no_answer_is_refused_with_a_remedy(store, changes, error, time, field):
+    with pytest.raises(SceneError) as refused:
+        advise(store, small(changes), error, time=time, **ASKED)
+    assert refused.value.field == field
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    st.floats(1e-6, 10), st.sampled_from([0, 1, 2, 4]), st.integers(1, 500), st.integers(0, 11), st.floats(1e-5, 1.0)
+)
+def test_next_steps_lie_where_they_must(error, order, steps, turn, target):
+    """More after a miss, fewer (but not under the least) after a hit, in between with both."""
+    if error > target:
+        assert next_steps((steps, error), None, target, order, 1, turn) > steps
+        assert next_steps((steps, math.inf), None, target, order, 1, turn) > steps
+    elif steps > 1:
+        assert 1 <= next_steps(None, (steps, error), target, order, 1, turn) < steps
+    between = next_steps((steps, 2 * target), (steps + 10, target / 2), target, order, 1, turn)
+    assert steps < between < steps + 10
+
+
+def test_next_steps_close_in_by_the_order():
+    """On an error that falls exactly by its order three runs suffice to within 3 %."""
+    for order in (1, 2, 4):
+        low, high, steps, runs = None, None, 10, 0
+        while not (low and high and high[0] <= max(TIGHT * low[0], low[0] + 1)):
+            error = (steps / 10) ** -order
+            low, high = ((steps, error), high) if error > 1e-3 else (low, (steps, error))
+            steps, runs = next_steps(low, high, 1e-3, order, 10, runs), runs + 1
+        assert runs <= 5
+        assert high[0] == pytest.approx(10 * 1e3 ** (1 / order), rel=TIGHT - 1)
+
+
+def test_growth_is_kept(tmp_path):
+    scene = small()
+    made = kept_growth(scene, END, tmp_path / "references")
+    again = kept_growth(scene.replace({"method.dt": 0.003}), END, tmp_path / "references")
+    assert np.array_equal(made.factors, again.factors)
+    assert made.factor < 1
+    assert not made.chaotic
+    assert made.safe_time() == pytest.approx(END)
+    (file,) = (tmp_path / "references").iterdir()
+    file.write_bytes(b"torn")
+    assert np.array_equal(kept_growth(scene, END, tmp_path / "references").factors, made.factors)
+
+
+# ---------------------------------------------------------------------- the file that --write makes
+
+WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)  # lone surrogates are no text in UTF-8
+
+
+@pytest.mark.parametrize("name", list(catalogue()))
+def test_a_written_scene_is_the_same_scene(name, tmp_path):
+    scene = load_scene(name)
+    path = write_scene(tmp_path / "scene.toml", scene, "of tests")
+    read = load_scene(path)
+    assert read.canonical() == scene.canonical()
+    assert read.title == scene.title
+    assert path.read_text().startswith("# of tests\n")
+
+
+@settings(deadline=None, max_examples=100)
+@given(WORDS, st.floats(1e-300, 1e300), WORDS, st.booleans())
+def test_whatever_a_scene_holds_comes_back(tmp_path_factory, title, number, part, pins):
+    """Any title, any number, any name of a part, pins as a word or a list."""
+    if part in ("title", "springs", "method"):
+        return
+    data = {
+        "title": title,
+        part: {"kind": "grid", "rows": 2, "columns": 2, "spacing": number, "pinned": [[0, 1]] if pins else "top"},
+        "springs": {"stiffness": number},
+    }
+    scene = Scene(data)
+    path = tmp_path_factory.mktemp("scene") / "scene.toml"
+    path.write_text(scene_toml(scene), encoding="utf-8")
+    read = load_scene(path)
+    assert read.canonical() == scene.canonical()
+    assert read.title == title
+
+
+def test_an_older_file_is_named_and_kept(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("mine")
+    with pytest.raises(InputError, match=r"mine\.toml exists already.*--force"):
+        write_scene(path, small())
+    assert path.read_text() == "mine"
+    write_scene(path, small(), force=True)
+    assert load_scene(path).canonical() == small().canonical()
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
+    for wrong in (tmp_path / "scene.txt", tmp_path / "nowhere" / "scene.toml", tmp_path):
+        with pytest.raises(InputError):
+            write_scene(wrong, small())
+
+
+def test_the_advised_scene_round_trips(store, clockwork, tmp_path):
+    """What is written runs as it is: within its limit, with the method that was advised."""
+    advice = advise(store, small(), 1e-3, time=END, **ASKED)
+    read = load_scene(write_scene(tmp_path / "fast.toml", advice.configured(), advice.heading()))
+    assert read.method.integrator == advice.best.integrator
+    assert read.method.dt == advice.best.dt
+    assert read.canonical() == advice.configured().canonical()
+
+
+def test_own_reference_is_the_independent_one():
+    """Where NumPy would take minutes the lab's own RK4 in exact float64 stands in: here both, 5e-9 spacings apart at most
+    (each is that good), and the same growth of a disturbance."""
+    scene = small()
+    own, independent = own_converged(scene, END), cache.kept(scene, END, None)
+    assert np.abs(own.position - independent.position).max() < cache.TOLERANCE
+    assert own.estimate < cache.TOLERANCE
+    assert own_growth(scene, END).factors == pytest.approx(measure_growth(scene, END).factors, rel=1e-3)
+    large = scene.replace({"grid.rows": 512, "grid.columns": 512})
+    assert by_numpy(scene, END)
+    assert not by_numpy(large, 1.5)
+    assert own_seconds(large, 1.5) < numpy_seconds(large, 1.5) / 5
+
+
+# ---------------------------------------------------------------------- the command
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("--error 0", "--error = 0.0"),
+        ("--error 1e-3 --set external.magnitude=1.0", "a random force is another force at every step size"),
+        ("--error 1e-3 --write there.toml", "there.toml exists already"),
+        ("--error 1e-3 --write there.txt", "must end in .toml"),
+    ],
+)
+def test_the_command_refuses_in_one_line(words, told, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.toml").write_text("mine")
+    monkeypatch.setattr(sys, "argv", ["softlab", "advise", "lab-curtain", *words.split()])
+    with pytest.raises(SystemExit) as ended:
+        softlab.main()
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert told in error
+    told = [line for line in error.splitlines() if not line.startswith("advise: ")]  # how long it took last time
+    assert len(told) == 1
+    assert (tmp_path / "there.toml").read_text() == "mine"
+
+
+def test_the_command_writes_what_it_advises(capsys, monkeypatch, tmp_path, clockwork):
+    monkeypatch.chdir(tmp_path)
+    line = "advise lab-curtain --set grid.rows=6 --set grid.columns=6 --error 0.2 --time 0.3 --precision float32"
+    monkeypatch.setattr(sys, "argv", ["softlab", *line.split(), "--backend", "cpu", "--write", "fast.toml"])
+    with pytest.raises(SystemExit) as ended:
+        softlab.main()
+    assert not ended.value.code
+    printed = capsys.readouterr().out
+    assert "soonest" in printed
+    assert "softlab run fast.toml --backend cpu --precision float32" in printed
+    scene = load_scene("fast.toml")
+    assert (scene.grid.rows, scene.method.dt) != (32, 0.01)

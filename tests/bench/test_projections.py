@@ -1,0 +1,143 @@
+"""Projections a second: the cases, what the store tells of them, the figures and the sentences made from it."""
+
+from __future__ import annotations
+
+import pytest
+from read_figures import LABELS, labels
+from synthetic_store import GPU_RECORD
+
+from bench.experiments.projections import (
+    BUDGETS,
+    NEIGHBOURS,
+    RATE,
+    STAGE,
+    STEP,
+    beside_published,
+    case_of,
+    groups,
+    newton_ratios,
+    points,
+    projections_of,
+    run_projections,
+    sheet,
+)
+from bench.store.database import Store
+from bench.store.published import NEWTON_ITERATION, PUBLISHED
+from bench.store.results import measures
+from labbook.claims.cloth import CLAIMS
+from model.core.errors import SceneError
+from model.xpbd.plan import constraint_count
+from plots.core.data import load
+from plots.core.style import settings
+from plots.figures import projections
+
+
+def test_the_published_sizes_are_the_published_ones():
+    """XPBD 2016 tells of 24 000 constraints, Small Steps of 150 000 particles and 896 000 springs."""
+    told = {entry.scene: entry.ours() for entry in PUBLISHED}
+    assert constraint_count(told["cloth-xpbd"]) == 23_938
+    small_steps = told["cloth-small-steps"]
+    assert (small_steps.grid.particle_count, constraint_count(small_steps)) == (149_769, 894_746)
+    assert told["cloth-flamenco"].method.ordering == "averaged-jacobi"
+
+
+@pytest.mark.parametrize("neighbours", NEIGHBOURS)
+def test_a_sheet_is_the_same_cloth_in_any_size(neighbours):
+    """As wide, as heavy, as damped a square metre; with the springs of so many neighbours."""
+    small, large = (sheet(n, neighbours, "jacobi", 10, 2) for n in (16, 64))
+    assert len(small.cloth_springs) == neighbours // 4
+    for scene in (small, large):
+        assert scene.grid.rows * scene.grid.spacing == pytest.approx(2.0)
+        assert scene.grid.particle_count * scene.grid.mass == pytest.approx(64 * 64 * 0.0002)
+        assert scene.damping.coefficient / scene.grid.mass == pytest.approx(0.1)
+    assert (small.method.substeps, small.method.iterations, small.method.ordering) == (10, 2, "jacobi")
+
+
+def test_a_case_counts_every_constraint_of_every_iteration():
+    case = case_of(sheet(16, 4, "gauss-seidel", 10, 3), "cpu", "float32")
+    assert projections_of(case.scene) == 2 * 16 * 15 * 10 * 3
+
+
+def test_quick_is_a_part_of_the_whole():
+    whole = {case.scene.canonical() for group in groups(["cpu", "gpu"], False, None, ("float32",)) for case in group}
+    quick = {case.scene.canonical() for group in groups(["cpu", "gpu"], True, None, ("float32",)) for case in group}
+    assert quick < whole
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory) -> Store:
+    """A small sheet, really timed on this CPU; and what a GPU of another machine is said to have done."""
+    with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("store") / "results.sqlite") as opened:
+        patch.setattr("bench.experiments.projections.QUICK_NEIGHBOURS", (4,))
+        patch.setattr("bench.experiments.projections.QUICK_BUDGETS", BUDGETS)
+        summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
+        assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
+        again = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
+        assert (again.measured, again.held) == (0, 4)
+        yield opened
+
+
+def test_a_rate_is_projections_over_the_median_step(store):
+    found = points(measures(store))
+    assert len(found) == 4 and {p.neighbours for p in found} == {4}
+    for point in found:
+        scene = sheet(8, point.neighbours, point.ordering, point.substeps, point.iterations)
+        assert point.scene == scene.canonical()
+        assert point.rate * point.step == pytest.approx(constraint_count(scene) * 10 * point.iterations)
+        assert point.iteration == pytest.approx(point.step / 10 / point.iterations)
+        assert point.kernel
+    (median,) = {m.value for m in measures(store, STEP) if m.configuration == measures(store, STEP)[0].configuration}
+    rows = store.query(
+        "SELECT seconds / steps FROM sample WHERE stage = ? AND configuration = ?",
+        (STAGE, measures(store, STEP)[0].configuration),
+    )
+    assert median == sorted(row[0] for row in rows)[len(rows) // 2]
+
+
+def _gpu_store(path) -> Store:
+    """A machine with a GPU on which an iteration takes a tenth of Newton's, and a published step a fifth."""
+    store = Store(path)
+    store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
+    run = store.start_run("gpu", "softlab projections", None)
+    scenes = [(sheet(n, 12, "gauss-seidel", 10, 10), seconds / 10 * 100) for n, seconds in NEWTON_ITERATION.items()]
+    scenes += [(entry.ours(), entry.seconds / 5) for entry in PUBLISHED]
+    for scene, step in scenes:
+        case = case_of(scene, "gpu", "float32")
+        store.add_measure(run, case.description, "s", STEP, step, "s", None)
+        store.add_measure(run, case.description, "s", RATE, projections_of(case.scene) / step, "1/s", None)
+    return store
+
+
+def test_others_times_are_set_beside_ours(tmp_path):
+    with _gpu_store(tmp_path / "gpu.sqlite") as store:
+        found = points(measures(store))
+        assert [entry.seconds / point.step for entry, point in beside_published(found)] == pytest.approx(
+            [5.0] * len(PUBLISHED)
+        )
+        assert dict(newton_ratios(found)) == pytest.approx(dict.fromkeys(NEWTON_ITERATION, 10.0))
+        results = load(store)
+    claims = {name: claim(results) for name, claim in CLAIMS.items()}
+    assert claims["projection-newton"].supported
+    assert list(claims["projection-newton"].numbers.values()) == pytest.approx([10.0] * len(NEWTON_ITERATION))
+    assert claims["projection-published"].numbers == {"gpu least": pytest.approx(5.0), "gpu most": pytest.approx(5.0)}
+    assert not claims["projection-orderings"].supported  # Jacobi was not timed
+    with settings():
+        published, rates = projections.draw_published(results), projections.draw(results)
+    assert published.sources and rates.sources
+    assert labels(published.figure) == LABELS["published"] and labels(rates.figure) == LABELS["projections"]
+
+
+def test_nothing_is_claimed_of_nothing(store):
+    """Eight masses a side are not what rates are told of; published scenes and a GPU were not timed."""
+    results = load(store)
+    claims = {name: claim(results) for name, claim in CLAIMS.items()}
+    assert claims["projection-orderings"].supported
+    for name in ("projection-rates", "projection-published", "projection-newton"):
+        assert not claims[name].supported and claims[name].sentence.endswith(".")
+    assert projections.draw_published(results) == "no published scene was timed (softlab projections)"
+
+
+@pytest.mark.parametrize("how", [{"sizes": [1]}, {"precisions": ("float16",)}, {"backends": ["tpu"]}])
+def test_what_cannot_be_timed_is_refused(tmp_path, how):
+    with Store(tmp_path / "r.sqlite") as store, pytest.raises(SceneError):
+        run_projections(store, progress=False, **how)

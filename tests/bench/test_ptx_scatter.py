@@ -1,0 +1,35 @@
+"""The scatters of bench/experiments/scatter_gpu.py compile without a GPU, and hold the instructions that they are there
+for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_the_scatters_compile(real):
+    """Atomics that return nothing (`red`), four to a spring; none in colours; no double in float32."""
+    from numba import cuda, types
+
+    from bench.experiments.scatter_gpu import make_scatter
+
+    kernels = make_scatter(real, "fast", frozenset({"springs", "gravity", "damping", "pins"}))
+    pair = (types.complex64 if real is np.float32 else types.complex128)[::1]
+    scalars = (types.float32 if real is np.float32 else types.float64)[::1]
+    spring = (pair, scalars, scalars, types.int32, types.int32)
+    move = (pair, pair, scalars, scalars, types.uint64[::1], types.int64[::1], types.int64, types.uint8[::1],
+            types.uint8[::1], types.int32, types.int32)  # fmt: skip
+
+    def text(kernel, signature):
+        code, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=True)
+        return code[code.index(".entry") :]
+
+    atomic = text(kernels.atomics, spring)
+    assert atomic.count("red.") + atomic.count("atom.") == 4
+    others = [text(kernel, spring) for kernel in kernels.colours] + [text(kernels.move, move)]
+    assert not any("red." in other or "atom." in other for other in others)
+    if real is np.float32:
+        assert not any(".f64" in code for code in (atomic, *others))

@@ -1,0 +1,145 @@
+"""What a command's exit status tells a script: 0 done, 1 diverged or failed, 2 bad input or no answer, 3 a backend that is
+not there, 130 stopped by Ctrl-C. One table: the command, how its work (which is faked) ends, the status."""
+
+from __future__ import annotations
+
+import errno
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import softlab
+from bench.experiments.advise.advice import Advice
+from bench.stress.results import HardRow, HardSummary
+from model.core.errors import BackendUnavailable, Diverged, InputError, SceneError
+from model.scene.scene import load_scene
+
+SCENE = load_scene("lab-grid")
+
+
+class Summary(SimpleNamespace):
+    """Of a command that measures: what it prints."""
+
+    interrupted = False
+    machine = "m"
+
+    def __str__(self) -> str:
+        return "measured"
+
+
+DONE, STOPPED = Summary(), Summary(interrupted=True)
+REPORT = {"outcome": "ok", "error": None, "error_reason": "made up"}
+
+
+def hard(*verdicts: str, interrupted: bool = False) -> HardSummary:
+    rows = [HardRow("B4", "lab", "cpu", "float64", 0.01, verdict, "", ()) for verdict in verdicts]
+    return HardSummary("m", rows=rows, interrupted=interrupted)
+
+
+def ran(diverged: Diverged | None = None) -> Any:
+    return SimpleNamespace(notes=[], report=dict(REPORT), scene=SCENE, state=None, diverged=diverged, written=[])
+
+
+def advice(**found: Any) -> Advice:
+    return Advice(SCENE, 1e-3, 1.5, 0.1, machine="m", **found)
+
+
+MEASURING = {  # command -> what does its work
+    "sweep": "bench.experiments.sweep.run_sweep",
+    "sweep --kernels": "bench.experiments.kernel_sweep.run_kernel_sweep",
+    "sweep --peers": "bench.peers.sweep.run_peers",
+    "accuracy --no-findings": "bench.experiments.accuracy.experiment.run_accuracy",
+    "accuracy": "bench.experiments.findings.run_findings",
+    "stability": "bench.experiments.stability.experiment.run_stability",
+    "projections": "bench.experiments.projections.run_projections",
+    "crowds": "bench.experiments.crowds.run_crowds",
+    "bar": "bench.experiments.bar.run_bar",
+    "ablate lab-grid": "bench.experiments.advise.ablate.ablate",
+}
+EVERY = MEASURING | {
+    "hard": "bench.stress.experiment.run_hard",
+    "advise lab-grid --error 1e-3": "bench.experiments.advise.experiment.advise",
+    "run lab-grid --no-judge": "app.command.run.run_scene",
+    "run lab-grid": "bench.experiments.accuracy.judge.judge_run",
+    "demo": "app.window.viewer.run_demo",
+    "figures": "labbook.jobs.make_figures",
+    "labbook": "labbook.jobs.make_labbook",
+    "lab": "labbook.jobs.whole_lab",
+    "scenes": "app.command.tables.print_scenes",
+    "plan lab-grid": "app.plan.report.plan_report",
+    "doctor": "app.command.doctor.examine",
+    "export out.csv": "bench.store.transfer.export",
+    "merge in.csv": "bench.store.transfer.merge",
+}
+ENDS: list[tuple[str, str, Any, int]] = [  # command, what does its work, what that returns or raises, the status
+    *((command, work, DONE, 0) for command, work in MEASURING.items()),
+    *((command, work, STOPPED, 130) for command, work in MEASURING.items()),
+    *((command, work, KeyboardInterrupt(), 130) for command, work in EVERY.items()),
+    *((command, work, SceneError("method.dt", 0, "must be greater than 0"), 2) for command, work in EVERY.items()),
+    *((command, work, InputError("nothing there; give another path"), 2) for command, work in EVERY.items()),
+    *((command, work, BackendUnavailable("no driver", "install one"), 3) for command, work in EVERY.items()),
+    *((command, work, BrokenPipeError(errno.EPIPE, "Broken pipe"), 0) for command, work in EVERY.items()),
+    ("hard", EVERY["hard"], hard("pass", "refused", "known"), 0),
+    ("hard", EVERY["hard"], hard("pass", "fail"), 1),
+    ("hard", EVERY["hard"], hard("pass", interrupted=True), 130),
+    ("hard", EVERY["hard"], hard("fail", interrupted=True), 130),
+    ("advise lab-grid --error 1e-3", EVERY["advise lab-grid --error 1e-3"], advice(why="chaos"), 2),
+    ("advise lab-grid --error 1e-3 --write fast.toml", EVERY["advise lab-grid --error 1e-3"], advice(why="none"), 2),
+    ("run lab-grid --no-judge --json", EVERY["run lab-grid --no-judge"], ran(), 0),
+    ("run lab-grid --no-judge --json", EVERY["run lab-grid --no-judge"], ran(Diverged(3, 1, 0.1, 0.03)), 1),
+]
+
+
+@pytest.mark.parametrize(
+    ("command", "work", "end", "status"),
+    ENDS,
+    ids=[f"{one[0]}: {type(one[2]).__name__} {k}" for k, one in enumerate(ENDS)],
+)
+def test_the_status_tells_how_it_ended(
+    command: str, work: str, end: Any, status: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    def worked(*_: Any, **__: Any) -> Any:
+        if isinstance(end, BaseException):
+            raise end
+        return end
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["softlab", *command.split()])
+    for path in MEASURING.values():  # what comes before or after in the same command
+        monkeypatch.setattr(path, lambda *_, **__: DONE)
+    monkeypatch.setattr("bench.experiments.findings_costs.run_costs", lambda *_, **__: DONE)
+    monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
+    for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
+                 "bench.experiments.crowds.print_crowds", "bench.experiments.advise.ablation_results.print_ablation",
+                 "bench.stress.results.print_hard"):  # fmt: skip
+        monkeypatch.setattr(path, lambda *_: None)
+    if work != EVERY["run lab-grid --no-judge"]:
+        monkeypatch.setattr("app.command.run.run_scene", lambda *_: ran())
+    (tmp_path / "in.csv").touch()
+    (tmp_path / "softlab-results").mkdir()
+    if command.startswith("export"):
+        from bench.store.database import Store
+
+        with Store() as store:
+            store.add_machine("m", "Some CPU", {})
+    monkeypatch.setattr(work, worked)
+    if isinstance(end, BrokenPipeError):
+        monkeypatch.setattr("os.dup2", lambda *_: None)  # of the test's own output
+        monkeypatch.setattr(sys.stdout, "fileno", lambda: 1, raising=False)
+    left = 0
+    try:
+        softlab.main()
+    except SystemExit as error:
+        left = int(error.code or 0)
+    told = capsys.readouterr()
+    assert left == status, told.err
+    assert "Traceback" not in told.err
+    if status in (1, 2, 3) and isinstance(end, Exception):
+        assert told.err.splitlines()[-1].startswith("softlab: ")
+    if isinstance(end, KeyboardInterrupt):
+        assert told.err.splitlines()[-1] == "softlab: stopped"
+    assert not (tmp_path / "fast.toml").exists()

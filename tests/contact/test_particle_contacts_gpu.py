@@ -1,0 +1,143 @@
+"""Contacts between particles on a real GPU: the bits of the CPU in exact math, through launches and captured graphs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from bodies_scenes import end_state, opened, same
+from meeting_bodies import meeting, neighbours, smooth
+from rebound_scenes import among_soft_ones, dropped
+
+from model.contact.particle_parameters import MOST_NEIGHBOURS
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+pytestmark = pytest.mark.gpu
+KERNELS = ("graph", "launch", "stages")
+
+
+@pytest.fixture(autouse=True)
+def needs_gpu() -> None:
+    from gpu_backend.core.device import gpu_available, simulated
+
+    works, reason = gpu_available()
+    if not works or simulated():
+        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize(
+    "scene", [meeting(), meeting(1, 1, copies=3, sweeps=1), smooth()], ids=["few", "many", "smooth"]
+)
+def test_bits_are_the_cpus(scene: Scene, precision: str) -> None:
+    expected = end_state(scene, precision=precision, steps=60, threads=2)
+    for kernel in KERNELS:
+        assert same(end_state(scene, "gpu", precision=precision, kernel=kernel, steps=60), expected), kernel
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        meeting(restitution=0.6),
+        dropped(0.7, angle=40.0, height=0.4, speed=4.0, dynamic_friction=0.0),
+        among_soft_ones(),
+    ],
+    ids=["pairs", "rigid", "both"],
+)
+def test_what_bounces_has_the_cpus_bits(scene: Scene, precision: str) -> None:
+    """Particles off each other, and rigid bodies off a collider as a whole."""
+    expected = end_state(scene, precision=precision, steps=40, threads=2)
+    for kernel in KERNELS:
+        assert same(end_state(scene, "gpu", precision=precision, kernel=kernel, steps=40), expected), kernel
+
+
+def crowded() -> Scene:
+    """450 bodies of two kinds, 6525 particles: the table's sums take several chunks."""
+    return meeting(2, 1, copies=15, sweeps=1)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_many_bodies_have_the_cpus_bits(precision: str) -> None:
+    expected = end_state(crowded(), precision=precision, steps=30, threads=2)
+    for kernel in ("graph", "launch"):
+        assert same(end_state(crowded(), "gpu", precision=precision, kernel=kernel, steps=30), expected), kernel
+
+
+def test_runs_repeat_to_the_bit() -> None:
+    """Buckets are filled in whatever order threads come: no sum may show it, in fast math neither."""
+    states = [end_state(crowded(), "gpu", precision="float32", math="fast", steps=30) for _ in range(3)]
+    assert all(same(state, states[0]) for state in states)
+
+
+def test_neighbours_are_those_of_asking_all() -> None:
+    from gpu_backend.contact.particles import ParticleContacts
+
+    scene = meeting()
+    particles, random = scene.crowd.particle_count, np.random.default_rng(4)
+    weight = np.ones(particles)
+    weight[[2, 20]] = 0
+    for real in (np.float32, np.float64):
+        contacts = ParticleContacts(scene, real, "exact", 0)
+        for extent in (0.5, 0.1, 0.02):
+            position = random.uniform(-extent, extent, (particles, 3)).astype(real)
+            position[3], position[5], position[25, 1] = position[-1], np.nan, np.inf
+            expected = neighbours(scene, position, weight, real)
+            contacts.find(on_device(position, weight, real))
+            found = contacts.found.copy_to_host()
+            table = contacts.neighbours.copy_to_host().reshape(MOST_NEIGHBOURS, particles)
+            assert np.array_equal(found, [len(others) for others in expected])
+            for i, others in enumerate(expected):
+                assert table[: found[i], i].tolist() == others[:MOST_NEIGHBOURS]
+
+
+def on_device(position: np.ndarray, weight: np.ndarray, real: Any) -> Any:
+    from numba import cuda
+
+    return cuda.to_device(np.concatenate([position, weight[:, None]], axis=1).astype(real).reshape(-1))
+
+
+def test_fast_math_is_near_exact() -> None:
+    """Neighbours are the same ones. Two sweeps over MOST_NEIGHBOURS contacts at most are some ten operations each, on lengths
+    under 1 m, and approximate roots and quotients are good to 2^-22."""
+    from gpu_backend.contact.particles import ParticleContacts
+
+    scene, random, found = meeting(), np.random.default_rng(6), []
+    before = scene.crowd.position + random.normal(0, 0.02, scene.crowd.position.shape)
+    predicted = before + random.normal(0, 0.02, before.shape) - [0.0, 0.05, 0.0]
+    weight = np.ones(len(before))
+    for math in ("fast", "exact"):
+        was, now = (on_device(a, weight, np.float32) for a in (before, predicted))
+        contacts = ParticleContacts(scene, np.float32, math, 0)
+        contacts.find(now)
+        contacts.project(was, now)
+        found.append((contacts.found.copy_to_host(), now.copy_to_host().reshape(-1, 4)[:, :3]))
+    assert np.array_equal(found[0][0], found[1][0])
+    assert abs(found[1][1] - predicted).max() > 0.005
+    np.testing.assert_allclose(found[0][1], found[1][1], rtol=0, atol=2 * MOST_NEIGHBOURS * 10 * 2.0**-22)
+
+
+def test_a_state_without_numbers_is_told() -> None:
+    """And does not let all particles meet in one cell."""
+    from model.core.errors import Diverged
+
+    scene = crowded().replace({"contact.maximum_speed": None})
+    state: State = end_state(scene, "gpu", steps=1)
+    state.velocity[:, 1] = 1e300
+    with opened(scene, "gpu", initial=state) as simulation, pytest.raises(Diverged):
+        simulation.advance(4)
+        simulation.state()
+
+
+def test_states_go_on_and_a_new_dt_is_taken_over() -> None:
+    scene = meeting(1, 1)
+    half = end_state(scene, steps=20)
+    with opened(scene, "gpu", initial=half) as device, opened(scene, initial=half) as host:
+        for simulation in (device, host):
+            simulation.advance(20)
+            simulation.set("method.dt", 0.02)
+            simulation.advance(20)
+            assert simulation.contacts_lost == 0
+        assert same(device.state(), host.state())

@@ -1,0 +1,45 @@
+"""The documents are true: their Python runs, the README's commands are what they are said to be."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def python_blocks(name: str) -> str:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    return "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+
+
+@pytest.mark.parametrize("name", ["docs/python.md", "README.md"])
+def test_the_python_in_the_documents_runs(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(python_blocks(name), name, "exec"), {"__name__": "document"})
+    assert capsys.readouterr().out
+
+
+def test_the_errors_in_the_example_are_as_told(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(python_blocks("docs/python.md"), "docs/python.md", "exec"), {"__name__": "document"})
+    errors = dict(re.findall(r"^([a-z0-9-]+) +([0-9.e+-]+) of the spacing$", capsys.readouterr().out, re.MULTILINE))
+    assert float(errors["lab"]) > 10 * float(errors["semi-implicit-euler"])
+    assert float(errors["semi-implicit-euler"]) > float(errors["velocity-verlet"])
+    assert float(errors["velocity-verlet"]) > float(errors["rk4"])
+
+
+def test_links_in_the_documents_lead_somewhere() -> None:
+    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\(([^)#]+)\)", document.read_text(encoding="utf-8")):
+            assert (document.parent / target).exists(), f"{document.name}: {target}"
+
+
+def test_every_command_of_the_readme_exists() -> None:
+    import softlab
+
+    known = {command.name or command.callback.__name__ for command in softlab.app.registered_commands}  # type: ignore[union-attr]
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for line in re.findall(r"^softlab ([^#\n]+)", text, re.MULTILINE):
+        for part in re.split(r" {2,}", line)[0].split("|"):
+            assert part.split()[0] in known, line

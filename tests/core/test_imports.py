@@ -1,0 +1,80 @@
+"""Imports point one way, and nothing heavy is imported before it is used."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LEVELS = {  # an import may only go to a lower level, or stay inside its own package
+    "softlab": 6,
+    "labbook": 5,
+    "plots": 4,
+    "bench": 3,
+    "app": 2,
+    "cpu_backend": 1,
+    "gpu_backend": 1,
+    "model": 0,
+}
+
+
+def imported(file: Path) -> set[str]:
+    """Top-level packages of the lab that a file imports, inside functions too."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file.relative_to(ROOT)}:{node.lineno}: relative import; name the package"
+            names.add(node.module or "")
+    return {name.split(".")[0] for name in names} & set(LEVELS)
+
+
+def sources() -> list[Path]:
+    folders = [ROOT / name for name in LEVELS if (ROOT / name).is_dir()]
+    return [ROOT / "softlab.py", *(file for folder in folders for file in sorted(folder.rglob("*.py")))]
+
+
+@pytest.mark.parametrize("file", sources(), ids=lambda file: file.relative_to(ROOT).as_posix())
+def test_imports_point_one_way(file):
+    """softlab -> labbook -> plots -> bench -> app -> (cpu_backend | gpu_backend) -> model; the backends never meet."""
+    here = file.relative_to(ROOT).parts[0].removesuffix(".py")
+    for package in imported(file) - {here}:
+        assert LEVELS[package] < LEVELS[here], f"{file.relative_to(ROOT)} imports {package}"
+
+
+def test_every_package_is_in_the_order():
+    """A new package has to be given its place."""
+    found = {folder.name for folder in ROOT.iterdir() if (folder / "__init__.py").exists()} - {"tests"}
+    assert found <= set(LEVELS)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["import softlab", "import model.scene.scene, model.core.simulation", "import app.driver", "import bench"],
+)
+def test_no_heavy_import_at_the_door(statement):
+    """`softlab --help` and test collection need no GPU, display or driver."""
+    heavy = ("pyglet", "matplotlib", "numba.cuda", "trimesh")
+    code = f"{statement}; import sys; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_whole_run_on_the_cpu_loads_no_cuda():
+    """Not only the door: stepping on CPU threads leaves pyglet, matplotlib and numba.cuda alone."""
+    code = (
+        "import sys\n"
+        "from app.driver import open_simulation\n"
+        "from model.scene.scene import load_scene\n"
+        "scene = load_scene('lab-curtain').replace({'grid.rows': 4, 'grid.columns': 4})\n"
+        "with open_simulation(scene, kernel='stages', math='exact', precision='float64') as simulation:\n"
+        "    simulation.advance(1)\n"
+        "print([m for m in ('pyglet', 'matplotlib', 'numba.cuda', 'trimesh') if m in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,31 @@
+"""Pinned masses inside a collider are told of, collider by collider; what only comes near them is not."""
+
+import pytest
+
+from model.geometry.overlaps import overlap_lines
+from model.scene.scene import Scene
+
+CLOTH = {"rows": 3, "columns": 5, "spacing": 0.1, "pinned": "top", "placement": "flat"}  # pins: x = 0 to 0.4, y = z = 0
+BODIES = {
+    "sphere": {"center": [0.2, 0.0, 0.0], "radius": 0.15, "thickness": 0.01},
+    "capsule": {"start": [0.0, 0.0, 0.0], "end": [0.2, 0.0, 0.0], "radius": 0.05, "thickness": 0.01},
+    "box": {"center": [0.4, 0.0, 0.0], "half_size": [0.11, 0.1, 0.1], "thickness": 0.0},
+    "plane": {"point": [0.0, -0.005, 0.0], "thickness": 0.01},
+}
+INSIDE = {"sphere": 3, "capsule": 3, "box": 2, "plane": 5}  # counted by hand
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_pins_inside_a_collider_are_counted(kind):
+    scene = Scene({"cloth": CLOTH, "structural": {}, kind: BODIES[kind]})
+    (line,) = overlap_lines(scene)
+    assert line.startswith(f"{INSIDE[kind]} of 5 pinned masses begin inside a {kind}")
+
+
+def test_nothing_is_told_where_nothing_overlaps():
+    far = Scene({"cloth": CLOTH, "structural": {}, "sphere": {"center": [0.0, 5.0, 0.0], "radius": 0.1}})
+    assert overlap_lines(far) == []
+    assert (
+        overlap_lines(Scene({"cloth": CLOTH | {"pinned": "none"}, "structural": {}, "sphere": BODIES["sphere"]})) == []
+    )
+    assert overlap_lines(Scene({"grid": {"rows": 2, "columns": 2, "pinned": "top"}})) == []

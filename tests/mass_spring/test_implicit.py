@@ -1,0 +1,325 @@
+"""Implicit Euler on the cloth against closed forms, the NumPy reference, RK4 and XPBD; and its bits for any thread count."""
+
+from __future__ import annotations
+
+from math import atan, hypot, sqrt
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from cloth_scenes import POKE, cloth_scene
+from cloth_solve import cloth
+
+from app.driver import open_simulation
+from bench.reference import implicit, mass_spring, xpbd
+from model.core.build import build
+from model.core.errors import SceneError
+from model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for, stability_limit
+from model.core.simulation import State
+from model.scene.scene import Scene, load_scene
+
+EXACT = {"precision": "float64", "math": "exact"}
+STIFF = {
+    "structural": {"stiffness": 1e4}, "shear": {"stiffness": 1e4}, "bending": {"stiffness": 1e3}, "gravity": {},
+    "sheet": {"pinned": "top", "spacing": 0.1, "mass": 0.01},
+}  # fmt: skip
+
+
+def method(dt: float, name: str = "implicit-euler") -> dict[str, Any]:
+    return {"method": {"integrator": name, "dt": dt}}
+
+
+def stepped(scene: Scene, steps: int, start: tuple | None = None, **options: Any) -> tuple[State, np.ndarray]:
+    """(state, (steps, matrices, iterations, halvings)) on the CPU."""
+    initial = None if start is None else State(*start, build(scene).inverse_mass, 0.0, 0)
+    with open_simulation(scene, "cpu", initial=initial, **(EXACT | {"threads": 2} | options)) as simulation:
+        simulation.advance(steps)
+        return simulation.state(), simulation.implicit.done.copy()
+
+
+def oscillator(coefficient: float, dt: float) -> Scene:
+    parts: dict[str, Any] = {
+        "structural": {"stiffness": 10.0},
+        "sheet": {"pinned": "top", "spacing": 1.0, "mass": 0.01},
+    }
+    return cloth(2, 1, **parts, damping={"coefficient": coefficient}, **method(dt))
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("coefficient", [0.0, 0.03])
+def test_a_spring_follows_the_amplification_matrix(coefficient: float, name: str) -> None:
+    """Along its spring the mass is the linear oscillator w^2 = k/m = 1000, extension 0.1 m: of order |lambda|^n to the part
+    of the residual that is left, 1e-6 of a speed of 3 m/s at most, each of 20 steps; undamped |lambda| = 0.953463, the phase
+    atan(h w) = 0.30627737 a step."""
+    scene = oscillator(coefficient, 0.01).replace({"method.integrator": name})
+    position, velocity = build(scene).position.copy(), np.zeros((2, 3))
+    position[1, 1] -= 0.1
+    state, _ = stepped(scene, 20, (position, velocity))
+    matrix = amplification_matrix(name, 0.01, sqrt(1000.0), coefficient / 0.01)
+    x, v = np.linalg.matrix_power(matrix, 20) @ [-0.1, 0.0]
+    assert state.position[1] == pytest.approx([0.0, -1.0 + x, 0.0], abs=20 * 1e-6 * 3 * 0.01)
+    assert state.velocity[1] == pytest.approx([0.0, v, 0.0], abs=20 * 1e-6 * 3)
+    if coefficient == 0:
+        (value, _) = np.linalg.eigvals(matrix)
+        assert abs(value) == pytest.approx(0.953463, abs=5e-7)
+        assert abs(np.angle(value)) / 0.01 == pytest.approx(30.627737, abs=5e-7) == atan(0.01 * sqrt(1000.0)) / 0.01
+
+
+def test_no_step_size_is_too_large() -> None:
+    """|lambda| of the linear test equation, at the lab's fastest mode 0.739221 (its eigenvalues' larger one), and for every
+    w and gamma at most 1; so a scene is never refused."""
+    assert np.abs(np.linalg.eigvals(amplification_matrix("implicit-euler", 0.01, sqrt(8000.0), 3.0))).max() == (
+        pytest.approx(0.739221, abs=5e-7)
+    )
+    for w in (0.0, 1.0, 1e3, 1e6):
+        for gamma in (0.0, 3.0, 1e4):
+            values = np.linalg.eigvals(amplification_matrix("implicit-euler", 1.0, w, gamma))
+            assert np.abs(values).max() <= 1 + 1e-12
+    assert stability_limit(cloth(4, 4, **STIFF, **method(1e3))) == float("inf")
+
+
+@pytest.mark.parametrize(
+    "name,integrator,steps",
+    [
+        ("springs", "implicit-euler", 10),
+        ("everything moving", "implicit-euler", 3),
+        ("springs", "implicit-euler-linear", 5),
+    ],
+)
+def test_it_follows_the_reference(name: str, integrator: str, steps: int) -> None:
+    """Each solves a step to its tolerance of the first residual |v + dt a| (1e-8 of it; linearised, 1e-6), the reference to
+    rounding; no eigenvalue of the matrix is below 1, so velocities differ by that much a step, and what they differ by
+    dies out. The first residual is of the masses' speed and of what dampers and stretched springs would give in a step."""
+    scene = cloth_scene(name, integrator)
+    with open_simulation(scene, "cpu", threads=2, live=("poke",), **EXACT) as simulation:
+        simulation.poke(*POKE)
+        simulation.advance(steps)
+        state = simulation.state()
+    position, velocity = mass_spring.simulate(scene, steps, poke=POKE)
+    speed = np.linalg.norm(velocity) + scene.method.dt * 1e3 * sqrt(len(position))
+    bound = steps * speed * (1e-6 if integrator == "implicit-euler-linear" else 1e-8)
+    assert np.abs(position - build(scene).position).max() > 1e3 * bound * scene.method.dt
+    assert np.abs(state.velocity - velocity).max() < bound
+    assert np.abs(state.position - position).max() < bound * scene.method.dt * steps
+
+
+def test_order_one_against_rk4() -> None:
+    """The first 0.1 s, 30 periods over 2 pi of the fastest mode: half of the step, half of the error."""
+    scene = cloth_scene("springs", "rk4", pinned="top-corners").replace({"method.dt": 1e-4})
+    expected, _ = mass_spring.simulate(scene, 1000)
+    for name in IMPLICIT:
+        errors = []
+        for steps in (800, 1600, 3200):
+            coarse = scene.replace({"method.integrator": name, "method.dt": 0.1 / steps})
+            state, _ = stepped(coarse, steps)
+            errors.append(np.sqrt(np.mean((state.position - expected) ** 2)))
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(1, abs=0.2)
+        assert np.log2(errors[1] / errors[2]) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_energy_falls_at_a_hundred_times_the_explicit_limit(name: str) -> None:
+    """A hanging sheet, undamped, its masses moved by a tenth of a spacing: 400 steps at 100 times semi-implicit Euler's limit
+    never gain energy (to 1e-6 of what there was), and end at rest with each row carrying those below it."""
+    scene = cloth(8, 6, **STIFF, perturbation={"amplitude": 0.01}, **method(0.1, name))
+    limit = stability_limit(scene.replace({"method.integrator": "semi-implicit-euler"}))
+    scene = scene.replace({"method.dt": 100 * limit})
+    energies = []
+    with open_simulation(scene, "cpu", threads=1, **EXACT) as simulation:
+        for _ in range(80):
+            energies.append(simulation.energies()["total"])
+            simulation.advance(5)
+        state = simulation.state()
+    assert np.diff(energies).max() < 1e-6 * (energies[0] - energies[-1])
+    assert np.abs(state.velocity).max() < 1e-4
+    forces = mass_spring.simulate(scene.replace({"method.integrator": "semi-implicit-euler", "method.dt": 1e-6}), 1,
+                                  state.position, np.zeros_like(state.velocity))[1] / 1e-6  # fmt: skip
+    assert np.abs(forces).max() < 1e-3 * 9.81
+
+
+def taut() -> tuple[Scene, np.ndarray, np.ndarray]:
+    """A sheet held at its edges, stretched to 1.3 of its rest lengths and rippled: no spring is or will be pressed."""
+    scene = cloth(7, 5, **(STIFF | {"sheet": {"pinned": "edges", "spacing": 0.1, "mass": 0.01}}), **method(0.01))
+    i, j = np.mgrid[:7, :5]
+    position = 1.3 * build(scene).position
+    ripple = 0.01 * np.stack([np.sin(2.0 * i + j), np.cos(i - 2.0 * j), np.sin(i * j)], axis=-1)
+    ripple[[0, -1]] = ripple[:, [0, -1]] = 0
+    return scene, position + ripple.reshape(-1, 3), np.zeros((35, 3))
+
+
+def test_newton_converges_quadratically_where_no_spring_is_pressed() -> None:
+    """Then nothing is clamped and the matrix is the whole derivative: |r'| = C |r|^2. From residuals that shrink 600-fold to
+    ones that shrink 90 000-fold C stays what it is, within a factor of ten (at a linear rate it would grow 600-fold). The
+    kernel, which solves each matrix to a part of the reduction before (Eisenstat and Walker), needs a few matrices more."""
+    scene, position, velocity = taut()
+    sheet = position.reshape(7, 5, 3)
+    gravity = np.broadcast_to([0.0, -9.81, 0.0], sheet.shape)
+    found = implicit.solve(scene, sheet, np.zeros_like(sheet), gravity, False, 0.01)
+    _, large, small, least = found.residuals[:4]
+    assert large / small > 500 and small / least > 5e4
+    assert least / small**2 < 10 * small / large**2
+    _, done = stepped(scene, 1, (position, velocity))
+    assert 3 <= done[1] <= 6 and done[3] == 0
+
+
+def test_the_linearised_step_is_the_first_newton_iterate() -> None:
+    """To its 1e-6 of the first residual; and Newton's method does not stop there."""
+    scene, position, velocity = taut()
+    once = scene.replace({"method.integrator": "implicit-euler-linear"})
+    sheet = position.reshape(7, 5, 3)
+    gravity = np.broadcast_to([0.0, -9.81, 0.0], sheet.shape)
+    found = implicit.solve(scene, sheet, np.zeros_like(sheet), gravity, False, 0.01)
+    state, done = stepped(once, 1, (position, velocity))
+    assert done[1] == 1
+    assert np.linalg.norm(state.velocity - found.first.reshape(-1, 3)) < 1e-6 * found.residuals[0]
+    assert np.linalg.norm(state.velocity - found.velocity.reshape(-1, 3)) > 1e-5 * found.residuals[0]
+    newton, _ = stepped(scene, 1, (position, velocity))
+    assert np.linalg.norm(newton.velocity - found.velocity.reshape(-1, 3)) < 1e-8 * found.residuals[0]
+
+
+def test_it_is_baraff_and_witkins_step() -> None:
+    """(1 - dt df/dv - dt^2 df/dx) dv = dt (f + dt df/dx v), their eq. 6, with the derivatives by central differences."""
+    scene, position, _ = taut()
+    dampers = {f"{kind}.damping": 0.05 for kind in ("structural", "shear", "bending")}
+    scene = scene.replace(dampers | {"damping.coefficient": 0.02, "method.integrator": "implicit-euler-linear"})
+    free = np.flatnonzero(build(scene).inverse_mass > 0)
+    velocity = np.zeros((35, 3))
+    velocity[free] = np.sin(np.arange(3.0 * len(free))).reshape(-1, 3)
+    h, mass, shape = 0.01, 0.01, (7, 5, 3)
+
+    def f(p: np.ndarray, v: np.ndarray) -> np.ndarray:
+        force = mass_spring.cloth.forces(scene, p.reshape(shape), v.reshape(shape), 0.0, 0).reshape(-1, 3)
+        return ((force - 0.02 * v) / mass)[free].ravel()
+
+    def derivative(which: int) -> np.ndarray:
+        columns = []
+        for k in range(3 * len(free)):
+            ends = []
+            for sign in (1, -1):
+                state = [position.copy(), np.zeros((35, 3)) if which == 0 else velocity.copy()]
+                state[which][free[k // 3], k % 3] += sign * 1e-6
+                ends.append(f(*state))
+            columns.append((ends[0] - ends[1]) / 2e-6)
+        return np.stack(columns, axis=1)
+
+    by_position, by_velocity = derivative(0), derivative(1)
+    v = velocity[free].ravel()
+    rhs = h * (f(position, velocity) + h * by_position @ v)
+    change = np.linalg.solve(np.eye(len(v)) - h * by_velocity - h * h * by_position, rhs)
+    state, _ = stepped(scene, 1, (position, velocity))
+    assert np.linalg.norm(state.velocity[free].ravel() - (v + change)) < 3e-6 * np.linalg.norm(v + rhs)
+
+
+def test_converged_xpbd_is_implicit_euler_but_for_the_turning() -> None:
+    """A chain of 11 masses for 18 frames: hanging, to rounding; let go from the horizontal XPBD, which drops how springs
+    turn within a step, is off by 1e-4 m, and at a quarter of the step by a sixteenth of that or less."""
+    sheet = {"pinned": [[0, 0]], "spacing": 1.0, "mass": 0.01}
+    parts: dict[str, Any] = {"structural": {"stiffness": 10.0}, "gravity": {}, "sheet": sheet}
+    for rows, columns, bounds in ((11, 1, (1e-12, 1e-12)), (1, 11, (1.2e-4, 1.2e-4 / 16))):
+        for substeps, bound in zip((1, 4), bounds, strict=True):
+            dt = 1 / 60 / substeps
+            expected, _ = implicit.simulate(cloth(rows, columns, **parts, **method(dt)), 18 * substeps)
+            scene = cloth(rows, columns, **parts, method={"solver": "xpbd", "dt": dt})
+            found, _ = xpbd.simulate(scene, 18 * substeps, iterations=100)
+            assert np.abs(found - expected).max() < bound
+
+
+@pytest.mark.parametrize("integrator", IMPLICIT)
+def test_any_number_of_threads_and_batches_gives_the_same_bits(integrator: str) -> None:
+    """Everything at once, in rows of more than one segment and in more rows than threads; and a live step size."""
+    for rows, columns in ((9, 6), (5, 300)):
+        scene = cloth_scene("everything", integrator, rows=rows, columns=columns)
+        states = []
+        for threads, batches in ((1, (6,)), (2, (1, 2, 0, 3)), (3, (6,)), (8, (6,))):
+            if threads > numba.config.NUMBA_NUM_THREADS:
+                continue
+            with open_simulation(scene, "cpu", threads=threads, math="exact", live=("dt",)) as simulation:
+                for steps in batches:
+                    simulation.advance(steps)
+                simulation.set("method.dt", 3 * scene.method.dt)
+                simulation.advance(2)
+                states.append((simulation.state(), simulation.implicit.done.tolist()))
+        for state, done in states[1:]:
+            assert done == states[0][1]
+            assert np.array_equal(state.position, states[0][0].position)
+            assert np.array_equal(state.velocity, states[0][0].velocity)
+    assert done[1] >= 8 and done[2] > 8
+
+
+def test_float32_stops_at_rounding_and_follows_float64() -> None:
+    """60 steps of 10 ms, k / m = 1e6: matrices a step stay few though 1e-8 is out of reach. A step is off by what rounding
+    leaves of a residual (2^-24 of dt times what springs of 0.1 m and more pull: 1e4 m/s), times dt, and by 2^-24 of the
+    coordinates. Far from the origin, too: in p + dt u spacings would be known to 6e-6 m, and pulls to 6 m/s^2 only."""
+    for origin, coordinate in (([0.0, 0.0, 0.0], 1.5), ([100.0, 50.0, 0.0], 100.0)):
+        bound = 60 * 2**-24 * (0.01 * 1.05e4 + coordinate)
+        sheet = STIFF["sheet"] | {"origin": origin, "placement": "flat"}
+        scene = cloth(12, 12, **(STIFF | {"sheet": sheet}), perturbation={"amplitude": 0.005}, **method(0.01))
+        double, _ = stepped(scene, 60)
+        single, done = stepped(scene, 60, precision="float32")
+        assert done[0] <= done[1] < 20 * done[0]
+        assert np.abs(double.position - build(scene).position).max() > 0.3
+        assert np.abs(single.position - double.position).max() < bound
+
+
+def test_sums_over_masses_are_taken_in_their_order() -> None:
+    """By loops of Python: LANES running sums of a segment, TREE of all segments, each added up in halves."""
+    from cpu_backend.core.compile import Compiler
+    from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+    from model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
+
+    compiler = Compiler("test_sums", "exact")
+    sums = make_sums_over_masses(compiler, np.float32)
+    segment_sums, total = sums.segment_sums, sums.total
+
+    @compiler.kernel
+    def run(columns, vectors, lanes, parts, tree):
+        segment_sums(columns, *vectors, lanes, parts)
+        return total(parts, parts.size, tree)
+
+    def halved(running: list[np.float32]) -> np.float32:
+        while len(running) > 1:
+            half = len(running) // 2
+            running = [running[k] + running[k + half] for k in range(half)]
+        return running[0]
+
+    def running(values: list[np.float32], count: int) -> np.float32:
+        slots = [np.float32(0)] * count
+        for k, value in enumerate(values):
+            slots[k % count] += value
+        return halved(slots)
+
+    for columns in (1, 31, 64, 257, 700):
+        vectors = tuple(np.random.default_rng(columns).normal(size=(6, columns)).astype(np.float32))
+        parts = np.zeros(-(-columns // SEGMENT), np.float32)
+        found = run(columns, vectors, np.zeros(LANES, np.float32), parts, np.zeros(TREE, np.float32))
+        ax, ay, az, bx, by, bz = vectors
+        products = [(ax[k] * bx[k] + ay[k] * by[k]) + az[k] * bz[k] for k in range(columns)]
+        expected = [running(products[n : n + SEGMENT], LANES) for n in range(0, columns, SEGMENT)]
+        assert parts.tolist() == expected
+        assert found == running(expected, TREE)
+
+
+def test_what_it_cannot_be_run_with_is_refused() -> None:
+    scene = cloth(4, 4, **STIFF, **method(0.01))
+    assert set(integrators_for(scene)) == {*INTEGRATORS, *IMPLICIT}
+    with pytest.raises(SceneError, match="fused for implicit-euler"):
+        open_simulation(scene, "cpu", kernel="stages")
+    with pytest.raises(SceneError, match="is for a cloth"):
+        load_scene("lab-grid").replace({"method.integrator": "implicit-euler"})
+
+
+def test_the_matrix_of_a_stretched_spring_is_the_forces_derivative() -> None:
+    """And of a pressed one that with no stiffness across: a product along n is the same, one across is 0."""
+    from model.formulas import implicit as formulas
+
+    product = formulas.make(np.float64).product_3d
+    d = np.array([0.3, -0.2, 0.6])  # 0.7 m
+    n, across = d / 0.7, np.cross(d, [1.0, 2.0, 0.5])
+    for rest, turning in ((0.5, 1 - 0.5 / 0.7), (0.9, 0.0)):
+        for w, factor in ((n, 10.0), (across, 10.0 * turning)):
+            assert np.allclose(product(*d, *w, 10.0, 10.0 * rest, 0.0), factor * w, rtol=1e-14, atol=1e-15)
+    assert np.allclose(product(*d, *n, 0.0, 0.0, 2.0), 2.0 * n) and not any(
+        product(0.0, 0.0, 0.0, 0, 0, 0, 1.0, 1.0, 1.0)
+    )
+    assert hypot(*product(*d, *across, 0.0, 0.0, 2.0)) < 1e-14

@@ -1,0 +1,340 @@
+"""Pins that follow a path: the arithmetic, where they are at any time, one answer from both CPU kernels and the reference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, log2, pi
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from cloth_scenes import MOTIONS, POKE, cloth_scene
+from cloth_solve import cloth, each_solver, solve
+
+from app.driver import open_simulation
+from bench.reference import cloth as reference_cloth
+from bench.reference import mass_spring as reference
+from model.core.build import build
+from model.core.clock import START
+from model.core.energy import spring_strain
+from model.core.errors import Diverged, SceneError
+from model.core.integrators import INTEGRATORS
+from model.core.pins import PIN_WORDS, pin_indices
+from model.core.simulation import State
+from model.formulas import motion
+from model.mass_spring.cloth_parameters import body_rows
+from model.mass_spring.cloth_plan import cloth_plan
+from model.scene.scene import Scene, load_scene
+
+THREADS = [n for n in (1, 2, 3) if n <= numba.config.NUMBA_NUM_THREADS]
+BOTH = pytest.mark.parametrize("real", [np.float32, np.float64])
+
+
+def turns_to_try(real: Any) -> np.ndarray:
+    """Around every eighth of a turn, near nothing, and up to where an angle has hardly a digit left."""
+    eighths = np.arange(-16, 17, dtype=real) / real(8)
+    random = np.random.default_rng(5)
+    around = [np.nextafter(eighths, real(side)) for side in (-np.inf, np.inf)]
+    spread = random.uniform(-1, 1, 3000) * 10.0 ** random.uniform(-30, 5, 3000)
+    return np.concatenate([eighths, *around, spread.astype(real)])
+
+
+@BOTH
+def test_sine_and_cosine_are_within_two_units_in_the_last_place_of_one(real: Any) -> None:
+    """4u, as the docstring adds up, against 64 bits of `longdouble`; a small sine to 4u of itself. What was taken off in
+    whole turns is exact, so that this holds for any angle."""
+    if np.finfo(np.longdouble).nmant < 63:
+        pytest.skip("needs a longdouble of 64 bits to judge by")
+    u = np.finfo(real).eps / 2
+    formulas = motion.make(real)
+    for turns in turns_to_try(real):
+        sine, cosine = formulas.sine_cosine(turns)
+        rest = np.longdouble(turns) - np.round(np.longdouble(turns))
+        angle = 2 * rest * (np.longdouble(pi) + np.longdouble(1.2246467991473532e-16))  # pi to 64 bits: two doubles
+        scale = max(abs(np.sin(angle)), np.finfo(real).tiny) if abs(rest) < 1 / 8 else 1
+        assert type(sine) is real and type(cosine) is real
+        assert abs(sine - np.sin(angle)) <= 4 * u * scale, turns
+        assert abs(cosine - np.cos(angle)) <= 4 * u, turns
+
+
+@BOTH
+def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
+    plain, fast = motion.make(real), motion.make(real, numba.njit(error_model="numpy"))
+    random = np.random.default_rng(6)
+    for turns in turns_to_try(real)[::7]:
+        assert plain.sine_cosine(turns) == fast.sine_cosine(turns)
+        numbers = random.uniform(-2, 2, 13).astype(real)
+        now = plain.turn(turns, real(0.5), real(3), numbers[12])
+        assert now == fast.turn(turns, real(0.5), real(3), numbers[12])
+        assert plain.placed(*numbers, *now) == fast.placed(*numbers, *now)
+    clock = real(0.1), real(11), real(0.7)
+    assert plain.middle(12345, *clock) == fast.middle(12345, *clock)
+
+
+def test_the_velocity_is_the_positions_derivative() -> None:
+    """By central differences in float64: h^2 w^3 r / 6 = 2e-9 m/s of truncation, 1e-16 / h of rounding."""
+    formulas = motion.make(np.float64)
+    axis = np.array([1.0, -2.0, 0.5]) / np.sqrt(5.25)
+    row = [0.3, -0.2, 1.0, 0.1, 0.2, 0.3, *axis, 0.4, 0.5, -0.6, 3.0]
+
+    def at(time: float) -> np.ndarray:
+        return np.array(formulas.placed(*row, *formulas.turn(time, 0.25, 2.0, 3.0 / (2 * pi))))
+
+    h = 1e-5
+    for time in (0.1, 0.4, 1.0, 2.2, 2.5):
+        slope = (at(time + h)[:3] - at(time - h)[:3]) / (2 * h)
+        assert at(time)[3:] == pytest.approx(slope, abs=5e-9)
+    assert not at(0.24)[3:].any() and not at(2.25)[3:].any() and at(0.25)[3:].any()
+    assert at(0.0)[:3].tolist() == row[:3]  # before it begins: the very place
+
+
+def ends(rows: int, columns: int) -> dict[str, Any]:
+    """A sheet whose left and right sides turn opposite ways, the right one also moving in."""
+    left, right = ([[i, j] for i in range(rows)] for j in (0, columns - 1))
+    return {
+        "sheet": {"pinned": left + right, "spacing": 0.1},
+        "left": {"kind": "motion", "pins": left, "center": [0.0, -0.15, 0.0], "angular_velocity": 9.0, "duration": 0.3},
+        "right": {
+            "kind": "motion", "pins": right, "center": [0.0, -0.15, 0.0], "angular_velocity": -5.0, "start": 0.05,
+            "duration": 0.2, "velocity": [-0.5, 0.0, 0.1],
+        },
+    }  # fmt: skip
+
+
+SPRINGS = {
+    "structural": {"stiffness": 60.0, "damping": 0.01},
+    "shear": {"stiffness": 20.0},
+    "gravity": {},
+    "damping": {"coefficient": 0.01},
+}
+
+
+@pytest.mark.parametrize(
+    ("integrator", "precision"),
+    [("velocity-verlet", "float32"), ("velocity-verlet", "float64"), ("rk4", "float32"), ("taylor", "float64")],
+)
+def test_pins_are_where_their_motion_has_them(integrator: str, precision: str) -> None:
+    """At any time, to rounding: of the time 2u, of the seconds passed and of the turns u each, so 5u of an angle of at most
+    2.7, over a radius of 0.2 m; and 4u of sums of coordinates of up to 0.7 m. The velocity is 9/s of that."""
+    dt = 1e-5 if integrator == "taylor" else 0.002
+    scene = cloth(4, 7, **ends(4, 7), **SPRINGS, method={"integrator": integrator, "dt": dt})
+    pinned = build(scene).pinned
+    bound = np.finfo(precision).eps / 2 * (0.2 * (5 * 2.7 + 8) + 4 * 0.7)
+    with open_simulation(scene, precision=precision, math="exact") as simulation:
+        for steps in (0, 1, 7, 50, 60, 90):
+            simulation.advance(steps)
+            state = simulation.state()
+            zero = np.zeros((4, 7, 3))
+            position, velocity = reference_cloth.follow(scene, reference.rest(scene), zero, state.step * dt)
+            assert np.abs(state.position[pinned] - position.reshape(-1, 3)[pinned]).max() < bound
+            assert np.abs(state.velocity[pinned] - velocity.reshape(-1, 3)[pinned]).max() < 9 * bound
+            assert velocity.any() == (state.step * dt < 0.3)
+        assert integrator == "taylor" or state.step * dt > 0.3
+
+
+def test_time_goes_on_from_where_the_step_size_was_changed() -> None:
+    """Pins by the closed form of their path at the true time, and everything that moves from it by the bits of a run whose
+    steps are numbered otherwise: what happens depends on when it is, and not on how many steps there were."""
+    scene = cloth_scene("damped moving", "velocity-verlet")
+    dt, pinned = scene.method.dt, build(scene).pinned
+    options = {"precision": "float32", "math": "exact", "threads": 1, "allow_unstable": True}
+    with open_simulation(scene, live=("poke", "dt"), **options) as simulation:
+        simulation.advance(9)
+        simulation.set("method.dt", 2 * dt)
+        changed = simulation.state()
+        assert (changed.step, changed.time) == (9, 9 * dt)
+        simulation.advance(2)
+        half = simulation.state()
+        simulation.advance(1)
+        end = simulation.state()
+        assert (end.step, end.time) == (12, pytest.approx(15 * dt, rel=1e-12))
+        expected, _ = reference_cloth.follow(scene, reference.rest(scene), np.zeros((7, 6, 3)), 15 * dt)
+        # 5u of an angle of 0.3 at most, over 1 m at most, and 4u of sums of coordinates of 1 m: see the test above
+        off = np.abs(end.position - expected.reshape(-1, 3))[pinned].max()
+        assert off < np.finfo(np.float32).eps / 2 * 7
+        simulation.load(half)  # continues to the bit, with the clock that it has
+        simulation.advance(1)
+        assert same(simulation.state(), end)
+    coarse = scene.replace({"method.dt": 2 * dt})
+    for step in (0, 9, 1000):  # as another run's, whose step size was never this one
+        with open_simulation(
+            coarse, live=("poke",), initial=replace(changed, step=step, clock=START), **options
+        ) as other:
+            assert (other.step, other.time) == (step, changed.time)
+            other.advance(3)
+            assert same(other.state(), end)
+
+
+def stepped(scene: Scene, batches: tuple[int, ...] = (5, 12, 1, 7), poke: bool = True, **options: Any) -> State:
+    live = ("poke",) if poke else ()
+    with open_simulation(scene, allow_unstable=True, math="exact", live=live, **options) as simulation:
+        if poke:
+            simulation.poke(*POKE)
+        for steps in batches:
+            simulation.advance(steps)
+        return simulation.state()
+
+
+def same(a: State, b: State) -> bool:
+    return np.array_equal(a.position, b.position) and np.array_equal(a.velocity, b.velocity)
+
+
+@pytest.mark.parametrize(
+    ("name", "integrator", "precision"),
+    [
+        ("moving", "velocity-verlet", "float32"),
+        ("damped moving", "velocity-verlet", "float32"),
+        ("damped moving", "rk4", "float32"),
+        ("moving", "lab", "float64"),
+    ],
+)
+def test_fused_gives_the_bits_of_the_stages(name: str, integrator: str, precision: str) -> None:
+    scene = cloth_scene(name, integrator)
+    expected = stepped(scene, kernel="stages", precision=precision, threads=1)
+    for threads in THREADS:
+        assert same(stepped(scene, kernel="fused", precision=precision, threads=threads), expected), threads
+    assert same(stepped(scene, (25,), kernel="fused", precision=precision, threads=1), expected)
+    still = Scene({part: table for part, table in scene.as_dict().items() if part not in MOTIONS})
+    moved = stepped(still, kernel="fused", precision=precision, threads=1).position - expected.position
+    assert np.abs(np.delete(moved, build(scene).pinned, axis=0)).max() > 1e-4  # neighbours feel it
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_reference_is_met(integrator: str) -> None:
+    """In float64 the two differ by rounding alone: of coordinates of 1 m some ten times a step, and a difference grows no
+    faster than the square of the steps over so short a time: 25^2 * 10 * 2^-53 = 7e-13; speeds by that over dt."""
+    scene = cloth_scene("moving", integrator)
+    state = stepped(scene, kernel="stages", precision="float64", threads=2)
+    position, velocity = reference.simulate(scene, 25, poke=POKE)
+    assert np.abs(state.position - position).max() < 7e-13
+    assert np.abs(state.velocity - velocity).max() < 7e-13 / scene.method.dt
+
+
+@pytest.mark.parametrize("integrator", ["velocity-verlet", "rk4"])
+def test_a_state_in_the_middle_of_a_motion_continues_bit_for_bit(integrator: str) -> None:
+    """Dampers along springs ask for the velocity of pins, at the first step already; a loaded state has it."""
+    scene = cloth_scene("damped moving", integrator)
+    options = {"precision": "float32", "math": "exact", "threads": 1, "live": ("poke",), "allow_unstable": True}
+    with open_simulation(scene, **options) as simulation:
+        assert simulation.state().velocity[build(scene).pinned].any()  # `spin` moves from the start
+        simulation.advance(4)
+        half = simulation.state()
+        simulation.advance(6)
+        whole = simulation.state()
+        simulation.load(half)
+        assert same(simulation.state(), half)
+        simulation.advance(6)
+        assert same(simulation.state(), whole)
+        simulation.advance(3)
+        simulation.rewind()
+        assert same(simulation.state(), whole)
+
+
+def test_the_interval_in_which_a_state_went_bad_is_replayed_with_its_motions() -> None:
+    scene = cloth_scene("moving", "semi-implicit-euler").replace({"method.dt": 0.02})
+    with open_simulation(scene, kernel="stages", precision="float64", math="exact", allow_unstable=True) as simulation:
+        bound = simulation._bound
+        with pytest.raises(Diverged) as caught:
+            simulation.advance(900)
+            simulation.check()
+        assert simulation.step == 0
+    assert (caught.value.step, caught.value.particle) == reference.first_bad(scene, 900, bound)
+
+
+ORDERS = {
+    "rk4": ("rk4", 4, {"damping": {"coefficient": 0.01}, "structural": {"stiffness": 20.0, "damping": 0.02}}, 64),
+    "verlet": ("velocity-verlet", 2, {"structural": {"stiffness": 20.0}}, 256),
+}
+
+
+@each_solver
+@pytest.mark.parametrize("case", ORDERS)
+def test_orders_are_kept(solver: str, case: str) -> None:
+    """Pins that move at constant speeds all the while take no integrator its order: where forces are asked for, at the
+    middle of a step too, pins are where they are at that time. From solutions at h, h/2 and h/4, T = 1/4 s."""
+    integrator, order, parts, steps = ORDERS[case]
+    found = []
+    sheet = ends(3, 5)
+    for halving in range(3):
+        count = steps * 2**halving
+        tables = {name: dict(table) for name, table in sheet.items()}
+        tables["left"] |= {"duration": 9.0}
+        tables["right"] |= {"duration": 9.0, "start": 0.0}
+        scene = cloth(3, 5, **tables, **parts, gravity={}, method={"integrator": integrator, "dt": 0.25 / count})
+        found.append(solve(solver, scene, count)[0])
+    differences = [np.linalg.norm(b - a) for a, b in pairwise(found)]
+    assert log2(differences[0] / differences[1]) == pytest.approx(order, abs=0.1)
+
+
+def test_the_twisted_sheet_is_wrung_and_not_torn() -> None:
+    """At 2.2 s its sides have come to rest 120 degrees apart and 0.12 m nearer; a side's long way to the other, around the
+    middle line, is sqrt(1.78^2 + (0.47 * 2.09)^2) = 2.03 m at most, 14 % more than its own, unless it gives way inwards."""
+    scene = load_scene("cloth-twist")
+    with open_simulation(scene, threads=1) as simulation:
+        simulation.advance(round(2.2 / scene.method.dt))
+        state = simulation.state()
+    sheet = state.position.reshape(48, 96, 3).astype(np.float64)
+    left, right = sheet[-1, 0] - sheet[0, 0], sheet[-1, -1] - sheet[0, -1]
+    assert left @ right / (np.linalg.norm(left) * np.linalg.norm(right)) == pytest.approx(cos(2 * pi / 3), abs=1e-5)
+    assert (sheet[:, -1] - sheet[:, 0])[:, 0] == pytest.approx(np.full(48, 1.78), abs=1e-5)
+    assert np.ptp(sheet[1:-1, 1:-1, 2]) > 0.5  # out of its plane
+    assert spring_strain(scene, state.position).max() < 0.14
+
+
+def test_pins_by_their_words() -> None:
+    index = np.arange(20).reshape(4, 5)
+    expected = {
+        "none": [], "top": index[0], "bottom": index[-1], "left": index[:, 0], "right": index[:, -1],
+        "top-bottom": index[[0, -1]], "left-right": index[:, [0, -1]], "top-corners": [0, 4],
+        "edges": [*index[0], *index[-1], *index[:, 0], *index[:, -1]], "every:2": [0, 2, 4],
+    }  # fmt: skip
+    assert set(expected) == {*PIN_WORDS, "every:2"}
+    for word, masses in expected.items():
+        found = pin_indices(word, 4, 5)
+        assert found.dtype == np.int64 and found.tolist() == sorted({int(mass) for mass in np.ravel(masses)}), word
+        mask = reference_cloth.named_mask(word, 4, 5)
+        assert np.flatnonzero(mask).tolist() == found.tolist(), word
+    assert pin_indices([(3, 1), (0, 0), (3, 1)], 4, 5).tolist() == [0, 16]
+
+
+def test_a_motion_that_moves_nothing_leaves_nothing() -> None:
+    tables = cloth_scene("moving", "lab").as_dict()
+    idle = Scene({name: table for name, table in tables.items() if name not in MOTIONS} | {
+        "idle": {"kind": "motion", "pins": [[0, 0]]}
+    })  # fmt: skip
+    assert "motion" not in cloth_plan(idle).parts and "motion" in cloth_plan(Scene(tables)).parts
+    assert body_rows(idle, build(idle), np.float32)[0].size == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"pins": [[1, 1]]}, r"jerk\.pins.*\[1, 1\] is not pinned"),
+        ({"pins": "left"}, r"jerk\.pins.*\[1, 0\] is not pinned"),
+        ({"pins": [[7, 0]]}, r"jerk\.pins.*outside the sheet; rows are 0 to 6"),
+        ({"pins": [[3, 2]]}, r"spin\.pins.*\[3, 2\] already follows jerk"),
+        ({"pins": []}, r"jerk\.pins.*must name a mass"),
+        ({"pins": "none"}, r"jerk\.pins.*must name a mass"),
+        ({"pins": "sides"}, r"jerk\.pins.*left-right"),
+        ({"pins": [[0, 0.5]]}, r"jerk\.pins.*\[\[row, column\]"),
+        ({"axis": [0.0, 0.0, 0.0]}, r"jerk\.axis.*must not be zero"),
+        ({"axis": [1.0, 0.0]}, r"jerk\.axis"),
+        ({"angular_velocity": float("inf")}, r"jerk\.angular_velocity"),
+        ({"angular_velocity": 1e12, "duration": 1.0}, r"jerk\.angular_velocity.*at most 1e\+09"),
+        ({"duration": 0.0}, r"jerk\.duration.*greater than 0"),
+        ({"start": -1.0}, r"jerk\.start.*at least 0"),
+        ({"speed": 1.0}, r"jerk\.speed.*unknown key"),
+        ({"velocity": [1e39, 0.0, 0.0]}, "jerk.*float32 cannot hold it; use float64"),
+    ],
+)
+def test_motions_that_cannot_be_are_refused(change: dict[str, Any], what: str) -> None:
+    tables = cloth_scene("moving", "lab").as_dict()
+    with pytest.raises(SceneError, match=what):
+        open_simulation(Scene(tables | {"jerk": tables["jerk"] | change}), precision="float32")
+
+
+def test_a_grid_has_no_motions() -> None:
+    with pytest.raises(SceneError, match="belongs to a cloth"):
+        Scene({"grid": {"rows": 3, "columns": 3, "pinned": "top"}, "motion": {"pins": "top"}})

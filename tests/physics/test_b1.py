@@ -1,0 +1,346 @@
+"""Springs of which every second one is stiffer, and hard case B1, a chain of them: both backends' kernels against the NumPy
+reference and each other, energies, the largest frequency, what a run over its limit is told."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numba
+import numpy as np
+import pytest
+
+from app.driver import open_simulation
+from bench.reference import mass_spring as reference
+from bench.stress.cases import CASES
+from bench.stress.experiment import case_scene
+from bench.stress.laws import hanging
+from model.core.diagnosis import CAUSES, Diagnosis, diagnose, refusal
+from model.core.energy import energies, spring_ends, spring_stiffness
+from model.core.errors import Diverged, SceneError, UnstableTimeStep
+from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound, stability_limit
+from model.core.plan import mass_spring_plan
+from model.core.stability_limit import MOST_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
+from model.scene.scene import Scene, load_scene
+
+NAMES = list(INTEGRATORS)
+RATIO = 7.0
+EPSILON = {"float64": 2.0**-53, "float32": 2.0**-24}
+# odd and even sides, pins inside rows, a start away from rest; at a step size that RATIO allows
+UNEVEN = {"grid.rows": 11, "grid.columns": 18, "springs.stiffness_ratio": RATIO, "external.magnitude": 0.05}
+LIVE = ("poke",)
+MANY = min(3, numba.config.NUMBA_NUM_THREADS)
+
+
+def uneven(name: str = "velocity-verlet", **changes: object) -> Scene:
+    scene = load_scene("lab-hammock").replace(UNEVEN | {"method.integrator": name} | changes)
+    return scene.replace({"method.dt": min(0.005, 0.5 * stability_limit(scene))})
+
+
+def stepped(scene: Scene, steps: int = 60, **options: object) -> np.ndarray:
+    options = {"math": "exact", "precision": "float64", "live": LIVE} | options
+    with open_simulation(scene, **options) as simulation:
+        simulation.poke(scene.grid.particle_count // 2, (0.3, -0.2))
+        simulation.advance(steps // 3)
+        simulation.poke(None)
+        simulation.advance(steps - steps // 3)
+        state = simulation.state()
+    return np.concatenate([state.position, state.velocity])
+
+
+# ---------------------------------------------------------------------- the part
+
+
+def test_a_ratio_of_one_is_no_part_and_no_text():
+    """Scenes of equal springs keep the canonical text by which stores know them."""
+    plain = load_scene("lab-grid")
+    assert "stiffness_ratio" not in plain.canonical()
+    assert plain.replace({"springs.stiffness_ratio": 1.0}).canonical() == plain.canonical()
+    assert "alternating" not in mass_spring_plan(plain).parts
+    scene = plain.replace({"springs.stiffness_ratio": 4.0})
+    assert Scene(scene.as_dict()).springs == scene.springs and scene.springs.largest_stiffness == 40.0
+    plan, bare = mass_spring_plan(scene), mass_spring_plan(plain)
+    assert plan.parts - bare.parts == {"alternating"} and plan.root == bare.root
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.0, -1.0, float("nan"), float("inf"), "much", True])
+def test_ratios_that_cannot_be(ratio):
+    with pytest.raises(SceneError, match=r"springs\.stiffness_ratio"):
+        load_scene("lab-grid").replace({"springs.stiffness_ratio": ratio})
+
+
+def test_what_does_not_go_with_it_is_refused():
+    manufactured = load_scene("manufactured").replace({"springs.stiffness_ratio": 2.0})
+    with pytest.raises(SceneError, match="must be 1 with a manufactured force"):
+        open_simulation(manufactured)
+    over = load_scene("lab-grid").replace({"springs.stiffness_ratio": 1e38})
+    with pytest.raises(SceneError, match=r"springs\.stiffness_ratio.*float32"):
+        open_simulation(over, allow_unstable=True)
+
+
+# ---------------------------------------------------------------------- kernels
+
+
+@pytest.mark.parametrize(
+    ("name", "precision"),
+    [("lab", "float64"), ("velocity-verlet", "float64"), ("rk4", "float64"), ("semi-implicit-euler", "float32")],
+)
+def test_both_executions_are_the_reference(run, name, precision, kernel):
+    """100 steps of all parts at once; few variants, since each takes seconds to compile. Tolerance, as in
+    tests/mass_spring/test_cpu_reference.py: a step rounds p a few times by eps |p|, damped errors at most add, so 4 n eps
+    |p|; velocities dt w^2 + 1 / dt times as much."""
+    scene = uneven(name)
+    state = run(scene, 100, kernel=kernel, precision=precision, live=LIVE)
+    position, velocity = reference.simulate(scene, 100)
+    dt, w = scene.method.dt, frequency_bound(scene)
+    allowed = 4 * 100 * EPSILON[precision] * 18 * 1.5
+    assert np.abs(state.position - position).max() < allowed
+    assert np.abs(state.velocity - velocity).max() < allowed * (dt * w * w + 1 / dt)
+    equal = reference.simulate(scene.replace({"springs.stiffness_ratio": 1.0}), 100)[0]
+    assert np.abs(equal - position).max() > 1e-3  # not vacuous
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (2, 2), (19, 33), (9, 1100)])
+def test_kernels_of_the_cpu_give_the_same_bits(shape):
+    """Rows and columns of both parities; 1100 columns are several tiles of `tiled`, 3 threads cut rows into uneven bands."""
+    scene = uneven(**{"grid.rows": shape[0], "grid.columns": shape[1], "grid.pinned": "every:3"})
+    expected = stepped(scene, kernel="fused", threads=1)
+    assert np.isfinite(expected).all()
+    for kernel, threads in (("stages", 1), ("fused", MANY), ("team", MANY), ("tiled", MANY)):
+        assert np.array_equal(stepped(scene, kernel=kernel, threads=threads), expected), kernel
+
+
+def test_rk4_gives_the_same_bits_on_the_cpu():
+    expected = stepped(uneven("rk4"), kernel="fused", threads=1)
+    for kernel, threads in (("fused", MANY), ("stages", 1)):
+        assert np.array_equal(stepped(uneven("rk4"), kernel=kernel, threads=threads), expected)
+
+
+def test_a_live_stiffness_keeps_the_ratio():
+    scene = uneven()
+    with open_simulation(
+        scene, math="exact", precision="float64", kernel="fused", live=(*LIVE, "stiffness")
+    ) as simulation:
+        simulation.set("springs.stiffness", 20.0)
+        simulation.advance(30)
+        position = simulation.state().position
+    expected = reference.simulate(scene.replace({"springs.stiffness": 20.0}), 30)[0]
+    assert np.abs(position - expected).max() < 4 * 30 * EPSILON["float64"] * 18 * 1.5
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("name", ["lab", "velocity-verlet", "rk4"])
+@pytest.mark.parametrize("kernel", ["stages", "launch", "graph", None])
+def test_the_gpu_gives_the_bits_of_the_cpu(kernel, name, precision):
+    from gpu_backend.core.device import gpu_available, simulated
+
+    available, reason = gpu_available()
+    if not available or simulated():
+        pytest.skip(reason if not available else "the CUDA simulator has tests of its own")
+    scene = uneven(name)
+    expected = stepped(scene, precision=precision, kernel="fused", threads=1)
+    assert np.array_equal(stepped(scene, backend="gpu", kernel=kernel, precision=precision), expected)
+
+
+# ---------------------------------------------------------------------- energies and frequency
+
+
+def test_forces_are_the_slope_of_the_energy():
+    """Central differences of the spring energy over d = 1e-6 m: their error k d^2 / 6 and rounding eps E / d are under
+    1e-6 N."""
+    scene = uneven(**{"grid.rows": 4, "grid.columns": 5, "gravity.enabled": False, "external.magnitude": 0.0})
+    position = reference.start(scene)[0] + np.random.default_rng(1).uniform(-0.2, 0.2, (20, 2))
+    force = reference.spring_forces(scene, position.reshape(4, 5, 2)).reshape(-1, 2)
+    slope, still = np.zeros_like(force), np.zeros_like(force)
+    for place in np.ndindex(*force.shape):
+        around = []
+        for side in (1e-6, -1e-6):
+            moved = position.copy()
+            moved[place] += side
+            around.append(energies(scene, moved, still)["spring"])
+        slope[place] = (around[0] - around[1]) / 2e-6
+    assert np.abs(force + slope).max() < 1e-6
+
+
+def test_stiffnesses_follow_the_lower_end():
+    scene = uneven(**{"grid.rows": 4, "grid.columns": 5})
+    across, down = spring_stiffness(scene)
+    assert across.shape == (1, 4) and down.shape == (3, 1)
+    assert across.ravel().tolist() == [10, 70, 10, 70] and down.ravel().tolist() == [10, 70, 10]
+    net = scene_net(scene)
+    assert np.array_equal(net.ends, spring_ends(4, 5))
+    row, column = np.divmod(net.ends[:, 0], 5)
+    odd = np.where(net.ends[:, 1] == net.ends[:, 0] + 1, column, row) % 2 == 1
+    assert np.array_equal(net.stiffness, np.where(odd, 70.0, 10.0))
+
+
+@pytest.mark.parametrize("pinned", ["none", "top", "edges", "top-corners"])
+@pytest.mark.parametrize("shape", [(1, 2), (2, 1), (1, 3), (3, 5), (9, 12)])
+@pytest.mark.parametrize("ratio", [1.5, 100.0, 1e6])
+def test_frequencies_are_those_of_the_matrix(shape, pinned, ratio):
+    """Estimate from below, to its tolerance, both bounds from above, the tight one and that of any grid."""
+    springs = {"stiffness": 10.0, "stiffness_ratio": ratio}
+    scene = Scene({"grid": {"rows": shape[0], "columns": shape[1], "pinned": pinned}, "springs": springs})
+    net = scene_net(scene)
+    matrix = np.stack([net.apply(row) for row in np.eye(len(net.inverse_mass))])
+    exact = sqrt(max(0.0, float(np.linalg.eigvalsh(matrix)[-1])))
+    found = scene_frequency(scene)
+    assert found.estimate == pytest.approx(exact, rel=1e-6, abs=1e-6)
+    assert exact * (1 - 1e-12) <= found.upper * (1 + 1e-9) <= frequency_bound(scene) * (1 + 2e-9)
+
+
+def test_large_alternating_grids_are_bounded():
+    """Whatever the pins: a mass has one spring of each stiffness along each direction, so w^2 <= 4 (k + r k) / m, which a
+    grid that is iterated on is just under."""
+    scene = uneven(**{"grid.rows": 512, "grid.columns": 512, "grid.pinned": "top"})
+    assert scene.grid.particle_count > MOST_MASSES
+    found = scene_frequency(scene)
+    assert found.how == "bounded" and found.upper == pytest.approx(sqrt(4 * 80 / 0.01), rel=1e-12)
+    smaller = largest_frequency(scene_net(scene.replace({"grid.rows": 40, "grid.columns": 40})))
+    assert 0.98 * found.upper < smaller.estimate < found.upper
+
+
+@pytest.mark.parametrize("name", ["lab", "semi-implicit-euler", "velocity-verlet", "rk4"])
+@pytest.mark.parametrize("side", [0.995, 1.005])
+def test_the_net_s_own_limit_is_the_edge(name, side):
+    """Without rest lengths the chain is linear: at 0.995 of the limit of its largest frequency the fastest mode decays, at
+    1.005 it grows, over so many steps that the step's spectral radius makes a factor of 1000 of it (beside the limit the two
+    parts of a step's motion are almost parallel, which makes some tens of growth by itself)."""
+    chain = load_scene("hard/b1").replace(
+        {
+            "springs.rest_length": 0.0,
+            "springs.stiffness_ratio": 50.0,
+            "gravity.enabled": False,
+            "method.integrator": name,
+        }
+    )
+    found, gamma = scene_frequency(chain), damping_rate(chain)
+    dt = side * INTEGRATORS[name].limit(found.estimate, gamma)
+    scene = chain.replace({"method.dt": dt})
+    radius = float(np.abs(np.linalg.eigvals(amplification_matrix(name, dt, found.estimate, gamma))).max())
+    steps = int(np.ceil(np.log(1000) / abs(np.log(radius))))
+    mode = found.mode
+    position, velocity = np.stack([mode, -mode], axis=1), np.zeros((21, 2))
+    position, velocity = reference.simulate(scene, steps, position, velocity)
+    part = mode / (mode @ mode)
+    size = float(np.sqrt((part @ position) ** 2 + (part @ velocity / found.estimate) ** 2).max())
+    assert size < 1 if side < 1 else size > 1
+
+
+# ---------------------------------------------------------------------- B1: refused, diverged, settled
+
+
+def b1(**changes: object) -> Scene:
+    return load_scene("hard/b1").replace({path.replace("__", "."): value for path, value in changes.items()})
+
+
+def test_the_published_limit():
+    """NUMERICS: 3.2e-5 s for semi-implicit Euler, 2 / sqrt(4 k / m); the plan also tells what this chain itself holds to,
+    4.5e-5 s, since no mass has two stiff links: w^2 = 2 (k + r k) / m."""
+    scene = b1(damping__coefficient=0.0)
+    assert stability_limit(scene) == pytest.approx(2 / sqrt(4 * 1e7 / 0.01), rel=1e-12)
+    (line,) = frequency_lines(scene)
+    assert "63245.6 1/s of any grid" in line and "semi-implicit-euler holds to dt 4.4721" in line
+    assert scene_frequency(scene).estimate == pytest.approx(sqrt(2 * (1e7 + 10) / 0.01), rel=1e-6)
+
+
+def test_the_door_names_ratio_step_size_and_the_way_out():
+    error = refusal(b1())
+    assert error is not None and error.limit == stability_limit(b1())
+    text = str(error)
+    assert text.startswith(
+        "method.dt = 0.01: stiffness ratio 1e+06: dt is 316.2 times the stability limit of semi-implicit-"
+    )
+    assert "which the springs of 1e+07 N/m set; those of 10 N/m alone hold to 0.0308817 s" in text
+    assert "use dt <= 3.1622e-05 s, or a stiffness ratio of at most 9.84" in text
+    assert text.endswith("or pass --allow-unstable to watch it break")
+    assert refusal(b1(method__dt=3e-5)) is None
+    assert refusal(b1(springs__stiffness_ratio=9.84)) is None and refusal(b1(springs__stiffness_ratio=9.86)) is not None
+
+
+def test_soft_springs_over_the_limit_are_not_blamed_on_the_stiff_ones():
+    """At 0.1 s the soft links would not hold either; equal springs have no ratio; explicit Euler undamped has no limit."""
+    for scene, name in (
+        (b1(), "stiffness ratio"),
+        (b1(method__dt=0.1), "explicit limit"),
+        (b1(springs__stiffness_ratio=1.0, method__dt=0.1), "explicit limit"),
+        (b1(method__integrator="explicit-euler", damping__coefficient=0.0), "no step size"),
+        (b1(method__dt=1e-6), "violent forces"),
+    ):
+        assert diagnose(scene, stability_limit(scene)).name == name
+    plain = refusal(b1(method__dt=0.1))
+    assert plain is not None and "over the stability limit of semi-implicit-euler here" in str(plain)
+
+
+def test_a_solver_brings_causes_of_its_own():
+    """The first that applies is told, under its name; the lab's own follow."""
+    seen = []
+
+    def inverted(at):
+        seen.append(at.position)
+        return Diagnosis("element 3 is inverted", "use more substeps") if at.position is not None else None
+
+    causes = {"inverted element": inverted} | CAUSES
+    found = diagnose(b1(), stability_limit(b1()), position=np.zeros((21, 2)), causes=causes)
+    assert (found.name, found.cause) == ("inverted element", "element 3 is inverted")
+    assert diagnose(b1(), stability_limit(b1()), causes=causes).name == "stiffness ratio"
+    assert len(seen) == 2
+    assert diagnose(b1(), 1.0, causes={}).remedy == "use dt <= 0.005 s"
+
+
+@pytest.mark.parametrize(
+    ("name", "kernel", "precision"),
+    [
+        ("semi-implicit-euler", "stages", "float64"),
+        ("velocity-verlet", "fused", "float64"),
+        ("lab", "stages", "float32"),
+    ],
+)
+def test_forced_it_ends_as_diverged_with_the_cause(opened, name, kernel, precision):
+    """Never as NaN: the state that is left is finite, the message one line with the ratio and both numbers. (The other
+    integrators: `softlab hard`.)"""
+    scene = b1(method__integrator=name)
+    with opened(scene, kernel=kernel, precision=precision, live=("damping", "gravity")) as simulation:
+        simulation.check_interval = 64
+        with pytest.raises(Diverged, match=r"stiffness ratio 1e\+06: dt is .* use dt <= ") as caught:
+            simulation.advance(200)
+        assert 1 <= caught.value.step <= 64 and caught.value.limit == stability_limit(scene)
+        state = simulation.state()
+        assert np.isfinite(state.position).all() and np.isfinite(state.velocity).all()
+
+
+def test_the_chain_hangs_by_its_soft_links():
+    """Ten soft links carry 20, 18, ..., 2 masses: 110 m g / k = 1.07910 m; the stiff ones a millionth of 100 of them."""
+    scene = b1()
+    stretch = -hanging(scene)[-1, 0, 1] - 20
+    assert stretch == pytest.approx(110 * 0.0981 / 10 + 100 * 0.0981 / 1e7, rel=1e-12)
+    position = hanging(scene)
+    force = reference.spring_forces(scene, position)[1:, 0, 1] - 0.0981
+    assert np.abs(force).max() < 1e7 * 2.0**-52 * 32  # N: an ulp of 21 m, twice, in a stiff link
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_cases_run_under_their_limit_or_are_refused(name):
+    refused, hangs = [case for case in CASES if case.row == "B1" and name in case.methods]
+    assert case_scene(refused, name)[0].method.dt == 0.01
+    scene, note = case_scene(hangs, name)
+    assert 0.85 * stability_limit(scene) < scene.method.dt < stability_limit(scene) and "over the limit" in note
+
+
+# ---------------------------------------------------------------------- choosers
+
+
+def test_the_gpu_s_chooser_takes_a_kernel_that_can(monkeypatch):
+    pytest.importorskip("numba.cuda", reason="needs numba-cuda")
+    from gpu_backend.mass_spring.grid import choice
+
+    monkeypatch.setattr(choice, "can_capture", lambda: True)
+    kernel, tile, why = choice.default_kernel(uneven(), np.float32, choice.MEASURED_LIMITS)
+    assert (kernel, tile) == ("graph", None) and "alternate" in why
+    equal = uneven().replace({"springs.stiffness_ratio": 1.0})
+    assert choice.default_kernel(equal, np.float32, choice.MEASURED_LIMITS)[0] == "one-block"
+
+
+def test_the_door_says_it():
+    with pytest.raises(UnstableTimeStep, match=r"stiffness ratio 1e\+06: dt is 316\.2 times"):
+        open_simulation("hard/b1")

@@ -1,0 +1,174 @@
+"""Figures, tables and claims of the kernels: every expected number follows from a law in tests/tools/synthetic_store.py."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from synthetic_store import (
+    CPU_RECORD,
+    GPU_RECORD,
+    KERNELS,
+    WATTS,
+    Maker,
+    cpu_store,
+    gpu_store,
+    kernel_seconds,
+)
+
+from bench.store.database import Store
+from labbook import kernel_tables
+from labbook.claims import kernels as kernel_claims
+from model.core.plan import mass_spring_plan
+from model.scene.scene import load_scene
+from plots.core.data import Results, load
+from plots.core.ladder import defaults, fastest, in_order, machine_of, rung
+from plots.core.style import settings
+from plots.figures import joules, kernels, roofline
+
+
+@pytest.fixture(scope="module")
+def gpu() -> Results:
+    return load(gpu_store())
+
+
+@pytest.fixture(scope="module")
+def cpu() -> Results:
+    return load(cpu_store())
+
+
+def ladder_of(record: dict, sizes: tuple[int, ...] = (32, 512), **options: bool) -> Results:
+    store = Store(":memory:")
+    Maker(store, record, "m").ladder(sizes, **options)
+    return load(store)
+
+
+def test_forced_kernels_are_apart_from_the_ordinary_timings(gpu: Results) -> None:
+    source = gpu.featured[0]
+    assert all(t.chosen for t in source.timings) and not any(t.chosen for t in source.kernels)
+    assert set(source.ladder("gpu")) == set(KERNELS["gpu"])
+    assert [name for name, _ in in_order(source.ladder("cpu"))] == ["stages", "fused", "tiled", "team"]
+    assert set(source.ladder("cpu", word="4x")) == {"fused", "tiled", "team"}
+    assert rung("something new").label == "something new"
+
+
+def test_the_default_is_the_fastest_where_the_law_says_so(gpu: Results) -> None:
+    source = gpu.featured[0]
+    chosen = {t.particles: t.kernel for t in defaults(source, "gpu")}
+    assert chosen == {t.particles: t.kernel for t in fastest(source, "gpu")}
+    assert chosen[16 * 16] == "one-block" and chosen[64 * 64] == "resident" and chosen[4096 * 4096] == "tiles"
+
+
+def test_the_figure_of_the_kernels_marks_switches_and_the_roof(gpu: Results) -> None:
+    with settings():
+        drawing = kernels.draw(gpu)
+    assert not isinstance(drawing, str)
+    on_cpu, on_gpu = drawing.figure.axes
+    assert "CPU" in on_cpu.get_title() and "GPU" in on_gpu.get_title()
+    assert {text.get_text() for text in on_gpu.texts} == {"one-block", "resident", "tiles"}
+    (roof,) = [line for line in on_gpu.lines if line.get_label() == "one step per pass"]
+    masses, seconds = (values[-1] for values in roof.get_data())
+    assert seconds == pytest.approx(32 * masses / GPU_RECORD["gpu_copy_bandwidth"])
+    assert "Dotted lines" in drawing.caption
+
+
+def test_shares_of_the_roofs(gpu: Results) -> None:
+    """tiles runs at 1.7 of the copy bandwidth after 2 us a step; operations are the plan's."""
+    source = gpu.featured[0]
+    found = roofline.roofs(source, "gpu")
+    assert found is not None and found.bytes == 32
+    assert found.operations == mass_spring_plan(load_scene("lab-grid")).operations
+    largest = source.ladder("gpu")["tiles"][-1]
+    seconds = kernel_seconds(GPU_RECORD, "gpu", "tiles", largest.particles, "float32")
+    assert found.share(largest) == pytest.approx(32 * largest.particles / 4e12 / seconds)
+    assert found.share(largest) > 1, "several steps per pass"
+    assert found.arithmetic_share == pytest.approx(32 / 4e12 / (found.operations / 6e13))
+    double = roofline.roofs(source, "gpu", "float64")
+    assert double is not None and double.bytes == 64 and double.rate == 3e13
+
+
+def test_a_machine_without_an_arithmetic_rate_has_one_roof() -> None:
+    results = ladder_of(CPU_RECORD | {"arithmetic": None})
+    with settings():
+        drawing = roofline.draw(results)
+    assert not isinstance(drawing, str) and "not measured" in drawing.caption
+    made = kernel_claims.roof(results, "cpu")
+    assert made.supported and "arithmetic" not in made.numbers
+    assert "not measured" in kernel_tables.roof_tables(results)[0]["title"]
+
+
+def test_joules_are_power_times_time(gpu: Results, cpu: Results) -> None:
+    source = gpu.featured[0]
+    timing = source.ladder("gpu")["graph"][0]
+    assert joules.joules(source, timing) == pytest.approx(1e6 * WATTS * timing.median / timing.particles, rel=0.01)
+    assert joules.watts(source, timing) == pytest.approx(WATTS)
+    with settings():
+        assert not isinstance(joules.draw(gpu), str)
+        assert isinstance(joules.draw(cpu), str), "that machine counts none"
+    assert kernel_tables.joule_tables(cpu) == [] and len(kernel_tables.joule_tables(gpu)) == 1
+    made = kernel_claims.energy(gpu)
+    assert made.supported and "tiles" in made.sentence and made.numbers["gpu least"] < made.numbers["gpu most"]
+
+
+def test_rungs_are_held_against_the_one_below(gpu: Results) -> None:
+    made = kernel_claims.rung(gpu, "graph")
+    ratio = kernel_seconds(GPU_RECORD, "gpu", "launch", 256, "float32") / kernel_seconds(
+        GPU_RECORD, "gpu", "graph", 256, "float32"
+    )
+    assert made.supported and made.numbers["gain"] == pytest.approx(ratio)
+    assert "none of the 9 sizes" in made.sentence
+    assert "2 of the 9 sizes (256 to 1024" in kernel_claims.rung(gpu, "one-block").sentence
+    assert kernel_claims.choice(gpu, "gpu").numbers == {"good": 9, "sizes": 9}
+
+
+def test_a_rung_that_gains_nothing_is_not_praised() -> None:
+    store = Store(":memory:")
+    maker = Maker(store, CPU_RECORD, "c")
+    for kernel, seconds in (("fused", 1e-5), ("team", 2e-5), ("tiled", 1.01e-5)):
+        made = maker.timing(
+            (16, 16), seconds, backend="cpu", kernel=kernel, threads=2, layer="omp", wait_policy="passive"
+        )
+        store.add_measure(maker.run, made, "sources", "default", float(kernel == "team"), "", "made up")
+    results = load(store)
+    for kernel in ("team", "tiled"):
+        made = kernel_claims.rung(results, kernel)
+        assert not made.supported and "at none of the 1 sizes" in made.sentence
+    poor = kernel_claims.choice(results, "cpu")
+    assert poor.numbers["good"] == 0 and poor.numbers["worst"] == pytest.approx(2)
+    assert "2.0 times as long as fused" in poor.sentence.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_what_more_threads_than_cores_cost(cpu: Results) -> None:
+    source = cpu.featured[0]
+    fused, team = (source.ladder("cpu", word="4x")[name][0] for name in ("fused", "team"))
+    alone = source.ladder("cpu")["fused"][0]
+    assert kernel_claims.crowded(cpu, "fused").numbers["ratio"] == pytest.approx(fused.median / alone.median)
+    assert kernel_claims.crowded(cpu, "team", "fused").numbers["ratio"] == pytest.approx(team.median / fused.median)
+    policies = kernel_claims.policies(cpu)
+    assert "Spinning is quicker as long as each thread has a core" in policies.sentence
+    (table,) = kernel_tables.region_tables(cpu)
+    assert table["rows"][-1] == ["8", "160", "43.0"]
+
+
+def test_tables_hold_every_kernel_and_name_the_fastest(gpu: Results) -> None:
+    tables = kernel_tables.kernel_tables(gpu)
+    assert len(tables) == 4 and all(len(row) == len(made["head"]) for made in tables for row in made["rows"])
+    on_gpu = next(made for made in tables if "float32. GPU" in made["title"])
+    assert [row[1] for row in on_gpu["rows"]][:3] == ["one-block", "one-block", "resident"]
+    assert on_gpu["rows"][-1][2 + 3] == kernel_tables.DASH, "one-block holds no 4096 x 4096"
+
+
+def test_the_first_step(gpu: Results) -> None:
+    made = kernel_claims.starts(gpu)
+    assert made.numbers == {"cpu cold": 4.3, "cpu warm": 1.1, "gpu cold": 4.3, "gpu warm": 1.1}
+
+
+def test_a_backend_is_shown_by_the_users_own_machine_first(gpu: Results, cpu: Results) -> None:
+    committed = replace(gpu.sources[0], own=False)
+    both = Results((*cpu.sources, committed))
+    on_cpu, on_gpu = machine_of(both, "cpu"), machine_of(both, "gpu")
+    assert on_cpu is cpu.sources[0] and on_gpu is committed
+    with settings():
+        drawing = kernels.draw(both)
+    assert not isinstance(drawing, str) and drawing.figure.axes[1].get_title().endswith("(committed)")
+    assert "committed measurements" in kernel_claims.rung(both, "tiles").sentence

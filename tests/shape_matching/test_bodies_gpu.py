@@ -1,0 +1,70 @@
+"""Bodies on a real GPU: the CPU's bits in exact math, fast math near to it, states that go on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bodies_scenes import by_hand, degenerate, end_state, everything, hung, opened, same, start
+
+from model.scene.scene import load_scene
+
+pytestmark = pytest.mark.gpu
+KERNELS = ("graph", "launch", "stages")
+
+
+@pytest.fixture(autouse=True)
+def needs_gpu() -> None:
+    from gpu_backend.core.device import gpu_available, simulated
+
+    works, reason = gpu_available()
+    if not works or simulated():
+        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("substeps,iterations", [(1, 1), (3, 2)])
+def test_bits_are_the_cpus(substeps: int, iterations: int, precision: str) -> None:
+    scene = everything(substeps, iterations)
+    expected = end_state(scene, poked=True, precision=precision, steps=41)
+    for kernel in KERNELS:
+        found = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel, steps=41)
+        assert same(found, expected), kernel
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_links_have_the_cpus_bits(precision: str) -> None:
+    expected = end_state(hung(), poked=True, precision=precision, steps=41)
+    for kernel in KERNELS:
+        assert same(end_state(hung(), "gpu", poked=True, precision=precision, kernel=kernel, steps=41), expected), (
+            kernel
+        )
+
+
+def test_jelly_drop_has_the_cpus_bits() -> None:
+    scene = load_scene("jelly-drop")
+    expected = end_state(scene, precision="float32", steps=60, threads=2)
+    assert same(end_state(scene, "gpu", precision="float32", steps=60), expected)
+
+
+def test_clusters_without_a_volume() -> None:
+    clusters = degenerate()
+    scene, random = by_hand(clusters), np.random.default_rng(2)
+    begin = start(scene, clusters.position + random.normal(0, 0.03, clusters.position.shape))
+    assert same(end_state(scene, start=begin), end_state(scene, "gpu", start=begin))
+
+
+def test_fast_math_is_near_exact() -> None:
+    """As on the CPU, and approximate roots and quotients of 2^-22: 10 substeps whose errors grow with the square of their
+    number, of places of 2 m."""
+    fast, exact = (end_state(everything(), "gpu", precision="float32", math=math) for math in ("fast", "exact"))
+    np.testing.assert_allclose(fast.position, exact.position, atol=100 * 30 * 2 * 2.0**-22)
+
+
+def test_states_change_hands_and_rotations_are_the_cpus() -> None:
+    scene = everything()
+    half, whole = end_state(scene, steps=4), end_state(scene, steps=8)
+    with opened(scene, "gpu", initial=half) as device, opened(scene, initial=half) as host:
+        for name in ("rotation", "centre"):
+            assert np.array_equal(device.read(name), host.read(name)), name
+        device.advance(4)
+        assert same(device.state(), whole)

@@ -1,0 +1,223 @@
+"""Lattices in space: their tables, sums along axes against direct sums and the reference, and the laws that they keep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from bodies_scenes import (
+    BAR,
+    POKE,
+    STEPS,
+    block,
+    blocks,
+    bodies_scene,
+    end_state,
+    method,
+    opened,
+    same,
+    start,
+)
+from closed_meshes import rotation as rotation_by
+
+from app.output.files import read_state, write_state
+from app.render.particle_colours import cluster_colours
+from app.render.skinning import ClusterFrames
+from bench.experiments.body_scenes import FLOOR, ULP, centre, masses
+from bench.reference import shape_matching as reference
+from model.assets.baked import baked
+from model.assets.soft_lattice import SoftLattice
+from model.core.errors import InputError, SceneError
+from model.geometry.shapes import Shape
+from model.shape_matching import crowd
+from model.shape_matching.lattice import Lattice
+
+KERNELS = [("stages", 1), ("stages", 3), ("fused", 1), ("fused", 2), ("fused", 5)]
+SHAPES = [((5, 4, 3), 2), ((1, 1, 1), 1), ((7, 1, 2), 1), ((3, 9, 2), 3), ((2, 2, 2), 5), ((1, 6, 13), 2)]
+
+
+@pytest.mark.parametrize("counts,region", SHAPES)
+def test_tables_are_the_windows(counts: tuple[int, int, int], region: int) -> None:
+    """Shares, masses and rest centres of windows as products and sums of the axes', against the compressed form."""
+    lattice = Lattice(counts, region, 0.1)
+    clusters = lattice.clusters(lattice.positions(), np.full(lattice.size, 0.5), 100.0)
+    x, y, z = lattice.axes
+
+    def product(name: str) -> np.ndarray:
+        one, two, three = (getattr(axis, name) for axis in (z, y, x))
+        found: np.ndarray = (one[:, None, None] * two[:, None] * three).ravel()
+        return found
+
+    np.testing.assert_allclose(product("mass"), clusters.cluster_mass / 0.5, rtol=1e-13)
+    np.testing.assert_array_equal(product("count"), np.diff(clusters.offsets))
+    np.testing.assert_allclose(product("share")[clusters.indices], clusters.shares, rtol=1e-13)
+    away = (clusters.rest_centre - lattice.positions()) / 0.1
+    grids = np.meshgrid(z.centre, y.centre, x.centre, indexing="ij")
+    np.testing.assert_allclose(away, np.stack([grid.ravel() for grid in grids[::-1]], axis=1), atol=1e-12)
+
+
+@pytest.mark.parametrize("precision,exponent", [("float64", 0), ("float32", 29)])
+def test_against_the_reference_and_the_same_bits_everywhere(precision: str, exponent: int) -> None:
+    """10 substeps of 2 iterations, as the test of bodies."""
+    scene = blocks()
+    position, velocity = reference.simulate(scene, STEPS, poke=(POKE[0], np.array(POKE[1])))
+    first = end_state(scene, poked=True, kernel="stages", precision=precision)
+    assert np.abs(first.position - position).max() < 2e-12 * 2.0**exponent  # of up to 4 m
+    assert np.abs(first.velocity - velocity).max() < 2e-12 * 2.0**exponent / 0.005
+    assert (first.position[:, 1] < 0.1).any() and first.rotation is not None
+    assert len(scene.crowd.lattices) == 2 and scene.crowd.loose.count == 3
+    for kernel, threads in KERNELS:
+        other = end_state(scene, poked=True, kernel=kernel, threads=threads, precision=precision)
+        assert same(first, other), (kernel, threads)
+
+
+@pytest.mark.parametrize("counts,region", SHAPES[2:])
+def test_sums_along_axes_are_direct_sums(
+    counts: tuple[int, int, int], region: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To rounding: of 20 iterations, each with some hundred roundings of 1 m, in float64."""
+    summed = end_state(blocks(counts=counts, region=region))
+    monkeypatch.setattr(crowd, "is_summed", lambda body: False)
+    directly = blocks(counts=counts, region=region)
+    assert not directly.crowd.lattices and directly.crowd.loose.count == directly.crowd.clusters.count
+    away = np.abs(summed.position - end_state(directly).position).max()
+    assert 0 < away < 20 * 100 * 4 * 2.0**-53
+
+
+def test_fast_math_is_near_exact() -> None:
+    options = {"precision": "float32", "kernel": "stages", "threads": 2}
+    fast, exact = (end_state(blocks(), math=math, **options) for math in ("fast", "exact"))
+    assert np.abs(fast.position - exact.position).max() < 2e-12 * 2.0**29
+
+
+def test_reading_states_and_going_on(tmp_path: Any) -> None:
+    scene = blocks()
+    with opened(scene) as simulation:
+        assert simulation.read("rotation").shape == (scene.crowd.clusters.count, 4)
+        simulation.advance(2)
+        half = simulation.state()
+        turns, centres = simulation.read("rotation").copy(), simulation.read("centre").copy()
+        np.testing.assert_allclose(centres, scene.crowd.clusters.centres(half.position), atol=1e-14)
+        found = np.einsum("nij,nkj->nik", simulation.read("deformation"), scene.crowd.clusters.rotations(half.position))
+        np.testing.assert_allclose(found, np.broadcast_to(np.eye(3), found.shape), atol=1e-12)
+        simulation.advance(2)
+        there = simulation.state()
+        simulation.rewind()
+        simulation.load(half)
+        assert np.array_equal(simulation.read("rotation"), turns)
+        simulation.advance(2)
+        assert same(simulation.state(), there)
+    write_state(tmp_path / "half.npz", half)
+    assert same(half, read_state(tmp_path / "half.npz", scene))
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_momentum_is_kept(precision: str) -> None:
+    """Linear momentum of a lattice that is stretched, shaken and spinning: 40 substeps of 2 iterations, each of which rounds
+    places of 1 m a hundred times at most, the same way at worst. Angular momentum of one that springs back from rest: in an
+    iteration, whose ways are from where its masses were."""
+    scene = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(2, 2, 0.005))
+    at, m, random = scene.crowd.position, masses(scene), np.random.default_rng(5)
+    rounded = 100 * ULP[precision] / 0.0025  # m/s of a substep
+    moving = random.normal(0, 0.5, at.shape) + np.cross([3.0, 1.0, 2.0], at) + [0.4, 0.2, -0.3]
+    strained = 1.1 * at + random.normal(0, 0.005, at.shape)
+    v = end_state(scene, steps=20, start=start(scene, strained, moving), precision=precision).velocity.astype(float)
+    assert np.abs(centre(scene, v) - centre(scene, moving)).max() < 40 * rounded
+    assert np.abs(v - moving).max() > 0.1  # it is not that nothing happened
+
+    once = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(1, 1, 0.0025))
+    v = end_state(once, steps=1, start=start(once, strained), precision=precision).velocity.astype(float)
+    assert np.abs(np.sum(np.cross(strained, m * v), axis=0)).max() < rounded * m.sum()
+    assert np.abs(v).max() > 0.1
+
+
+def test_float32_loses_nothing_far_away() -> None:
+    """At rest 100 m from the origin a lattice stays as still as at the origin, but for the rounding of its places."""
+    still = {}
+    for x in (0.0, 100.0):
+        scene = bodies_scene(gravity=0.0, body=block((8, 6, 5), 2, origin=[x, 0.0, 0.0]), method=method(1, 1, 0.01))
+        end = end_state(scene, precision="float32", steps=100)
+        still[x] = np.abs(end.position - scene.crowd.position).max()
+    assert still[100.0] < 100 * 2.0**-24 * 8 and still[0.0] < 2.0**-24 * 8
+
+
+def test_a_stiff_lattice_turns_as_a_whole() -> None:
+    """Rigid windows, turned and moved at rest, are where a rigid motion takes them: nothing moves in one substep."""
+    scene = bodies_scene(gravity=0.0, body=block((5, 4, 6), 1, cluster_stiffness=1e12), method=method(1, 1, 0.01))
+    turned = scene.crowd.position @ rotation_by([1.0, 2.5, -1.4]).T + [0.5, -0.2, 0.1]
+    end = end_state(scene, start=start(scene, turned), steps=1)
+    np.testing.assert_allclose(end.position, turned, atol=1e-14)
+
+
+def test_what_clusters_do_beside_turning_is_summed_directly() -> None:
+    scene = bodies_scene(body=block(linear=0.5), other=block(origin=[3.0, 0.0, 0.0]))
+    assert len(scene.crowd.lattices) == 1 and scene.crowd.lattices[0].first_cluster == 60
+    position, _ = reference.simulate(scene, 3)
+    assert np.abs(end_state(scene, steps=3).position - position).max() < 1e-12
+
+
+def test_plastic_bodies_beside_lattices() -> None:
+    given = {"linear": 0.6, "plastic_threshold": 0.01, "plastic_creep": 20.0, "velocity": [0.0, -5.0, 0.0]}
+    scene = bodies_scene(block=block((3, 2, 2), 1), bar=BAR | given | {"origin": [2.0, 0.0, 0.0]}, plane=FLOOR)
+    half = end_state(scene, steps=4)
+    assert half.plastic is not None and half.plastic.shape == (scene.crowd.clusters.count, 3, 3)
+    assert np.abs(half.plastic[:3] - np.eye(3)).max() > 1e-3 and (half.plastic[3:] == np.eye(3)).all()
+    assert same(end_state(scene, steps=2, start=half), end_state(scene, steps=6))
+
+
+def test_contacts_and_spares_beside_lattices() -> None:
+    scene = bodies_scene(
+        body=block((4, 4, 4), 1, copies=(1, 2, 1), apart=(0.0, 0.41, 0.0), spare=1, origin=[0.0, 0.2, 0.0]),
+        plane={"point": [0.0, 0.0, 0.0], "thickness": 0.05}, contact={}, method=method(2, 1, 1 / 60),
+    )  # fmt: skip
+    with opened(scene, threads=2) as simulation:
+        simulation.advance(30)
+        there = ~scene.crowd.waiting
+        assert np.ptp(simulation.state().position[there, 1]) > 0.6  # one stands on the other
+        simulation.add_body("body", origin=(0.0, 1.5, 0.0))
+        simulation.advance(30)
+        assert np.isfinite(simulation.state().position).all()
+
+
+def test_skins_follow_their_own_clusters() -> None:
+    """Lattices come first in the scene and last among clusters: at the start each matrix takes its body from the mesh's frame
+    to where the copy is."""
+    crowd, frames = blocks().crowd, ClusterFrames(blocks())
+    with opened(blocks()) as simulation:
+        matrices = frames.of_simulation(simulation)
+    for copy in crowd.copies:
+        own = matrices[copy.first_cluster : copy.first_cluster + copy.baked.clusters.count].astype(float)
+        found = np.einsum("cij,pj->cpi", own[:, :, :3], copy.baked.position) + own[:, None, :, 3]
+        expected = np.broadcast_to(crowd.position[copy.particles], found.shape)
+        np.testing.assert_allclose(found, expected, atol=1e-5)  # of float32 matrices
+    assert len(cluster_colours(crowd)) == crowd.clusters.count
+
+
+def test_the_body_and_its_report(tmp_path: Any) -> None:
+    shape = Shape(name="box", resolution=4, sides=(0.5, 0.4, 0.3))
+    parameters = SoftLattice(particle_spacing=0.1, region=1, density=500.0)
+    made, again = (baked(parameters, shape, folder=tmp_path) for _ in range(2))
+    assert made.lattice == again.lattice == Lattice((5, 4, 3), 1, 0.1)
+    np.testing.assert_array_equal(made.position, again.position)
+    assert made.report == again.report and made.report.mass == pytest.approx(500 * 0.06)
+    assert (made.report.particles, made.report.interior, made.report.members) == (60, 3 * 2 * 1, (8, 27))
+    assert np.abs(made.position).max(axis=0) == pytest.approx([0.2, 0.15, 0.1])
+
+
+@pytest.mark.parametrize(
+    "fields,told",
+    [
+        ({"shape": {"name": "torus"}}, "no box along the axes"),
+        ({"link_radius": 0.2}, "does not go with a lattice"),
+        ({"volume_sampling": 2.0}, "does not go with a lattice"),
+        ({"region": 0}, "region"),
+        ({"region": 1.5}, "region"),
+        ({"shape": {"name": "star", "sides": [1.0, 1.0, 1.0]}}, "scale"),
+        ({"shape": {"name": "box", "sides": [1.0, 0.0, 1.0]}}, "greater than 0"),
+        ({"particle_spacing": 0.004, "region": 10}, "at most 2147483647"),
+    ],
+)
+def test_bad_input(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises((SceneError, InputError), match=told):
+        bodies_scene(body=block() | fields).crowd  # noqa: B018 - the crowd bakes the bodies

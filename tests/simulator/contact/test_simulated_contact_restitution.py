@@ -1,0 +1,31 @@
+"""Particles that bounce off each other, by CUDA kernels in plain Python: to the bits of the CPU."""
+
+from __future__ import annotations
+
+import pytest
+from bodies_scenes import end_state, same
+from meeting_bodies import meeting, smooth
+
+from model.scene.scene import Scene
+
+
+def bars() -> Scene:
+    """A bar whose clusters are damped, after its particles have bounced."""
+    return meeting(1, 1, restitution=0.7).replace({"soft.cluster_damping": 4.0})
+
+
+@pytest.mark.parametrize(
+    "scene,kernel",
+    [(meeting(2, 1, restitution=0.7), "launch"), (meeting(2, 1, restitution=0.7), "stages"), (bars(), "launch")],
+    ids=["launch", "stages", "damped"],
+)
+def test_the_bits_of_the_cpu(scene: Scene, kernel: str) -> None:
+    """In float32, whose roundings tell most."""
+    host = end_state(scene, precision="float32", kernel="stages", steps=4)
+    assert same(host, end_state(scene, "gpu", precision="float32", kernel=kernel, steps=4))
+
+
+def test_bodies_of_one_kind() -> None:
+    scene = smooth(2, 1).replace({"contact.restitution": 1.0})
+    host = end_state(scene, kernel="stages", steps=3)
+    assert same(host, end_state(scene, "gpu", kernel="launch", steps=3))

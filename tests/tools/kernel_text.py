@@ -1,0 +1,28 @@
+"""The text that a CUDA kernel compiles to, without a GPU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
+    """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
+    64-bit and U of unsigned ones, i and l numbers of 32 and 64 bits, b a yes or no."""
+    from numba import cuda, types
+
+    numbers = (types.float32 if real is np.float32 else types.float64)[::1]
+    known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
+    known |= {"i": types.int32, "l": types.int64, "b": types.boolean}
+    arguments = tuple(known[letter] for letter in letters)
+    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    found: str = text[text.index(".entry") :]
+    return found
+
+
+def collide_text(real: Any, math: str, parts: frozenset[str]) -> str:
+    """Of the kernel in which the masses of a position-based solver meet the colliders among `parts`."""
+    from gpu_backend.xpbd.stages import make_xpbd_stages
+
+    return kernel_text(make_xpbd_stages(real, math, parts, 3).collide, "RRRRRUl", real, math)

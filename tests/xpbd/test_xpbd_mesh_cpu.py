@@ -1,0 +1,133 @@
+"""Meshes on CPU threads: against the NumPy reference, kernels and thread counts against one another, conserved quantities."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mesh_scenes import HELD, PARTS, POKE, SHEET, mesh_scene
+
+from app.driver import open_simulation
+from bench.reference import xpbd_mesh as reference
+from model.core.build import build, pinned_indices
+from model.core.simulation import State
+from model.geometry.topology import vertex_masses
+from model.scene.scene import Scene
+
+STEPS = 3
+
+
+def masses(scene: Scene) -> np.ndarray:
+    assert scene.mesh is not None
+    return vertex_masses(scene.mesh)
+
+
+def start(scene: Scene) -> State:
+    """Its own beginning, moving: differently at every vertex."""
+    body = build(scene)
+    velocity = np.random.default_rng(3).normal(0, 0.1, body.position.shape)
+    velocity[body.pinned] = 0
+    return State(body.position, velocity, body.inverse_mass, 0.0, 0)
+
+
+def run(scene: Scene, steps: int = STEPS, **options: Any) -> State:
+    options = {"precision": "float64", "math": "exact", "threads": 1} | options
+    with open_simulation(scene, "cpu", live=["poke"], initial=start(scene), **options) as simulation:
+        simulation.poke(*POKE)
+        simulation.advance(steps)
+        return simulation.state()
+
+
+@pytest.mark.parametrize("name", [name for name in PARTS if name != "rigid dihedral"])  # which the simulator is asked
+def test_states_are_the_references(name: str) -> None:
+    """Both in float64: what differs is the order of operations, so rounding alone: 2^-53 times a few thousand operations on
+    lengths of 1 m, which rigid constraints and colliders magnify little in 3 steps: 1e-11 m; velocities 1/h = 500 times
+    that."""
+    scene = mesh_scene(name)
+    begin = start(scene)
+    wanted = reference.simulate(scene, STEPS, begin.position, begin.velocity, masses(scene), poke=POKE)
+    state = run(scene)
+    np.testing.assert_allclose(state.position, wanted[0], atol=1e-11)
+    np.testing.assert_allclose(state.velocity, wanted[1], atol=5e-9)
+    assert np.abs(state.position - begin.position).max() > 1e-4  # something happened
+
+
+def test_threads_and_kernels_give_the_same_bits() -> None:
+    scene = mesh_scene("held")
+    one = run(scene)
+    for options in ({"threads": 3}, {"kernel": "stages", "threads": 2}):
+        other = run(scene, **options)
+        assert one.position.tobytes() == other.position.tobytes(), options
+        assert one.velocity.tobytes() == other.velocity.tobytes(), options
+
+
+def test_a_state_continues_bit_for_bit() -> None:
+    scene = mesh_scene("everything")
+    options: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1, "live": ["poke"]}
+    with open_simulation(scene, "cpu", initial=start(scene), **options) as simulation:
+        simulation.advance(2)
+        half = simulation.state()
+        simulation.advance(2)
+        whole = simulation.state()
+        simulation.load(half)
+        simulation.advance(2)
+        assert simulation.state().position.tobytes() == whole.position.tobytes()
+
+
+@pytest.mark.parametrize("name", ["isometric", "dihedral", "distances"])
+def test_free_sheets_keep_their_momenta(name: str) -> None:
+    """Gradients of every constraint add up to 0: linear momentum to rounding. Their moments do where they are taken, at the
+    substep's end, and not where it began: angular momentum is kept to O(h), a quarter of the drift with four times the
+    substeps (here to be under a half)."""
+    fields = PARTS[name] | {"damping": {"coefficient": 0.0}, "gravity": {"enabled": False}}
+    scene, drifts = Scene(fields | {"mesh": fields["mesh"] | {"pinned": "none"}}), []
+    m, begin = masses(scene)[:, None], start(scene)
+    scale = float((m * np.abs(begin.velocity)).sum())
+    for substeps in (8, 32):
+        finer = scene.replace({"method.substeps": substeps})
+        options: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}
+        live = ["poke", "damping", "gravity"]  # switched off; so that no kernel of its own is compiled
+        with open_simulation(finer, "cpu", live=live, initial=begin, **options) as simulation:
+            simulation.advance(4)
+            end = simulation.state()
+        np.testing.assert_allclose((m * end.velocity).sum(axis=0), (m * begin.velocity).sum(axis=0), atol=1e-12 * scale)
+        turning = [(m * np.cross(s.position, s.velocity)).sum(axis=0) for s in (begin, end)]
+        drifts.append(float(np.linalg.norm(turning[1] - turning[0])))
+    assert drifts[1] < drifts[0] / 2
+
+
+def test_pins_inside_a_collider_stay_and_nothing_breaks() -> None:
+    """A ball around a pinned vertex: the pin is not moved, its neighbours are put outside, every step anew."""
+    kept = {name: SHEET[name] for name in ("mesh", "structural", "method")}
+    scene = Scene(kept | {"ball": {"kind": "sphere", "center": [0.0, 0.0, 0.0], "radius": 0.12}})
+    body = build(scene)
+    with open_simulation(scene, "cpu", precision="float64", math="exact", threads=1) as simulation:
+        simulation.advance(50)
+        state = simulation.state()
+    np.testing.assert_array_equal(state.position[body.pinned], body.position[body.pinned])
+    free = np.linalg.norm(np.delete(state.position, body.pinned, axis=0), axis=1)
+    assert 0.12 < free.min() < 0.14  # with the thickness 0.13
+
+
+def test_attachments_hold() -> None:
+    """No vertex is farther from its anchor than the way along edges, times 1 + slack, whatever the springs do."""
+    from model.geometry.tables import vertex_attachments
+
+    soft = {"structural": {"stiffness": 0.1}, "method": {"solver": "xpbd", "dt": 0.01, "substeps": 2}}
+    scene = Scene({k: HELD[k] for k in ("mesh", "gravity")} | soft | {"attachments": {"slack": 0.001}})
+    with open_simulation(scene, "cpu", precision="float64", math="exact", threads=1) as simulation:
+        simulation.advance(60)
+        position = simulation.state().position
+    anchor, reach = vertex_attachments(scene, build(scene), np.float64)
+    far = np.linalg.norm(position[:, None] - position[anchor], axis=2)
+    assert (far <= reach * (1 + 1e-12)).all()
+    assert (far > 0.999 * reach).sum() > len(pinned_indices(scene.grid))  # and some are needed
+
+
+def test_normals_and_strain_are_the_triangles_and_edges() -> None:
+    scene = mesh_scene("everything")
+    with open_simulation(scene, "cpu", precision="float64", threads=1) as simulation:
+        normal, strain = simulation.read("normal"), simulation.read("strain")
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-12)
+    assert len(strain) == 5 * 3 + 4 * 4 + 4 * 3
