@@ -34,14 +34,14 @@ _left = math.inf  # seconds until machine code takes over
 _end = math.inf  # of the processor's time, when the call under way has to end
 
 
-class _TooLong(Exception):
+class TooLong(Exception):
     """A call in plain Python takes longer than machine code's compiling may."""
 
 
 def still_time() -> None:
     """Asked by loops over bands and over parts of a team's work. Raises where the call has had its time."""
     if time.process_time() > _end:
-        raise _TooLong
+        raise TooLong
 
 
 def _each(*bounds: int) -> Iterator[int]:
@@ -121,17 +121,26 @@ def _is_made(dispatcher: Any) -> bool:
     return bool(dispatcher.overloads) or getattr(dispatcher._cache, "has_any", False)
 
 
+def _arrays(arguments: Any) -> Iterator[np.ndarray]:
+    """All that a call may write to, in tuples too."""
+    for argument in arguments:
+        if isinstance(argument, np.ndarray) and argument.flags.writeable:
+            yield argument
+        elif isinstance(argument, tuple):
+            yield from _arrays(argument)
+
+
 def _call(dispatcher: Any, *arguments: Any) -> Any:
     global _left, _end
     if _left < math.inf and _is_made(dispatcher):
         return _machine_code(dispatcher, *arguments)
     begin = time.process_time()
-    before = [(array, array.copy()) for array in arguments if isinstance(array, np.ndarray)] if _left < math.inf else []
+    before = [(array, array.copy()) for array in _arrays(arguments)] if _left < math.inf else []
     _end = begin + _left
     try:
         with np.errstate(all="ignore"):  # quotients by zero and overflows are numbers, as in machine code
             return translated(dispatcher)(*(_scalar(argument) for argument in arguments))
-    except _TooLong:
+    except TooLong:
         for array, copy in before:
             array[...] = copy
         plain_python(False)  # the kernels that this one would be followed by would take too long, too

@@ -15,7 +15,7 @@ from numba import prange
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from cpu_backend.core.plain import SWITCH, is_plain, plain_python
+from cpu_backend.core.plain import SWITCH, TooLong, is_plain, plain_python
 from cpu_backend.core.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
 
 
@@ -112,19 +112,37 @@ def test_nobody_waits_for_another() -> None:
     assert done.tolist() == [[1, 1, 1], [1, 1, 1]]
 
 
-def test_when_its_time_is_over_the_call_is_made_again_by_machine_code() -> None:
-    def count(numbers, seen):
-        for k in prange(numbers.size):
-            numbers[k] += 1
-            if k == 2:
-                seen[0] += 1
+@pytest.mark.parametrize("inside", [False, True], ids=["arrays", "arrays in tuples"])
+def test_when_its_time_is_over_the_call_is_made_again_by_machine_code(inside: bool) -> None:
+    """From where it began: one band has done its part when the time is over."""
 
-    kernel = made(count)
-    numbers, seen = np.zeros(4), np.zeros(1)
-    plain_python(True, -1e9)
-    kernel(numbers, seen)
+    def count(band, bands, given):
+        numbers, (seen,) = given
+        for k in range(numbers.size * band // bands, numbers.size * (band + 1) // bands):
+            numbers[k] += 1
+        seen[band] += 1
+
+    def count_flat(band, bands, numbers, seen):
+        numbers[band] += 1
+        seen[band] += 1
+
+    numbers, seen = np.zeros(4), np.zeros(4)
+    kernel = Compiler("test_plain", "exact").banded(count if inside else count_flat)
+    given = ((numbers, (seen,)),) if inside else (numbers, seen)
+
+    looks = iter([False, True])  # whether the time is over
+
+    def look() -> None:
+        if next(looks):
+            raise TooLong
+
+    plain_python(True, 60.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cpu_backend.core.compile.still_time", look)
+        patch.setattr("cpu_backend.core.plain._is_made", lambda _: False)  # kept from the last time, say
+        kernel(4, *given)
     assert not is_plain() and kernel.overloads
-    assert numbers.tolist() == [1, 1, 1, 1] and seen[0] == 1
+    assert numbers.tolist() == [1, 1, 1, 1] and seen.tolist() == [1, 1, 1, 1]
 
 
 def test_the_environment_switches_it_on() -> None:
