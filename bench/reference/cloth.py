@@ -1,7 +1,7 @@
 """The mass-spring cloth in slow, plain NumPy float64: the judge of both backends, written like that of the grid.
 
-From the equations, by array slicing, without model/formulas, model/build, model/cloth_record or a backend. Newton's law
-per mass m (a load weighs what it says),
+From the equations, by array slicing, without model/formulas, model/core/build, model/mass_spring/cloth_parameters or a
+backend. Newton's law per mass m (a load weighs what it says),
 
     m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
 

@@ -31,7 +31,7 @@ from model.mass_spring.cloth_parameters import (
 
 def make_follow(compiler: Compiler, real: Any) -> Any:
     """follow(bodies, pin, time) -> (x, y, z, vx, vy, vz) at `time` [s] of the pinned mass whose row begins at `pin` of the
-    flat array of model/cloth_record.body_rows; to be asked only where that row names a motion."""
+    flat array of model/mass_spring/cloth_parameters.py, `body_rows`; to be asked only where that row names a motion."""
     formulas = motion.make(real, compiler.compiled)
     turn, placed = formulas.turn, formulas.placed
 

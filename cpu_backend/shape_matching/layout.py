@@ -25,7 +25,7 @@ def blocks_of(sizes: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True, eq=False)
 class Layout:
     """`slots` (particles,): where each particle lies in a plane of `count`; `groups` and `work` (groups,), what they cost in
-    particles and entries: see bodies_loops.make_bodies_apart; `arrays` (starts, firsts, straight, slots of entries,
+    particles and entries: see loops.make_bodies_apart; `arrays` (starts, firsts, straight, slots of entries,
     members, leans), `own` (starts, clusters, rest offsets), `of_entry` and `of_own`: the entry whose factor goes
     there, -1 of a ghost."""
 

@@ -30,7 +30,7 @@ from model.shape_matching.cluster_tables import shaping
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
     rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames): as
-    bodies_loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
+    loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
     of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))

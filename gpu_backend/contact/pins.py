@@ -1,7 +1,7 @@
 """Where pinned masses of a cloth that follow a motion are, as a device function.
 
 The spare number of a mass's position says what it is: 0 free, STILL pinned, else where its row begins in `bodies` (the
-flat array of model/cloth_record.body_rows, where rows of pins come after others, so never at 0 or 1).
+flat array of model/mass_spring/cloth_parameters.py, `body_rows`, where rows of pins come after others, so never at 0 or 1).
 """
 
 from __future__ import annotations

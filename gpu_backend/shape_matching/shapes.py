@@ -24,7 +24,7 @@ from model.formulas.cluster import MOMENTS
 
 @cache
 def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
-    """turn(position, firsts, leans, sums, rotation, turned, frames, shapes, plastic, bent): as bodies_kernels.turn; strains
+    """turn(position, firsts, leans, sums, rotation, turned, frames, shapes, plastic, bent): as kernels.turn; strains
     from `plastic` into `bent`, which may be the same. `shaping`: which of `linear` and `plastic` there are."""
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     shapes_of = device_formulas(deformation.make, real, math)

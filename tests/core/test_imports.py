@@ -51,6 +51,15 @@ def test_every_package_is_in_the_order():
     assert found <= set(LEVELS)
 
 
+def test_no_folder_holds_more_files_than_one_keeps_in_mind():
+    """At most 25 of Python in a folder, beside the one that makes it a package."""
+    folders = {file.parent for file in [*sources(), *(ROOT / "tests").rglob("*.py")]}
+    counts = {
+        str(f.relative_to(ROOT)): len([file for file in f.glob("*.py") if file.name != "__init__.py"]) for f in folders
+    }
+    assert {name: count for name, count in counts.items() if count > 25} == {}
+
+
 @pytest.mark.parametrize(
     "statement",
     ["import softlab", "import model.scene.scene, model.core.simulation", "import app.driver", "import bench"],

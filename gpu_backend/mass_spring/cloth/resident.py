@@ -101,9 +101,9 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
     one.
 
     `border_*` (2 * particles * message_size,): messages, two rounds in turn, their tags `epoch` + 1, + 2, ... (the caller
-    raises `epoch` by the exchanges of each launch); that of velocities has 1 number where cloth_tiling.fields is 3.
+    raises `epoch` by the exchanges of each launch); that of velocities has 1 number where tiling.fields is 3.
     `failed` (1,) int32 is set to 1 by a block whose messages never come. Launched cooperatively, one block a tile, of
-    tile.threads threads in a row, and cloth_tiling.tile_bytes of shared memory.
+    tile.threads threads in a row, and tiling.tile_bytes of shared memory.
     """
     keeps = fields(tile, parts) == 6
     f = make_tile_parts(real, math, integrator, parts, tile, _make_publish(real, math, keeps))

@@ -50,7 +50,7 @@ def make_tile_parts(
 ) -> SimpleNamespace:
     """Device functions that the kernels on tiles share: where a thread's strip lies, to read, to do a step, to write.
 
-    `publish`: see cloth_strips.make_cloth_strips.
+    `publish`: see strips.make_cloth_strips.
     """
     inline = inlined(math)
     strips = make_cloth_strips(real, math, integrator, parts, tile, publish)
@@ -68,7 +68,7 @@ def make_tile_parts(
 
     @inline
     def span(index, count, masses, size):
-        """cloth_tiling.span in the kernel's integers."""
+        """tiling.span in the kernel's integers."""
         inner = np.int64(masses - np.int32(2) * overlap)
         first, end = np.int32(0), np.int32(masses)
         if index > 0:
