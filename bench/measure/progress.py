@@ -5,8 +5,6 @@ of it is, by what each part took last time on this machine.
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -16,6 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from model.core.disk_cache import user_cache
+from model.core.errors import InputError
+from model.core.files import replacing
 from model.core.kernel_cache import watched
 
 SECONDS = "seconds.json"  # of the parts of each command, the last time
@@ -117,8 +117,5 @@ def keep_seconds(command: str, seconds: Mapping[str, float]) -> None:
         held = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
     held = held if isinstance(held, dict) else {}
     held[command] = {part: round(taken, 1) for part, taken in seconds.items()}
-    with suppress(OSError):
-        handle, name = tempfile.mkstemp(dir=folder, suffix=".tmp")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(held, file)
-        os.replace(name, folder / SECONDS)
+    with suppress(OSError, InputError), replacing(folder / SECONDS) as part:
+        part.write_text(json.dumps(held), encoding="utf-8")

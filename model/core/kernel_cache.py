@@ -23,6 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from model.core.disk_cache import user_cache
+from model.core.errors import InputError
+from model.core.files import replacing
 
 MOST_BYTES = 1 << 30  # of kept machine code; beyond it the longest unused half goes
 SECONDS = "seconds.json"  # of each kernel's last compilation, by label
@@ -193,17 +195,13 @@ class Kept:
             _save_seconds()
         except OSError as error:
             _unwritable(error.strerror or error)
+        except InputError as error:
+            _unwritable(error)
 
 
 def _save_seconds() -> None:
     """Under another name first; other processes' numbers that came in between may be lost, which harms nobody."""
     place = folder()
     assert place is not None  # something was written there just now
-    handle, name = tempfile.mkstemp(dir=place, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "w") as file:
-            json.dump(_seconds(), file, indent=0, sort_keys=True)
-        os.replace(name, place / SECONDS)
-    except OSError:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with replacing(place / SECONDS) as part:
+        part.write_text(json.dumps(_seconds(), indent=0, sort_keys=True))

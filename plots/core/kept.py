@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
@@ -20,6 +19,8 @@ import numpy as np
 
 from model.core.digest import source_digest
 from model.core.disk_cache import user_cache
+from model.core.errors import InputError
+from model.core.files import replacing
 
 MOST_FILES = 400  # six sets of figures; beyond it those not used for longest go
 
@@ -104,14 +105,9 @@ def keep(key: str, suffix: str, made: Path) -> None:
     folder = user_cache("figures")
     if folder is None:
         return
-    with suppress(OSError):
-        handle, name = tempfile.mkstemp(dir=folder, suffix=".tmp")
-        os.close(handle)
-        try:
-            shutil.copyfile(made, name)
-            os.replace(name, folder / f"{key}.{suffix}")
-        finally:
-            Path(name).unlink(missing_ok=True)
+    with suppress(OSError, InputError):
+        with replacing(folder / f"{key}.{suffix}") as part:
+            shutil.copyfile(made, part)
         files = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
         for old in files[:-MOST_FILES]:
             old.unlink(missing_ok=True)
