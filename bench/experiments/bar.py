@@ -17,8 +17,8 @@ from bench.experiments import bar_body, bar_strip, body_laws
 from bench.experiments.bar_body import bar, stand, sway
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
-from bench.experiments.findings import Experiment, FindingsSummary, Measures, described
 from bench.experiments.sweep import backends_here, source_hash
+from bench.measure.experiment import Experiment, FindingsSummary, Measures, described
 from bench.measure.machine import enter_machine, source_revision
 from bench.measure.progress import progress_bar
 from bench.store.database import Store

@@ -35,7 +35,7 @@ from bench.experiments.bar_strip import (
     swing_of,
     told,
 )
-from bench.experiments.findings import Measures
+from bench.measure.experiment import Measures
 from model.assets.soft_body import DENSITY, SoftBody
 from model.core.simulation import State
 from model.geometry.shapes import Shape

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from app.driver import open_simulation
-from bench.experiments.findings import Measures
+from bench.measure.experiment import Measures
 from model.core.build import build, rest_positions
 from model.core.errors import Diverged, UnstableTimeStep
 from model.core.simulation import Simulation, State

@@ -18,10 +18,9 @@ from rich.console import Console
 from rich.table import Table
 
 from app.driver import open_simulation
-from bench.experiments.findings import FindingsSummary, described
-from bench.experiments.findings_costs import Group, cost_sources, measure_groups
 from bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from bench.measure.costs_timing import QUICK as SHORT
+from bench.measure.experiment import FindingsSummary, Group, cost_sources, described, measure_groups
 from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.store.database import Store
 from bench.store.results import Measure, measures

@@ -23,10 +23,9 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments.accuracy.methods import XPBD, changes
-from bench.experiments.findings import FindingsSummary, described
-from bench.experiments.findings_costs import Group, cost_sources, measure_groups
 from bench.experiments.sweep import backends_here
 from bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
+from bench.measure.experiment import FindingsSummary, Group, cost_sources, described, measure_groups
 from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.reference.mass_spring import start
 from bench.store.database import Store

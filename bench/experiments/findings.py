@@ -9,25 +9,25 @@ bench/experiments/accuracy/experiment.py's runs.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.driver import open_simulation
+from bench.experiments import discretisation
 from bench.experiments.accuracy.experiment import STEP_SIZES, references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.points import END, SCENES
-from bench.experiments.sweep import backends_here, host_of, source_hash
+from bench.experiments.sweep import backends_here, source_hash
+from bench.measure.experiment import Experiment, FindingsSummary, Measures, described
 from bench.measure.findings_timing import StepTimes, time_steps
 from bench.measure.machine import enter_machine, source_revision
 from bench.measure.progress import progress_bar
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.store.database import Store
-from bench.store.results import configuration
 from model.core.build import build
 from model.core.digest import source_digest
 from model.core.errors import Diverged
@@ -49,46 +49,6 @@ RATE_STEPS = tuple(0.02 / 2**k for k in range(5))  # s
 RATE_COUNT = 64  # steps that an amplitude is followed
 EXACT_SIZES = (32, 256, 1024)
 EXACT_METHOD = "velocity-verlet"
-
-Measures = dict[str, tuple[float, str, str | None]]  # name -> value, unit, reason
-
-
-@dataclass
-class FindingsSummary:
-    """What `run_findings`, or `run_costs`, did: measures made now, and found in the store; `seconds`; `interrupted` by
-    Ctrl-C; `what` they are called."""
-
-    machine: str
-    what: str = "findings"
-    run: str = ""
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    interrupted: bool = False
-
-    def __str__(self) -> str:
-        text = f"{self.what}: {self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
-        return text + ("; interrupted: the same command resumes" if self.interrupted else "")
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
-
-    name: str
-    description: dict[str, Any]
-    sources: str
-    measure: Callable[[], Measures]
-
-    def __str__(self) -> str:
-        return str(self.description["finding"])
-
-    def run(self, store: Store, run: str) -> None:
-        """Measure it, and put its numbers into the store, all or none."""
-        numbers = self.measure()
-        with store.transaction():
-            for name, (value, unit, reason) in numbers.items():
-                store.add_measure(run, self.description, self.sources, name, value, unit, reason)
 
 
 def run_findings(
@@ -143,21 +103,13 @@ def _measure(
             summary.measured += 1
 
 
-def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
-    """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
-    known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
-    return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
-
-
 def _sources(backend: str | None) -> str:
     judge = source_digest(Path(cache.__file__).parent)
     return f"{judge if backend is None else f'{source_hash(backend)}-{judge}'}-f{VERSION}"
 
 
 def _experiments(store: Store, backend: str) -> list[Experiment]:
-    from bench.experiments.discretisation import experiments  # which is made of what is here
-
-    return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend), *experiments(backend)]
+    return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend), *discretisation.experiments(backend)]
 
 
 # ---------------------------------------------------------------------- what an explicit damper costs

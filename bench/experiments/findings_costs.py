@@ -10,26 +10,19 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from app.driver import open_simulation
-from bench.experiments.findings import FindingsSummary, described
-from bench.experiments.sweep import backends_here, source_hash
-from bench.measure import costs_timing
-from bench.measure.costs_timing import FULL, QUICK, QUICKEST, RATIO, Effort, Measures, Record, in_turn
-from bench.measure.machine import enter_machine, source_revision
-from bench.measure.progress import progress_bar
+from bench.experiments.sweep import backends_here
+from bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
+from bench.measure.experiment import FindingsSummary, Group, cost_sources, described, measure_groups
 from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.store.database import Store
 from model.core import simulation as contract
-from model.core.digest import source_digest
 from model.core.simulation import PRECISIONS, Simulation
 from model.scene.scene import load_scene
 
-VERSION = 1  # part of every resume key: raise it when an experiment changes
 LOOKS = "looks"  # value of `finding`
 SHARE = "cost_share"  # of LOOKS: time of a look over that of the steps between two
 INTERVAL = "cost_interval"  # steps between two looks
@@ -38,23 +31,6 @@ LOOK_SIZES = {"cpu": (8, 32, 128, 512, 1024), "gpu": (16, 32, 128, 512, 1024, 20
 QUICK_MOST = 512  # masses a side of what `quick` measures
 LOOK_REPEATS = 15  # of a look by itself, of which the median counts
 NEVER = 2**62  # steps
-
-
-@dataclass(frozen=True)
-class Group:
-    """What is sampled in turn. `descriptions`: of each way; the last one's RATIO, stored last, tells that all is done.
-    `measure`: samples into a record, the measures of each way out."""
-
-    name: str
-    descriptions: tuple[dict[str, Any], ...]
-    sources: str
-    measure: Callable[[Record], list[Measures]]
-
-
-def cost_sources(backend: str, *files: str) -> str:
-    """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
-    paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
-    return f"{source_hash(backend)}-{source_digest(*paths)}-c{VERSION}"
 
 
 def run_costs(
@@ -80,39 +56,6 @@ def run_costs(
     if "gpu" in chosen:
         everything += vertex_groups(effort, most)
     return measure_groups(store, "costs", everything, progress, command)
-
-
-def measure_groups(store: Store, what: str, everything: Sequence[Group], show: bool, command: str) -> FindingsSummary:
-    """Measure what the store lacks of the groups, one after another, and say what was done. `what` they are called;
-    `show`: a progress bar. Ctrl-C ends cleanly."""
-    begin = time.perf_counter()
-    summary = FindingsSummary(enter_machine(store), what)
-    try:
-        missing = [
-            g for g in everything if not store.has_measure(g.descriptions[-1], summary.machine, g.sources, RATIO)
-        ]
-        summary.held = len(everything) - len(missing)
-        if missing:
-            summary.run = store.start_run(summary.machine, command, source_revision())
-            _measure(store, summary, missing, show)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
-
-
-def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Group], show: bool) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task(summary.what, total=len(missing))
-        for group in missing:
-            bar.update(task, description=f"{summary.what}: {group.name}")
-            found = group.measure(Record(store, summary.run, group.sources))
-            with store.transaction():
-                for description, numbers in zip(group.descriptions, found, strict=True):
-                    for name, (value, unit, reason) in numbers.items():
-                        store.add_measure(summary.run, description, group.sources, name, value, unit, reason)
-            summary.measured += 1
-            bar.advance(task)
 
 
 # ---------------------------------------------------------------------- what looking for a diverged state costs

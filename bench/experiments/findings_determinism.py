@@ -23,9 +23,8 @@ from typing import Any
 from app.driver import open_simulation
 from bench.experiments import checks, gather_cpu, scatter_cpu
 from bench.experiments.checks import compare, displaced
-from bench.experiments.findings import described
-from bench.experiments.findings_costs import Group, cost_sources
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
+from bench.measure.experiment import Group, cost_sources, described
 from bench.measure.timing import Subject, choose_steps, warm_up
 from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.scene import Scene, load_scene

@@ -16,9 +16,8 @@ from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer, opengl_available
 from app.render import cuda_vertices, vertices, view3d
 from app.render.view3d import View3D
-from bench.experiments.findings import described
-from bench.experiments.findings_costs import Group, cost_sources
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
+from bench.measure.experiment import Group, cost_sources, described
 from bench.measure.machine import gpu_simulated
 from bench.measure.timing import Subject, choose_steps, warm_up
 from model.core.simulation import PRECISIONS

@@ -137,3 +137,19 @@ def _build(scene: Scene) -> Body:
     rest_length = scene.springs.rest_length if scene.springs else 0.0
     size = max(grid.extent, max(grid.rows, grid.columns) * rest_length)
     return Body(grid.rows, grid.columns, position, velocity, inverse_mass, pinned, size)
+
+
+def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | float:
+    """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same. Those `waiting`
+    (particles,) bool, of bodies that are not there, weigh nothing."""
+    if scene.bodies:
+        mass = scene.crowd.clusters.mass
+        return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
+    if scene.mesh and scene.mesh.density is not None:
+        return vertex_masses(scene.mesh)[:, None]
+    if not scene.loads:
+        return scene.grid.mass
+    mass = np.full((scene.grid.particle_count, 1), scene.grid.mass)
+    for load in scene.loads.values():
+        mass[load.at[0] * scene.grid.columns + load.at[1]] = load.mass
+    return mass

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from model.geometry.topology import vertex_masses
+from model.core.build import masses
 from model.scene.scene import Scene
+from model.shape_matching.lattice import matching_axis
+from model.shape_matching.matching import matching_stiffness
 from model.shape_matching.spare import absent
 from model.xpbd.mesh_constraints import edges_of, mesh_energy
 
@@ -70,9 +72,6 @@ def lattice_energy(scene: Scene, position: np.ndarray) -> float:
     """[J]: of the clusters of a grid that is solved by shape matching, the `Clusters.energy` of
     model/shape_matching/matching.py's
     `lattice_clusters`, window by window and without their indices, which are many."""
-    from model.shape_matching.lattice import matching_axis
-    from model.shape_matching.matching import matching_stiffness  # which asks here for masses
-
     grid, n = scene.grid, scene.method.region
     down, across = matching_axis(grid.rows, n), matching_axis(grid.columns, n)
     rest = scene.springs.rest_length if scene.springs else grid.spacing
@@ -141,22 +140,6 @@ def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     soft, stiff = (springs.stiffness, springs.largest_stiffness) if springs else (0.0, 0.0)
     across, down = (np.where(np.arange(n - 1) % 2 == 1, stiff, soft) for n in (grid.columns, grid.rows))
     return across[None, :], down[:, None]
-
-
-def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | float:
-    """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same. Those `waiting`
-    (particles,) bool, of bodies that are not there, weigh nothing."""
-    if scene.bodies:
-        mass = scene.crowd.clusters.mass
-        return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
-    if scene.mesh and scene.mesh.density is not None:
-        return vertex_masses(scene.mesh)[:, None]
-    if not scene.loads:
-        return scene.grid.mass
-    mass = np.full((scene.grid.particle_count, 1), scene.grid.mass)
-    for load in scene.loads.values():
-        mass[load.at[0] * scene.grid.columns + load.at[1]] = load.mass
-    return mass
 
 
 def energies(

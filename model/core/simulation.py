@@ -231,14 +231,14 @@ class Simulation(Backend):
 
         Raises SceneError: no such body, or none left (its `spare` says how many there are).
         """
-        found, state = spare.added(self, name, origin, velocity)
+        found, state = spare.added(self.scene, self.state(), name, origin, velocity)
         self.load(state)
         return found
 
     def remove_body(self, number: int) -> None:
         """Take a copy out; it is a spare one from now on. Raises SceneError: no such copy, or it waits already, or the scene
         was made without spare ones."""
-        self.load(spare.removed(self, number))
+        self.load(spare.removed(self.scene, self.state(), self.plan.parts, number))
 
     def read(self, name: str, into: Any = None) -> Any:
         """`position`, `velocity` (particles, dimensions), `strain` (springs,) or, of a cloth, `normal` (particles, 3): the

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.energy import masses
+from model.core.build import masses
 from model.scene.scene import Scene
 from model.shape_matching.clusters import Clusters
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from model.core.errors import SceneError
+from model.core.state import State
 from model.scene.scene import Scene
 from model.shape_matching.crowd import Copy
-
-if TYPE_CHECKING:
-    from model.core.simulation import Simulation, State
 
 STILL = (0.0, 0.0, 0.0)  # m/s
 
@@ -75,10 +72,10 @@ def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
 
 
 def added(
-    simulation: Simulation, name: str, origin: Sequence[float] | None, velocity: Sequence[float]
+    scene: Scene, state: State, name: str, origin: Sequence[float] | None, velocity: Sequence[float]
 ) -> tuple[int, State]:
     """See Simulation.add_body: the number of the copy, and the state with it."""
-    scene, weights = simulation.scene, simulation.body.inverse_mass
+    weights = state.inverse_mass
     if name not in scene.bodies:
         raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
     part, mine = scene.bodies[name], [copy for copy in scene.crowd.copies if copy.name == name]
@@ -90,12 +87,12 @@ def added(
         if array.shape != (3,) or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
             raise SceneError(field, value, "must be three finite numbers, x first")
     moved = np.subtract(part.places()[0] if origin is None else origin, part.places()[0])
-    return copy.number, _put(simulation, copy, scene.crowd.position[mine[0].particles] + moved, velocity, True)
+    return copy.number, _put(scene, state, copy, scene.crowd.position[mine[0].particles] + moved, velocity, True)
 
 
-def removed(simulation: Simulation, number: int) -> State:
-    """See Simulation.remove_body: the state without it."""
-    scene, weights = simulation.scene, simulation.body.inverse_mass
+def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:
+    """See Simulation.remove_body: the state without it; `parts`: of the plan."""
+    weights = state.inverse_mass
     copies = scene.crowd.copies if scene.bodies else ()
     if (
         not isinstance(number, int | np.integer)
@@ -104,14 +101,14 @@ def removed(simulation: Simulation, number: int) -> State:
     ):
         raise SceneError("body", number, "there is no such body now")
     copy = copies[number]
-    if "spare" not in simulation.plan.parts:
+    if "spare" not in parts:
         raise SceneError(f"{copy.name}.spare", 0, "must be at least 1 in a scene that bodies leave")
-    return _put(simulation, copy, scene.crowd.position[copy.particles], STILL, False)
+    return _put(scene, state, copy, scene.crowd.position[copy.particles], STILL, False)
 
 
-def _put(simulation: Simulation, copy: Copy, position: np.ndarray, velocity: Sequence[float], there: bool) -> State:
-    """The state with a copy in its rest shape at `position`, as a body that is there, or that waits."""
-    state, crowd = simulation.state(), simulation.scene.crowd
+def _put(scene: Scene, state: State, copy: Copy, position: np.ndarray, velocity: Sequence[float], there: bool) -> State:
+    """The state, changed: with a copy in its rest shape at `position`, as a body that is there, or that waits."""
+    crowd = scene.crowd
     clusters = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
     state.position[copy.particles], state.velocity[copy.particles] = position, velocity
     state.inverse_mass[copy.particles] = 1 / crowd.clusters.mass[copy.particles] if there else 0.0

@@ -24,6 +24,7 @@ from bench.experiments.findings_determinism import (
     different_runs,
     open_way,
 )
+from bench.measure import experiment
 from bench.measure.costs_timing import LEAST, MOST, RATIO, STAGE, Effort, Record, in_turn
 from bench.measure.machine import enter_machine
 from bench.measure.timing import Sample, Subject
@@ -59,9 +60,7 @@ def short_intervals():
 def measured(tmp_path_factory):
     """Both findings at one small size, run twice: (store, first, second)."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            findings_costs, "source_hash", cache(findings_costs.source_hash)
-        )  # sources may be edited meanwhile
+        patch.setattr(experiment, "source_hash", cache(experiment.source_hash))  # sources may be edited meanwhile
         patch.setattr(findings_costs, "QUICK", TINY)
         patch.setattr(findings_costs, "LOOK_SIZES", {"cpu": (8, 600)})  # the second is too wide for `quick`
         patch.setattr(findings_determinism, "SIZES", {"cpu": (8, 600)})

@@ -12,8 +12,8 @@ from mesh_scenes import PARTS, SHEET, mesh_scene
 from app.window.surface import drawn_lines
 from bench.reference import xpbd as sheets
 from bench.reference import xpbd_mesh as reference
-from model.core.build import build, pinned_indices, rest_positions
-from model.core.energy import energies, masses, spring_strain
+from model.core.build import build, masses, pinned_indices, rest_positions
+from model.core.energy import energies, spring_strain
 from model.core.errors import InputError, SceneError
 from model.core.plans import scene_plan
 from model.geometry.normals import scene_normals, vertex_normals

@@ -19,7 +19,8 @@ from app.command.scene_file import scene_toml
 from app.command.tables import number, print_scenes
 from app.plan.report import plan_report
 from app.plan.table import print_plan
-from model.core.energy import energies, lattice_energy, masses, spring_strain
+from model.core.build import masses
+from model.core.energy import energies, lattice_energy, spring_strain
 from model.core.errors import SoftlabError
 from model.formulas import cluster
 from model.scene.reader import catalogue

@@ -14,7 +14,8 @@ import numpy as np
 from bench.experiments.accuracy.judge import distance
 from bench.measure.growth import DISTURBANCE, Growth
 from bench.reference.cache import Converged
-from model.core.energy import energies, masses, spring_strain
+from model.core.build import masses
+from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged
 from model.core.simulation import State
 from model.scene.scene import Scene
