@@ -51,6 +51,36 @@ def test_every_package_is_in_the_order():
     assert found <= set(LEVELS)
 
 
+SCENE, VIEWER = {"model.scene.scene", "model.shape_matching.crowd"}, {"app.window.viewer", "app.window.controls"}
+
+
+def test_no_circles_but_two():
+    """Imports for types and inside functions counted. Two circles are left: round the scene, which checks its parts, that
+    know it, and round the viewer's window, whose controls act on it."""
+    modules = {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in sources()}
+    wanted: dict[str, set[str]] = {}
+    for name, file in modules.items():
+        found = set()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        wanted[name] = found & set(modules) - {name}
+    while leaves := {name for name, found in wanted.items() if not found & set(wanted)}:
+        wanted = {name: found for name, found in wanted.items() if name not in leaves}
+    while roots := set(wanted) - set().union(*wanted.values()):  # what only asks, and is asked by nobody
+        wanted = {name: found for name, found in wanted.items() if name not in roots}
+    reached = {name: {name} for name in wanted}
+    for _ in wanted:
+        reached = {
+            name: set().union(*(reached[other] for other in (wanted[name] & set(wanted)) | {name})) for name in wanted
+        }
+    circles = {frozenset(other for other in reached[name] if name in reached[other]) for name in wanted}
+    circles = {circle for circle in circles if len(circle) > 1}
+    assert len(circles) == 2 and all(any(known <= circle for circle in circles) for known in (SCENE, VIEWER)), circles
+
+
 def test_no_folder_holds_more_files_than_one_keeps_in_mind():
     """At most 25 of Python in a folder, beside the one that makes it a package."""
     folders = {file.parent for file in [*sources(), *(ROOT / "tests").rglob("*.py")]}
