@@ -37,8 +37,8 @@ PLAIN = ("fused", "launch", "graph", "stages")  # the kernel that the others of 
 
 def kernels_of(backend: str) -> tuple[str, ...]:
     """The names of a backend's kernels, which stand where it chooses among them."""
-    for module in ("choice", "mass_spring"):
-        names = getattr(import_module(f"{backend}_backend.{module}"), "KERNELS", None)
+    for module in ("choice", "solver"):
+        names = getattr(import_module(f"{backend}_backend.mass_spring.grid.{module}"), "KERNELS", None)
         if names:
             return tuple(names)
     raise LookupError(f"the {backend} backend names no kernels")

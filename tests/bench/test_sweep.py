@@ -153,7 +153,7 @@ def test_control_c_keeps_what_is_finished(monkeypatch: pytest.MonkeyPatch) -> No
 
 KILLED = """
 import sys
-from bench import sweep
+from bench.experiments import sweep
 from bench.store.database import Store
 def enter(store):
     store.add_machine("m1", "Some CPU, 2 cores; no GPU", {"cpu": "Some CPU", "cores": 2})

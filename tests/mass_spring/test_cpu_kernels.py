@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from functools import cache
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -144,7 +145,7 @@ def test_the_choice_follows_size_layer_and_integrator(monkeypatch):
 def test_another_threading_layer_gives_the_same_bits():
     """On `workqueue`, which can hold no team, a simulation without a wish runs, and refuses the wish for one."""
     code = (
-        "import sys; from tests.test_cpu_kernels import *\n"
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from test_cpu_kernels import *\n"
         "scene = scene_of(33, 70)\n"
         "want = expected(33, 70, 'lab', (30,))\n"
         "print(np.array_equal(stepped(scene, (30,), threads=2, **EXACT32), want))\n"

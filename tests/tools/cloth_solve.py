@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -32,8 +31,6 @@ def solve(
     ]
     if solver == "reference":
         return reference.simulate(scene, steps, *begin)
-    if find_spec(f"{solver}_backend.cloth") is None:
-        pytest.skip(f"no cloth on the {solver} yet")
     if solver == "gpu":
         from gpu_backend.core.device import gpu_available, simulated
 
