@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from tiers import COMPILED, ONLY_THOROUGH, THINNED
 from variants import covering
 
 from cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores
@@ -111,34 +112,6 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 PLAIN_SECONDS = 2.0  # of a test, until its kernels are compiled after all: about what compiling one takes
 
-# Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
-# others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
-# names.
-COMPILED = {
-    "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
-    "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
-    "test_kernel_sweep.py": "test_arithmetic_rates*",
-    "test_xpbd_cpu_reference.py": "test_fast_math*",
-    "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
-    "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
-}  # fmt: skip
-
-# Tests for --thorough alone: dear, and of what others hold too, on a smaller scene or by another way.
-ONLY_THOROUGH = {
-    "test_compiled.py": "*cloth,?rk4* *cloth,?implicit?and?linearised* *xpbd,?jacobi* *lattices?in?stages*",
-    "test_accuracy.py": "test_a_cloth_is_judged* test_figures_know_the_cloth*",
-    "test_accuracy_s6.py": "test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest*",
-    "test_accuracy_xpbd.py": "test_the_published_errors*",
-    "test_ablate.py": "test_of_chaos* test_over_the_limit* test_dropping_a_random*",
-    "test_advise.py": "test_the_command_writes*",
-    "test_cpu_reference.py": "test_fast_math*", "test_cloth_cpu.py": "test_fast_math*",  # test_compiled.py has them
-    "test_cloth_assembly.py": "*", "test_xpbd_assembly.py": "*",
-    "test_mesh_collider.py": "test_jelly_stays*", "test_motion.py": "test_the_twisted_sheet*",
-    "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand* test_the_catalogues_stack*",
-    "test_orders.py": "test_manufactured_solution_of_the_unstable*explicit-euler*",
-    "test_xpbd_laws.py": "test_small_steps_rope*", "test_simulated_cloth_tiles.py": "*",
-}  # fmt: skip
-
 in_plain_python = pytest.StashKey[bool]()
 
 
@@ -153,28 +126,6 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
     if "cpu_backend.core.plain" in sys.modules:
         sys.modules["cpu_backend.core.plain"].plain_python(plain, PLAIN_SECONDS)
-
-
-# Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
-# value of every parameter (tests/tools/variants.py).
-THINNED = {
-    "test_simulated_xpbd.py", "test_simulated_cloth_tiles.py", "test_simulated_mesh.py", "test_simulated_contacts.py",
-    "test_simulated_motion.py", "test_simulated_matching.py", "test_simulated_bodies.py", "test_simulated_cloth.py",
-    "test_simulated_hard.py", "test_simulated_implicit.py", "test_simulated_tiles.py",
-    "test_simulated_alternating.py", "test_simulated_gpu.py", "test_motion.py", "test_implicit.py",
-    "test_xpbd_cpu.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
-    "test_xpbd_assembly.py", "test_cloth_reference.py", "test_cloth_cpu.py", "test_cloth_orders.py",
-    "test_cloth_colliders.py", "test_cloth_assembly.py", "test_cpu_bits.py", "test_cpu_reference.py", "test_b1.py",
-    "test_contacts.py", "test_contacts_scenes.py", "test_hard_cloth.py", "test_hard_xpbd.py", "test_hard_bodies.py",
-    "test_accuracy_xpbd.py", "test_accuracy_s6.py", "test_matching.py", "test_lattice_ptx.py",
-    "test_bodies_solver.py", "test_simulated_particle_contacts.py", "test_links.py", "test_spare.py",
-    "test_contact_restitution.py", "test_rebound.py", "test_simulated_contact_restitution.py",
-    "test_simulated_rebound.py", "test_simulated_lattice.py", "test_rebound_ptx.py", "test_particle_contacts.py",
-    "test_particle_contacts_ptx.py", "test_simulated_bodies_material.py", "test_bodies_material_ptx.py",
-    "test_cloth_tiles_ptx.py", "test_xpbd_ptx.py", "test_xpbd_mesh_ptx.py", "test_distance_field_cloths.py",
-    "test_simulated_distance_field.py", "test_simulated_mesh_collider.py", "test_contacts_ptx.py",
-    "test_cloth_ptx.py", "test_bodies_ptx.py",
-}  # fmt: skip
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -72,8 +72,9 @@ def parse_record(words: Iterable[str] | None) -> int:
     """N of `every=N`. Raises SceneError."""
     word = next(iter(words or ()), "")
     key, _, number = word.partition("=")
-    if key != "every" or not (number.isascii() and number.isdigit()) or int(number) < 1:
-        raise SceneError("--record", word, "must be every=N FILE.npz, N at least 1")
+    short = number.isascii() and number.isdigit() and len(number) <= len(str(MOST_STEPS))
+    if key != "every" or not short or int(number) < 1:
+        raise SceneError("--record", word, f"must be every=N FILE.npz, N from 1 to {MOST_STEPS:.0e}")
     return int(number)
 
 

@@ -12,7 +12,7 @@ from model.core.build import build
 from model.core.clock import START, Clock
 from model.core.errors import InputError
 from model.core.files import check_target, read_archive, replacing
-from model.core.simulation import State
+from model.core.state import State, checked_arrays
 from model.scene.scene import Scene
 
 STATE = ".npz"
@@ -44,16 +44,15 @@ def read_state(path: Path | str, scene: Scene) -> State:
     """The state in a .npz file: `position` is needed; velocity is 0, the masses are the scene's and the rotations of bodies
     those that fit where not given, and nothing is bent.
 
-    Raises InputError for a file that is missing, unreadable, no .npz, or holds no position; what the arrays hold is
-    checked where they are loaded.
+    Raises InputError for a file that is missing, unreadable, no .npz, or holds no positions of this scene; what else the
+    arrays hold is checked where they are loaded.
     """
     arrays = read_archive(path, "a state is a .npz file with named arrays, position among them")
     if "position" not in arrays:
         raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
     position = arrays["position"]
-    inverse_mass = arrays.get("inverse_mass")
-    if inverse_mass is None:
-        inverse_mass = build(scene).inverse_mass
+    body = build(scene)
+    inverse_mass = arrays.get("inverse_mass", body.inverse_mass)
     try:
         time, step = float(arrays.get("time", 0.0)), int(arrays.get("step", 0))
         clock = Clock(int(arrays.get("clock_step", 0)), float(arrays.get("clock_time", 0.0)))
@@ -62,7 +61,12 @@ def read_state(path: Path | str, scene: Scene) -> State:
     if not np.isfinite((time, clock.time)).all() or min(step, clock.step) < 0:
         raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
     velocity = arrays.get("velocity", np.zeros_like(position))
-    return State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"), clock)
+    state = State(position, velocity, inverse_mass, time, step, arrays.get("rotation"), arrays.get("plastic"), clock)
+    try:
+        checked_arrays(state, body.position.shape, "float64")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return state
 
 
 def write_trajectory(path: Path | str, scene: Scene, states: list[State]) -> Path:

@@ -94,7 +94,8 @@ class Store:
 
     def _opened(self, memory: bool) -> sqlite3.Connection:
         """A connection to the store's file, or to a store in main memory, with all tables."""
-        mode = "?mode=ro" if self.readonly else "?mode=rwc"
+        # SQLite's own way of reading only would leave its -wal and -shm files behind, as it may not delete them
+        mode = "?mode=rw" if self.readonly else "?mode=rwc"
         target = ":memory:" if memory else Path(self.path).absolute().as_uri() + mode
         with self._explained():
             connection = sqlite3.connect(target, uri=not memory, timeout=self._busy_seconds, isolation_level=None)
@@ -141,6 +142,7 @@ class Store:
 
     def _prepare(self, connection: sqlite3.Connection, memory: bool) -> None:
         """Check before anything is written, then make the tables of a new store, in one transaction."""
+        connection.execute(f"PRAGMA query_only = {'ON' if self.readonly else 'OFF'}")
         connection.execute("PRAGMA foreign_keys = ON")
         names = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if names and "schema_version" not in names:

@@ -59,7 +59,7 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
     if surface_sampling:
         tried = _surface(body, spacing, surface_sampling)
         # where the lattice comes short first: tips and thin parts
-        short = nearest(tried, inner, spacing)[1] if len(inner) else np.zeros(len(tried))
+        short = nearest(tried, inner)[1] if len(inner) else np.zeros(len(tried))
         outer = tried[spread(tried, inner, CLOSEST * spacing, np.floor(4 * short / spacing))]
     position = np.concatenate([inner, outer])
     if len(position) == 0:
@@ -174,7 +174,7 @@ def _measure(body: Solid, position: np.ndarray, spacing: float) -> tuple[np.ndar
     runs = runs_inside(body.position, body.triangles, spacing / parts, divided(body.position, spacing, parts))
     count, covered = np.zeros(len(position)), 0
     for _, place in runs.points():
-        owner, distance = nearest(place, position, REACH * spacing)
+        owner, distance = nearest(place, position)
         count += np.bincount(owner, minlength=len(position))
         covered += int((distance <= REACH * spacing * (1 + 1e-9)).sum())
     return count * runs.pitch**3, covered / runs.count if runs.count else 1.0, runs

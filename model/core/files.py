@@ -35,6 +35,11 @@ def is_there(path: Path | str) -> bool:
     return True
 
 
+def _named(path: Path) -> str:
+    """The path in a message; what was given as '' has become the folder one is in."""
+    return "the empty name '' (this folder)" if path == Path() else str(path)
+
+
 def check_source(path: Path | str, what: str) -> Path:
     """`path`, if it is a file that can be read to its end: neither a folder nor a pipe or device, where reading may never
     come back. `what` says what it should be: "a scene is a .toml file". Raises InputError."""
@@ -45,7 +50,7 @@ def check_source(path: Path | str, what: str) -> Path:
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
     if stat.S_ISDIR(mode):
-        raise InputError(f"{path} is a directory; {what}")
+        raise InputError(f"{_named(Path(path))} is a directory; {what}")
     if not stat.S_ISREG(mode):
         raise InputError(f"{path} is a pipe or a device, not a file; {what}")
     return Path(path)
@@ -74,10 +79,13 @@ def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a pic
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes:
-        raise InputError(f"{path}: the name of {what} must end in {' or '.join(suffixes)}")
+        raise InputError(f"{_named(path)}: the name of {what} must end in {' or '.join(suffixes)}")
     try:
-        if stat.S_ISDIR(os.stat(path).st_mode):
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
             raise InputError(f"{path} is a folder; name a file in it")
+        if not stat.S_ISREG(mode):
+            raise InputError(f"{path} is a pipe or a device, not a file; give another name")
     except (FileNotFoundError, NotADirectoryError):
         pass
     except (OSError, ValueError) as error:

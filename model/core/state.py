@@ -41,8 +41,12 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
             raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
         with np.errstate(over="ignore"):
             arrays[name] = np.ascontiguousarray(array, dtype=PRECISIONS[precision])
-        if not np.isfinite(arrays[name]).all():
-            raise InputError(f"{name} holds values that are not finite numbers in {precision}")
+        odd = np.argwhere(~np.isfinite(arrays[name]))
+        if len(odd):
+            value = f"{name} of particle {odd[0][0]} is {float(array[tuple(odd[0])]):g}"
+            if np.isfinite(array[tuple(odd[0])]):
+                raise InputError(f"{value}, more than {precision} can hold: see grid.spacing or a body's origin, or use float64")
+            raise InputError(f"{value}, not a finite number")
     inverse_mass = np.asarray(state.inverse_mass)
     if inverse_mass.shape != shape[:1]:
         raise InputError(f"inverse_mass has shape {inverse_mass.shape}, this scene needs {shape[:1]}")

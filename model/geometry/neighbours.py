@@ -1,22 +1,18 @@
-"""Points near to points, by cells of space: on the host, when a body is made.
+"""Points near to points, by a k-d tree: on the host, when a body is made.
 
-Cells as large as the radius, points sorted by cell, so that what lies within the radius stands in nine runs of three cells
-(M. Teschner et al., "Optimized Spatial Hashing for Collision Detection of Deformable Objects", VMV 2003, with a sort for the
-hash: nothing collides, and the order is the same on every machine).
+The tree only proposes; distances are computed here, pairs are sorted, so that the answer is the same on every machine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from model.core.errors import InputError
 
-BATCH = 1 << 21  # pairs looked at together: some 100 MB
 MOST_PAIRS = 2**26  # kept together: 2 GiB
-MOST_CELLS = 2.0**20  # along an axis: three of them make a number of 63 bits
-SLACK = 1 + 2.0**-20  # of a cell over the radius: more than rounding can take from a coordinate
+SLACK = 1 + 2.0**-20  # of the radius that the tree is asked for: more than its rounding can differ from ours
 
 
 class TooMany(InputError):
@@ -26,15 +22,25 @@ class TooMany(InputError):
 def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(query (n,) int64, point (n,) int64, distance (n,) float64 [m]): every pair at most `radius` [m] apart, by query, then
     by point. `queries` (k, 3) and `points` (m, 3) [m]. Raises TooMany of them, before they fill the memory."""
-    found, count = [], 0
-    for batch in _batches(queries, points, radius):
-        found.append(batch)
-        count += len(batch[0])
-        if count > MOST_PAIRS:
-            raise TooMany(f"more than {MOST_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
-    query, point, distance = (np.concatenate(part) for part in zip(*found, strict=True))
+    if len(queries) == 0 or len(points) == 0:
+        empty = np.zeros(0, np.int64)
+        return empty, empty, np.zeros(0)
+    asked, tree = _tree(queries), _tree(points)
+    if asked.count_neighbors(tree, radius) > MOST_PAIRS:
+        raise TooMany(f"more than {MOST_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
+    found = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
+    query, point = found["i"].astype(np.int64), found["j"].astype(np.int64)
+    distance = np.linalg.norm(queries[query] - points[point], axis=1)
+    near = distance <= radius
+    query, point, distance = query[near], point[near], distance[near]
     order = np.lexsort((point, query))
     return query[order], point[order], distance[order]
+
+
+def _tree(points: np.ndarray) -> Any:
+    from scipy.spatial import cKDTree  # a tenth of a second, for those who make bodies
+
+    return cKDTree(points)
 
 
 def close_pairs(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -44,53 +50,18 @@ def close_pairs(points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarr
     return first[ahead], second[ahead], distance[ahead]
 
 
-def nearest(queries: np.ndarray, points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+def nearest(queries: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(point (k,) int64, distance (k,) float64 [m]) of the nearest of `points` (m, 3), at least one, to each of `queries`
-    (k, 3), the lowest of equally near ones. `radius` [m]: a guess at how far that is, which costs time only."""
-    index, least = np.full(len(queries), -1), np.full(len(queries), np.inf)
-    left = np.arange(len(queries))
-    while len(left):
-        query, point, distance = pairs_within(queries[left], points, radius)
-        order = np.lexsort((point, distance, query))
-        found, first = np.unique(query[order], return_index=True)
-        index[left[found]], least[left[found]] = point[order][first], distance[order][first]
-        left = np.delete(left, found)
-        radius *= 2
-    return index, least
-
-
-def _batches(
-    queries: np.ndarray, points: np.ndarray, radius: float
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    empty = np.zeros(0, np.int64)
-    yield empty, empty, np.zeros(0)
-    if len(queries) == 0 or len(points) == 0:
-        return
-    low = np.minimum(points.min(axis=0), queries.min(axis=0))
-    size = np.maximum(points.max(axis=0), queries.max(axis=0)) - low
-    side = max(radius * SLACK, float(size.max()) / MOST_CELLS, np.finfo(float).tiny)
-    cells = (size / side).astype(np.int64) + 3  # one more at either end: neighbours of neighbours never wrap round
-    strides = np.array([cells[1] * cells[2], cells[2], 1])
-    key = (((points - low) / side).astype(np.int64) + 1) @ strides
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    place = (((queries - low) / side).astype(np.int64) + 1) @ strides
-    for step in np.array([[x, y, 0] for x in (-1, 0, 1) for y in (-1, 0, 1)]) @ strides:
-        first = np.searchsorted(key, place + step - 1, "left")
-        count = np.searchsorted(key, place + step + 1, "right") - first
-        ends = np.cumsum(count)
-        begin = 0
-        while begin < len(queries):
-            before = int(ends[begin - 1]) if begin else 0
-            end = max(begin + 1, int(np.searchsorted(ends, before + BATCH, "right")))
-            some = slice(begin, end)
-            query = np.repeat(np.arange(begin, end), count[some])
-            entry = np.arange(len(query)) - np.repeat(ends[some] - count[some] - before, count[some])
-            point = order[entry + np.repeat(first[some], count[some])]
-            distance = np.linalg.norm(queries[query] - points[point], axis=1)
-            near = distance <= radius
-            yield query[near], point[near], distance[near]
-            begin = end
+    (k, 3), the lowest of equally near ones."""
+    if len(queries) == 0:
+        return np.zeros(0, np.int64), np.zeros(0)
+    tree = _tree(points)
+    found, place = tree.query(queries, k=[1, 2])  # without a second point: infinitely far
+    index = place[:, 0].astype(np.int64)
+    for query in np.flatnonzero(found[:, 1] <= found[:, 0] * SLACK):  # two or more that may be equally near
+        near = np.sort(np.array(tree.query_ball_point(queries[query], found[query, 0] * SLACK), dtype=np.int64))
+        index[query] = near[np.argmin(np.linalg.norm(queries[query] - points[near], axis=1))]
+    return index, np.linalg.norm(queries - points[index], axis=1)
 
 
 def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: np.ndarray | None = None) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from model.core.errors import SceneError
 from model.geometry.edges import components
-from model.geometry.neighbours import TooMany, pairs_within
+from model.geometry.neighbours import SLACK, TooMany, pairs_within
 from model.shape_matching.clusters import Clusters
 
 RIM = 0.1  # the coefficient at the radius; over 0, so that nobody is in a cluster by name only
@@ -30,11 +30,17 @@ def falloff(part: np.ndarray) -> np.ndarray:
 
 def centres(position: np.ndarray, spacing: float) -> np.ndarray:
     """(clusters,) int64: particles at `position` (particles, 3) [m], the first nearest to the middle."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(position)
     first = int(np.argmin(np.linalg.norm(position - position.mean(axis=0), axis=1)))
     chosen, distance = [first], np.linalg.norm(position - position[first], axis=1)
-    while distance.max() >= spacing:
-        chosen.append(int(np.argmax(distance)))
-        np.minimum(distance, np.linalg.norm(position - position[chosen[-1]], axis=1), out=distance)
+    while (farthest := float(distance.max())) >= spacing:
+        new = int(np.argmax(distance))
+        chosen.append(new)
+        # a new centre is nearest to nobody who lies farther from it than all lie from theirs
+        near = np.array(tree.query_ball_point(position[new], farthest * SLACK), dtype=np.int64)
+        distance[near] = np.minimum(distance[near], np.linalg.norm(position[near] - position[new], axis=1))
     return np.array(chosen)
 
 

@@ -200,6 +200,8 @@ BAD = [
     ("run lab-grid", "--render picture.gif", [".png"]),
     ("run lab-grid", "--record every=0 t.npz", ["every=N"]),
     ("run lab-grid", "--record often t.npz", ["every=N"]),
+    ("run lab-grid", f"--record every={'9' * 5000} t.npz", ["every=N"]),
+    ("run lab-grid", "--render=", ["empty name", ".png"]),
     ("run lab-grid", "--initial none.npz", ["no such file"]),
     ("plan", "lab-grid --precision half", ["--precision"]),
     ("sweep", "--backend tpu", ["--backend"]),

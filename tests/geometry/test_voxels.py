@@ -10,7 +10,7 @@ from meshes import octahedron
 from model.assets.sampling import CLOSEST, MOST_PARTICLES, REACH, sample
 from model.core.errors import InputError, SceneError
 from model.geometry.mesh import triangle_mesh
-from model.geometry.neighbours import close_pairs, nearest, pairs_within, spread
+from model.geometry.neighbours import TooMany, close_pairs, nearest, pairs_within, spread
 from model.geometry.shapes import Shape
 from model.geometry.solid import solid
 from model.geometry.voxels import lattice, runs_inside, winding_numbers
@@ -115,17 +115,16 @@ def test_pairs_against_all(queries, points, radius):
     among = np.linalg.norm(points[:, None] - points[None], axis=2)
     assert np.array_equal(np.stack([one, other], axis=1), np.argwhere(np.triu(among <= radius, 1)).reshape(-1, 2))
     if len(points):
-        index, least = nearest(queries, points, radius)
+        index, least = nearest(queries, points)
         assert np.array_equal(index, every.argmin(axis=1))
         assert np.array_equal(least, every.min(axis=1))
 
 
-def test_pairs_in_batches(monkeypatch):
+def test_too_many_pairs_are_refused_before_they_are_made(monkeypatch):
     points = np.random.default_rng(0).random((400, 3))
-    whole = pairs_within(points, points, 0.2)
-    monkeypatch.setattr("model.geometry.neighbours.BATCH", 100)
-    for one, other in zip(pairs_within(points, points, 0.2), whole, strict=True):
-        assert np.array_equal(one, other)
+    monkeypatch.setattr("model.geometry.neighbours.MOST_PAIRS", len(pairs_within(points, points, 0.2)[0]) - 1)
+    with pytest.raises(TooMany, match="smaller radius"):
+        pairs_within(points, points, 0.2)
 
 
 @settings(deadline=None, max_examples=150)
@@ -181,7 +180,7 @@ def test_particles_keep_apart_and_fill(name, volume, surface):
     assert (inner > 0.5).all()
     if volume > 1:
         tried = inside((body.position, body.triangles), spacing / volume)
-        assert nearest(tried, found.position[: found.interior], spacing)[1].max() < CLOSEST * spacing
+        assert nearest(tried, found.position[: found.interior])[1].max() < CLOSEST * spacing
     again = sample(body, spacing, volume, surface)
     assert np.array_equal(found.position, again.position)
     assert np.array_equal(found.volume, again.volume)
@@ -210,7 +209,7 @@ def test_thin_parts_get_particles(name, vector):
     assert least_distance(found.position) >= CLOSEST * 0.08
     steps = [np.linspace(-0.5, 0.5, 41 if length > 0.08 else 1) * length for length in size]
     middle = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 3)
-    assert nearest(middle @ turn.T, found.position, 0.08)[1].max() < 1.5 * 0.08
+    assert nearest(middle @ turn.T, found.position)[1].max() < 1.5 * 0.08
     assert np.isclose(found.volume.sum(), size.prod(), rtol=1e-9)
 
 

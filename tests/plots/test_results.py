@@ -244,6 +244,24 @@ def test_reading_a_store_that_does_not_exist_makes_none(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_reading_a_store_leaves_nothing_beside_it_and_writes_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "results.sqlite"
+    with filled(file) as written:
+        held = content(written)
+    with open_readonly(file) as opened:
+        assert content(opened) == held
+        with pytest.raises(InputError, match="readonly"):
+            opened.add_machine("m2", "another", {})
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of a POSIX system")
+def test_a_pipe_is_no_export(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    with filled() as store, pytest.raises(InputError, match="pipe or a device"):
+        export(store, tmp_path / "pipe.csv")
+
+
 @pytest.mark.parametrize("data", [b"not a database, just text", b"SQLite format 3\0" + b"\x07" * 4096])
 def test_a_file_that_is_no_store_is_left_alone(tmp_path: Path, data: bytes) -> None:
     file = tmp_path / "results.sqlite"

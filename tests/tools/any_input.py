@@ -188,7 +188,7 @@ class Maker:
 
     def _scene_file(self) -> Case:
         tables = json.loads(json.dumps(self.random.choice([*self.scenes.values(), *OWN])))
-        names = ["case.toml", *KINDS]  # a fault may show in what goes with it
+        names = ["case.toml", *KINDS, *tables]  # a fault may show in what goes with it
         for _ in range(self.random.choice((1, 1, 1, 2, 3))):
             own = [name for name, table in tables.items() if isinstance(table, dict)]
             names.append(self._mutated(tables, self.random.choice(own or ["grid"]), self.random.random()))
@@ -243,7 +243,7 @@ class Maker:
     def _mesh(self) -> Case:
         name = self._file(self.random.choice((".obj", ".obj", ".ply", ".stl")), self._bent(OBJ.encode(), CELLS, 5))
         tables = json.loads(json.dumps(self.random.choice(OF_MESHES)).replace("FILE", name))
-        return Case(self._command(self._file(".toml", self._toml(tables))), [name, "body", "mesh", "hill"])
+        return Case(self._command(self._file(".toml", self._toml(tables))), [name, *tables, *KINDS])
 
     # ------------------------------------------------------------------ command lines and files
 
@@ -255,7 +255,7 @@ class Maker:
                 argv.append(self.random.choice(NAMES))
         if self.random.random() < 0.1:
             argv.append(self._word())
-        return Case(argv, ["--", *(_shown(word) for word in argv[3:] if word)])
+        return Case(argv, ["--", *(_shown(word) or "''" for word in argv[3:])])
 
     def _state(self) -> Case:
         scene, count = self.random.choice((("lab-grid", 1024), ("rope", 100)))

@@ -1,0 +1,81 @@
+"""What runs by default, how, and what is for `pytest --thorough` alone (CI runs both)."""
+
+# Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
+# others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
+# names.
+COMPILED = {
+    "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
+    "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
+    "test_kernel_sweep.py": "test_arithmetic_rates*",
+    "test_xpbd_cpu_reference.py": "test_fast_math*",
+    "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
+    "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
+}  # fmt: skip
+
+# Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value.
+ONLY_THOROUGH = {
+    # CPU machine code: each solver keeps a case or two; the fused kernel of the most parts
+    "test_compiled.py": "*cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* *lattices* *meet?in?stages* "
+    "*meets?itself* *give?way* *cloth?in?stages* *xpbd?in?stages* *jelly?grid?in?stages* *mesh?in?stages* *rk4?in?stages* "
+    "*body?on?a?field* test_fast_math*cloth? test_fast_math*jelly* test_fast_math*mesh?",
+    "test_cpu_reference.py": "test_fast_math* *published*rk4* *published*velocity-verlet*",
+    "test_cloth_cpu.py": "test_fast_math* test_fused*kicks-apart? test_fused*rk4? test_fused*kicks-meet?",
+    "test_xpbd_cpu.py": "test_fused*everything-gauss* test_fused*damped-jacobi* test_fused*net-gauss*",
+    "test_xpbd_cpu_reference.py": "test_fast_math*", "test_cpu_assembly.py": "*fused-float64-fast*",
+    "test_cloth_assembly.py": "*", "test_xpbd_assembly.py": "*",
+    "test_implicit.py": "test_any_number*implicit-euler? test_order_one_against* test_float32_stops*",
+    "test_cpu_bits.py": "test_bits*semi* test_bits*explicit* test_bits*lab* test_bits*taylor*",
+    "test_lattice.py": "test_against_the_reference_and_the_same* test_contacts_and_spares*",
+    "test_b1.py": "test_kernels*shape5? test_kernels*shape4?", "test_matching.py": "test_kernels_and_threads*3-float32*",
+    "test_no_trace.py": "*no_instruction*float64* *velocity-verlet-parts2*float64*",
+    # orders and limits: with a force fewer, or by the reference
+    "test_cloth_orders.py": "test_contacts_do_not* test_orders*all-cpu? test_holds*dampers?along* test_holds*rk4* "
+    "test_converged_reference*wind test_orders*along?springs-reference?",
+    "test_orders.py": "test_manufactured_solution_of_the_unstable* *taylor-counts* *explicit-euler-counts* "
+    "test_manufactured_solution*cpu-lab* test_manufactured_solution*cpu-semi*",
+    "test_physics_conservation.py": "*elastic_pendulum*cpu-lab* *elastic_pendulum*cpu-semi*",
+    "test_physics_hard.py": "*B1?hanging-lab?", "test_reference.py": "test_rk4*-2.0?", "test_shapes.py": "*octopus-4* *letters*",
+    "test_stability.py": "test_the_measured_edge*rk4* test_the_measured_edge*taylor*",
+    "test_xpbd_laws.py": "test_small_steps_rope* test_tethers*cpu-jacobi?", "test_xpbd_reference.py": "test_first_order*along*",
+    "test_rebound.py": "test_a_brick_that_lands*cpu*", "test_shapes3d.py": "*closed*mesh2*",
+    # scenes of the catalogue, and cases that break solvers
+    "test_bodies_catalogue.py": "test_bodies_fall*plastic? test_bodies_fall*jelly-drop? test_bodies_fall*soft-pile?",
+    "test_hard_bodies.py": "test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight*",
+    "test_hard_xpbd.py": "test_a_thousandfold* test_they_hold*implicit*", "test_hard_cloth.py": "test_the_laws*rk4*",
+    "test_contacts_scenes.py": "*b18*", "test_links.py": "test_a_sheet_hangs*", "test_distance_field_scenes.py": "*mill",
+    "test_bodies_rest.py": "test_the_catalogues*", "test_bodies_hard.py": "test_a_soft_body_finds*plane-float64?",
+    "test_mesh_collider.py": "test_jelly_stays* test_more_triangles*", "test_motion.py": "test_the_twisted_sheet*",
+    "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand* test_the_catalogues*",
+    "test_spare.py": "test_what_leaves*", "test_contact_restitution.py": "test_a_swarm*", "test_mesh.py": "*million*",
+    "test_side_by_side.py": "test_the_clocks*", "test_view3d.py": "test_a_pulled_cloth*",
+    # experiments whose parts are tested by themselves
+    "test_accuracy.py": "test_a_cloth_is_judged* test_figures_know_the_cloth* test_points_of* test_a_reference_of_contacts",
+    "test_accuracy_s6.py": "test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest* "
+    "test_references_of* test_converged*jacobi*",
+    "test_accuracy_xpbd.py": "test_the_published_errors* test_two_errors* test_iterations*xpbd?jacobi?",
+    "test_ablate.py": "test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*",
+    "test_advise.py": "test_the_command_writes* test_no_cheaper*0.0001?", "test_bar.py": "test_windows*cpu-1? test_bodies_keep*",
+    "test_reading.py": "test_neither_figures*", "test_labbook.py": "test_the_book*None*",
+    "test_simulated_cloth_tiles.py": "*",
+}  # fmt: skip
+
+# Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
+# value of every parameter (tests/tools/variants.py).
+THINNED = {
+    "test_simulated_xpbd.py", "test_simulated_cloth_tiles.py", "test_simulated_mesh.py", "test_simulated_contacts.py",
+    "test_simulated_motion.py", "test_simulated_matching.py", "test_simulated_bodies.py", "test_simulated_cloth.py",
+    "test_simulated_hard.py", "test_simulated_implicit.py", "test_simulated_tiles.py",
+    "test_simulated_alternating.py", "test_simulated_gpu.py", "test_motion.py", "test_implicit.py",
+    "test_xpbd_cpu.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
+    "test_xpbd_assembly.py", "test_cloth_reference.py", "test_cloth_cpu.py", "test_cloth_orders.py",
+    "test_cloth_colliders.py", "test_cloth_assembly.py", "test_cpu_bits.py", "test_cpu_reference.py", "test_b1.py",
+    "test_contacts.py", "test_contacts_scenes.py", "test_hard_cloth.py", "test_hard_xpbd.py", "test_hard_bodies.py",
+    "test_accuracy_xpbd.py", "test_accuracy_s6.py", "test_matching.py", "test_lattice_ptx.py",
+    "test_bodies_solver.py", "test_simulated_particle_contacts.py", "test_links.py", "test_spare.py",
+    "test_contact_restitution.py", "test_rebound.py", "test_simulated_contact_restitution.py",
+    "test_simulated_rebound.py", "test_simulated_lattice.py", "test_rebound_ptx.py", "test_particle_contacts.py",
+    "test_particle_contacts_ptx.py", "test_simulated_bodies_material.py", "test_bodies_material_ptx.py",
+    "test_cloth_tiles_ptx.py", "test_xpbd_ptx.py", "test_xpbd_mesh_ptx.py", "test_distance_field_cloths.py",
+    "test_simulated_distance_field.py", "test_simulated_mesh_collider.py", "test_contacts_ptx.py",
+    "test_cloth_ptx.py", "test_bodies_ptx.py",
+}  # fmt: skip
