@@ -8,6 +8,8 @@ from pathlib import Path
 from app.auto_threads import AUTO, open_quickest
 from model.core.diagnosis import refusal
 from model.core.errors import SceneError
+from model.core.families import family_of
+from model.core.family import named
 from model.core.simulation import Options, Simulation, State
 from model.scene.scene import Scene, load_scene
 
@@ -65,46 +67,5 @@ def open_simulation(
 
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
     """The solver of the scene on the backend; the other backend is not even imported."""
-    if backend == "cpu":
-        if scene.bodies:
-            from cpu_backend.shape_matching.solver import Bodies
-
-            return Bodies(scene, options, threads)
-        if scene.mesh:
-            from cpu_backend.xpbd.mesh import MeshPositionBased
-
-            return MeshPositionBased(scene, options, threads)
-        if scene.method.matches_shapes:
-            from cpu_backend.shape_matching.grid_solver import ShapeMatching
-
-            return ShapeMatching(scene, options, threads)
-        if scene.method.position_based:
-            from cpu_backend.xpbd.solver import PositionBased
-
-            return PositionBased(scene, options, threads)
-        if scene.cloth:
-            from cpu_backend.mass_spring.cloth.solver import ClothMassSpring
-
-            return ClothMassSpring(scene, options, threads)
-        from cpu_backend.mass_spring.grid.solver import MassSpring
-
-        return MassSpring(scene, options, threads)
-    if scene.bodies:
-        from gpu_backend.shape_matching.solver import Bodies as CudaBodies
-
-        return CudaBodies(scene, options)
-    if scene.mesh:
-        from gpu_backend.xpbd.mesh import MeshPositionBased as CudaMeshPositionBased
-
-        return CudaMeshPositionBased(scene, options)
-    if scene.method.position_based:
-        from gpu_backend.xpbd.solver import PositionBased as CudaPositionBased
-
-        return CudaPositionBased(scene, options)
-    if scene.cloth:
-        from gpu_backend.mass_spring.cloth.solver import ClothMassSpring as CudaClothMassSpring
-
-        return CudaClothMassSpring(scene, options)
-    from gpu_backend.mass_spring.grid.solver import MassSpring as CudaMassSpring
-
-    return CudaMassSpring(scene, options)
+    solver = named(family_of(scene).solvers[backend])
+    return solver(scene, options, threads) if backend == "cpu" else solver(scene, options)

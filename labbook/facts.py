@@ -23,7 +23,8 @@ from cpu_backend.core.threads import MULTIPLES
 from labbook.words import percent, seconds
 from model.core.digest import ROOT
 from model.core.divergence import DIVERGED_SIZE
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.core.plan import mass_spring_plan
 from model.scene.scene import load_scene
 

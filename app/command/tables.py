@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from app.command.doctor import Finding
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
 from model.shape_matching.spare import counts

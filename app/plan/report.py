@@ -7,7 +7,7 @@ way through memory, and it computes some springs twice where that is cheaper tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import Any
@@ -15,19 +15,14 @@ from typing import Any
 import numpy as np
 
 from app.driver import BACKENDS
-from app.plan.grid import grid_on_cpu, grid_on_gpu
 from app.plan.passes import BackendPlan
-from model.core.energy import spring_count
 from model.core.errors import SceneError
-from model.core.integrators import integrators_for, stability_limit
+from model.core.families import family_of, stability_limit
+from model.core.family import named
 from model.core.plan import Node, Plan, Stage
-from model.core.plans import scene_plan
 from model.core.simulation import PRECISIONS
 from model.core.stability_limit import frequency_lines
 from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import families
-
-POSITION_BASED_NOTE = "constraints are projected, at any step size; first order, and damped by it"
 
 
 @dataclass(frozen=True)
@@ -64,12 +59,7 @@ class PlanReport:
     @property
     def springs(self) -> int:
         """Of the whole scene, of every kind; of a mesh its constraints."""
-        if self.scene.mesh:
-            return sum(len(family.corners) for family in families(self.scene))
-        if self.scene.cloth:
-            grid = self.scene.grid
-            return sum(spring_count(grid.rows, grid.columns, kind) for kind in self.scene.cloth_springs)
-        return self.scene.grid.spring_count if self.scene.springs else 0
+        return family_of(self.scene).spring_count(self.scene)
 
     @property
     def bytes(self) -> int:
@@ -167,29 +157,13 @@ def plan_report(
     for name in backends:
         if name not in BACKENDS:
             raise SceneError("--backend", name, f"must be one of {', '.join(BACKENDS)}")
-    plan = scene_plan(scene)
+    family = family_of(scene)
+    plan = family.plan(scene, frozenset())
     rows, order = flatten(plan.root)
     found, unknown = [], {}
-    ways: dict[str, Callable[[Scene, str, Plan], BackendPlan]] = {"cpu": grid_on_cpu, "gpu": grid_on_gpu}
-    if scene.mesh:
-        from app.plan.mesh import mesh_on_cpu, mesh_on_gpu
-
-        ways = {"cpu": mesh_on_cpu, "gpu": mesh_on_gpu}
-    elif scene.bodies:
-        from app.plan.xpbd import bodies_on_cpu, bodies_on_gpu
-
-        ways = {"cpu": bodies_on_cpu, "gpu": bodies_on_gpu}
-    elif scene.method.position_based:
-        from app.plan.xpbd import xpbd_on_cpu, xpbd_on_gpu
-
-        ways = {"cpu": xpbd_on_cpu, "gpu": xpbd_on_gpu}
-    elif scene.cloth:
-        from app.plan.cloth import cloth_on_cpu, cloth_on_gpu
-
-        ways = {"cpu": cloth_on_cpu, "gpu": cloth_on_gpu}
     for name in backends:
         try:
-            found.append(ways[name](scene, precision, plan))
+            found.append(named(family.passes[name])(scene, precision, plan))
         except ImportError as error:
             unknown[name] = f"no CUDA support is installed ({error})"
     if measure:
@@ -210,5 +184,5 @@ def limit_line(report: PlanReport) -> str:
     bound = f"limit dt {report.limit:.6g} s" if report.limit > 0 else "no stable dt"
     if report.limit == inf:
         bound = "no limit to dt"
-    note = POSITION_BASED_NOTE if method.position_based else integrators_for(report.scene)[method.integrator].note
+    note = family_of(report.scene).note(report.scene)
     return f"{bound} ({method.name}: {note}), {state} {method.dt:g} s"

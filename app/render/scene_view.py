@@ -17,8 +17,8 @@ from app.render.camera import Camera
 from app.render.opengl import shader_program
 from app.render.shaders import POINT_FRAGMENT, SPRING_FRAGMENT, THIN_SPRINGS, VERTEX, WIDE_SPRINGS
 from model.core.build import pinned_indices
-from model.core.energy import spring_ends
 from model.core.errors import InputError
+from model.mass_spring.energy import spring_ends
 from model.scene.scene import Scene
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.energy import spring_ends, spring_strain
+from model.core.energy import spring_strain
 from model.mass_spring.cloth_parameters import REACH
+from model.mass_spring.energy import spring_ends
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import edges_of
 

@@ -22,7 +22,7 @@ import numpy as np
 from bench.experiments.accuracy.methods import name_of
 from bench.store.database import DEFAULT_PATH, Store, canonical, configuration_hash
 from model.core.errors import SoftlabError
-from model.core.plans import scene_plan
+from model.core.families import scene_plan
 from model.scene.scene import Scene
 
 __all__ = [

@@ -41,7 +41,7 @@ from bench.stress.cases import CASES, HardCase
 from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, bodies_as_text, rows_of
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
 from model.core.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 

@@ -25,9 +25,10 @@ import numpy as np
 from bench.reference import mass_spring as reference
 from bench.stress.trial import REST, Check, Trial
 from model.core.build import wave
-from model.core.energy import energies, spring_stiffness
+from model.core.energy import energies
 from model.core.errors import Diverged
 from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate
+from model.mass_spring.energy import spring_stiffness
 from model.scene.scene import Scene
 
 Law = Callable[[Trial], list[Check]]

@@ -20,7 +20,7 @@ from bench.reference import mass_spring as reference
 from bench.reference import xpbd
 from model.core.build import build
 from model.core.errors import Diverged, SoftlabError
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 

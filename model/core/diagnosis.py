@@ -15,7 +15,8 @@ from math import ceil, floor, isfinite, log10, sqrt
 import numpy as np
 
 from model.core.errors import UnstableTimeStep
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene
 
 FAST = 0.5  # spacings a step: a mass that moves farther passes its neighbours before their springs can turn it

@@ -210,7 +210,7 @@ def spring_damping_bound(scene: Scene) -> float:
     return laplacian_bound(scene, "damping") / scene.grid.mass
 
 
-def stability_limit(scene: Scene, frequency: float | None = None) -> float:
+def explicit_limit(scene: Scene, frequency: float | None = None) -> float:
     """The largest step size [s] at which the scene's integrator is stable for any state of the sheet (may be inf or 0).
 
     `frequency` [1/s]: what no vibration exceeds, where more is known of it than `frequency_bound`.
@@ -218,13 +218,7 @@ def stability_limit(scene: Scene, frequency: float | None = None) -> float:
     Dampers along springs are evaluated at the step's start by every explicit integrator, velocity Verlet too, which then is
     semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
     it only damps, weakly for cloth that is heavier than the air it moves in a step.
-
-    The position-based solvers hold at any step size, but for the masses' damper, which is explicit: h c/m < 2, m the
-    lightest mass.
     """
-    if scene.method.position_based:
-        fastest = fastest_damping(scene)
-        return 2 * scene.method.substeps / fastest if fastest else inf
     name, gamma = scene.method.integrator, damping_rate(scene)
     w = frequency_bound(scene) if frequency is None else frequency
     limit = integrators_for(scene)[name].limit

@@ -19,18 +19,16 @@ from model.core.build import Body, build
 from model.core.clock import START, Clock, clock_of
 from model.core.diagnosis import diagnose
 from model.core.divergence import DIVERGED_SIZE, check_interval
+from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
-from model.core.integrators import stability_limit
+from model.core.families import family_of, stability_limit
 from model.core.options import LIVE_PATHS, PRECISIONS, Options
-from model.core.parameters import parameter_record
 from model.core.plan import Executor, Plan
 from model.core.state import State, checked_arrays
-from model.mass_spring.cloth_parameters import cloth_record
 from model.scene.cloth import SPRING_KINDS
 from model.scene.scene import Scene
 from model.shape_matching import spare
 from model.shape_matching.cluster_tables import checked_plastic, checked_rotation
-from model.xpbd.parameters import xpbd_record
 
 
 class Simulation(Backend):
@@ -77,10 +75,7 @@ class Simulation(Backend):
 
     def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
         """The small record of constants that the kernels read."""
-        make = cloth_record if scene.cloth else parameter_record
-        if scene.method.position_based:
-            make = xpbd_record
-        return make(scene, self.real, tuple(poke), clock)
+        return family_of(scene).record(scene, self.real, tuple(poke), clock)
 
     # ------------------------------------------------------------------ what a user calls
 
@@ -268,8 +263,6 @@ class Simulation(Backend):
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
         elif name == "strain":
-            from model.core.energy import spring_strain
-
             result = spring_strain(self.scene, self._download()[0])
         else:
             names = "position, velocity, strain" + (", normal" if self.scene.cloth else "")
@@ -327,7 +320,5 @@ class Simulation(Backend):
 
         See model/core/energy.py. float64 on the host. Raises Diverged.
         """
-        from model.core.energy import energies
-
         state = self.state()
         return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)

@@ -22,9 +22,10 @@ from math import cos, inf, pi, sin, sqrt
 import numpy as np
 
 from model.core.build import build, pinned_indices
-from model.core.energy import spring_ends, spring_stiffness
 from model.core.errors import SceneError
-from model.core.integrators import frequency_bound, lightest_mass, stability_limit
+from model.core.families import family_of, stability_limit
+from model.core.integrators import frequency_bound, lightest_mass
+from model.mass_spring.energy import spring_ends, spring_stiffness
 from model.scene.scene import Grid, Scene
 
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
@@ -237,7 +238,7 @@ def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
 def frequency_lines(scene: Scene) -> list[str]:
     """What `softlab plan` says of it: the largest frequency, how it is known, and the step size that follows."""
     springs = [scene.springs] if scene.springs else [*scene.cloth_springs.values()]
-    if not springs or scene.mesh:  # whose solver has no limit that follows from it
+    if not springs or not family_of(scene).limited_by_net:
         return []
     if scene.method.solver == "pbd" or any(
         one.inextensible for one in springs

@@ -45,7 +45,8 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
         if len(odd):
             value = f"{name} of particle {odd[0][0]} is {float(array[tuple(odd[0])]):g}"
             if np.isfinite(array[tuple(odd[0])]):
-                raise InputError(f"{value}, more than {precision} can hold: see grid.spacing or a body's origin, or use float64")
+                remedy = "see grid.spacing or a body's origin, or use float64"
+                raise InputError(f"{value}, more than {precision} can hold: {remedy}")
             raise InputError(f"{value}, not a finite number")
     inverse_mass = np.asarray(state.inverse_mass)
     if inverse_mass.shape != shape[:1]:

@@ -129,6 +129,12 @@ def edges_of(scene: Scene, kind: str = "structural") -> tuple[np.ndarray, np.nda
     return np.ascontiguousarray(ends), _lengths(mesh.position, ends)
 
 
+def edge_strain(scene: Scene, position: np.ndarray, kind: str = "structural") -> np.ndarray:
+    """(n,) float64: (length - rest) / rest of what `edges_of` tells the ends of."""
+    ends, rest = edges_of(scene, kind)
+    return (_lengths(np.asarray(position, dtype=np.float64), ends) - rest) / rest
+
+
 def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:
     """The energy [J] that a mesh's constraints of a kind hold at `position` (vertices, 3)."""
     springs = scene.cloth_springs[kind]

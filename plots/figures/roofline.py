@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from bench.store.results import Timing
 from model.core.errors import SoftlabError
-from model.core.plans import scene_plan
+from model.core.families import scene_plan
 from model.scene.scene import Scene
 from plots.core.data import Results, Source
 from plots.core.ladder import backend_panels, in_order, rung, sources_of

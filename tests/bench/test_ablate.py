@@ -22,7 +22,8 @@ from bench.reference.philox import random_directions
 from bench.store.database import Store
 from labbook.claims.ablation import CLAIMS
 from model.core.errors import SceneError
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene, load_scene
 from plots.core.data import load
 from plots.core.style import Drawing, settings

@@ -17,7 +17,7 @@ from bench.experiments.accuracy.points import FAR
 from bench.reference import cache
 from bench.store.database import Store
 from bench.store.results import measures
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import points
 from plots.core.data import load

@@ -78,7 +78,7 @@ def test_no_cheaper_configuration_of_the_grid_reaches_the_error(store, clockwork
 
 
 def limit_of(name: str) -> float:
-    from model.core.integrators import stability_limit
+    from model.core.families import stability_limit
 
     return stability_limit(small({"method.integrator": name}))
 

@@ -18,7 +18,7 @@ from bench.reference.mass_spring import start
 from bench.store.results import Measure, configuration
 from model.core.build import build
 from model.core.errors import Diverged
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import Scene, load_scene
 

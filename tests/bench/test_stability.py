@@ -15,7 +15,8 @@ from bench.experiments.stability.points import EDGE, OUTCOME, disagreements, pla
 from bench.experiments.stability.runs import DIVERGED, GROWS, LIVE, MOVING, SETTLES, linear, measured_edge, outcome
 from bench.store.database import Store
 from bench.store.results import measures
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.core.stability_limit import scene_frequency
 from model.scene.scene import load_scene
 

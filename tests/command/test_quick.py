@@ -17,7 +17,7 @@ from bench.measure.case_timing import Timing
 from bench.store.database import Store
 from bench.stress import experiment as hard
 from bench.stress.cases import CASES
-from model.core.plans import scene_plan
+from model.core.families import scene_plan
 from model.scene.scene import Scene
 
 MACHINE = "a machine"

@@ -7,7 +7,8 @@ import pytest
 
 from model.core.diagnosis import diagnose
 from model.core.errors import Diverged
-from model.core.integrators import INTEGRATORS, damping_rate, frequency_bound, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS, damping_rate, frequency_bound
 from model.scene.scene import Scene, load_scene
 
 

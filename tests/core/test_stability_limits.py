@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from app.driver import open_simulation
 from bench.reference import mass_spring as reference
 from model.core.errors import UnstableTimeStep
-from model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound
 from model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)

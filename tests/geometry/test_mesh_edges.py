@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet, strip
 
-from model.core.energy import spring_ends
 from model.core.errors import InputError
 from model.geometry.edges import components, grouped, mesh_edges
+from model.mass_spring.energy import spring_ends
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(2, 2), (2, 7), (5, 3), (6, 6)])

@@ -8,7 +8,7 @@ import pytest
 
 from labbook.claims.findings import CLOTH
 from model.core.build import pinned_indices
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.scene.reader import catalogue, parse_settings
 from model.scene.scene import Scene, load_scene
 

@@ -14,12 +14,13 @@ from bench.measure.growth import growth_along, measure_growth
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from model.core.build import build
-from model.core.energy import spring_ends
 from model.core.errors import Diverged, SceneError
-from model.core.integrators import frequency_bound, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import frequency_bound
 from model.core.simulation import State
 from model.core.stability_limit import frequency_lines, scene_frequency, scene_net
 from model.mass_spring.cloth_bounds import cloth_eigenvalue
+from model.mass_spring.energy import spring_ends
 from model.scene.scene import Scene, load_scene
 
 SPRINGS = {"structural": {"stiffness": 20.0}, "shear": {"stiffness": 10.0}, "bending": {"stiffness": 2.0}}

@@ -15,7 +15,8 @@ from app.driver import open_simulation
 from bench.reference import implicit, mass_spring, xpbd
 from model.core.build import build
 from model.core.errors import SceneError
-from model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for
 from model.core.simulation import State
 from model.scene.scene import Scene, load_scene
 

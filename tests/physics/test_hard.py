@@ -21,7 +21,7 @@ from bench.stress.trial import Check, SilentNaN, Trial
 from labbook.claims import hard as hard_claims
 from labbook.claims.claim import Claim
 from model.core.errors import Diverged, InputError, SceneError
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import load_scene
 from plots.core.data import Results, load

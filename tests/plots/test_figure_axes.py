@@ -25,7 +25,8 @@ from synthetic_store import (
 
 from bench.experiments import findings
 from bench.store.database import Store
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.scene.scene import load_scene
 from plots.core.data import Results, load
 from plots.core.draw import FIGURES, TITLES

@@ -12,7 +12,8 @@ from bodies_scenes import AWAY
 from bench.reference import shape_matching, xpbd, xpbd_mesh
 from bench.reference.steps import masses
 from model.core.build import build
-from model.core.integrators import frequency_bound, lightest_mass, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import frequency_bound, lightest_mass
 from model.core.stability_limit import scene_frequency, scene_net
 from model.scene.scene import Scene
 

@@ -15,7 +15,7 @@ from bench.reference import xpbd_mesh as reference
 from model.core.build import build, masses, pinned_indices, rest_positions
 from model.core.energy import energies, spring_strain
 from model.core.errors import InputError, SceneError
-from model.core.plans import scene_plan
+from model.core.families import scene_plan
 from model.geometry.normals import scene_normals, vertex_normals
 from model.geometry.topology import mesh_lines, mesh_of, triangles_of
 from model.scene.scene import Scene, load_scene

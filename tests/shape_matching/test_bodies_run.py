@@ -20,11 +20,12 @@ from app.command.tables import number, print_scenes
 from app.plan.report import plan_report
 from app.plan.table import print_plan
 from model.core.build import masses
-from model.core.energy import energies, lattice_energy, spring_strain
+from model.core.energy import energies, spring_strain
 from model.core.errors import SoftlabError
 from model.formulas import cluster
 from model.scene.reader import catalogue
 from model.scene.scene import Scene, load_scene
+from model.shape_matching.energy import window_energy
 from model.shape_matching.matching import lattice_clusters
 
 SCENE = beams_and_torus()
@@ -76,8 +77,8 @@ def test_the_energy_of_a_grids_clusters_needs_no_indices(rows: int, columns: int
     clusters = lattice_clusters(scene)
     position = clusters.position + RANDOM.normal(0, 0.2, clusters.position.shape) + 50
     # sums of some hundred terms, of positions known to 50 eps
-    assert lattice_energy(scene, position) == pytest.approx(clusters.energy(position), rel=1e-11, abs=1e-20)
-    assert energies(scene, position, np.zeros_like(position))["spring"] == lattice_energy(scene, position)
+    assert window_energy(scene, position) == pytest.approx(clusters.energy(position), rel=1e-11, abs=1e-20)
+    assert energies(scene, position, np.zeros_like(position))["spring"] == window_energy(scene, position)
 
 
 # ---------------------------------------------------------------------- the command line

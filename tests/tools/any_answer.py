@@ -22,7 +22,7 @@ from fake_cloth import FakeCloth
 
 import softlab
 from bench.store.database import Store
-from model.core.plans import scene_plan
+from model.core.families import scene_plan
 from model.core.simulation import Simulation
 
 SECONDS = 20  # of computing that any answer may take; three times as many by the clock, for one that waits

@@ -23,7 +23,8 @@ from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN
 from bench.stress.body_cases import BODY_CASES
 from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
 from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, bodies_as_text
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.scene.scene import load_scene
 
 SIZES = (16, 32, 64, 128, 256, 512)

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron, sheet
 
-from model.core.energy import spring_ends
 from model.core.errors import SceneError
 from model.geometry.edges import mesh_edges
+from model.mass_spring.energy import spring_ends
 from model.xpbd.colouring import MOST_COLOURS, Colouring, colour
 
 

@@ -9,9 +9,8 @@ from bench.reference import xpbd
 from model.core.build import build
 from model.core.energy import energies
 from model.core.errors import SceneError
-from model.core.integrators import stability_limit
+from model.core.families import scene_plan, stability_limit
 from model.core.parameters import parameter_record
-from model.core.plans import scene_plan
 from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY
 from model.scene.scene import Scene, load_scene
 from model.xpbd.parameters import (

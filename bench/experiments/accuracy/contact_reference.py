@@ -16,7 +16,7 @@ from app.driver import open_simulation
 from bench.experiments.sweep import source_hash
 from bench.reference import cache
 from model.core.disk_cache import read_arrays, write_arrays
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.scene.scene import Scene
 
 FINER = 128  # steps of the reference to one at the limit

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from model.core.errors import SceneError
+from model.core.families import family_of
 from model.core.integrators import IMPLICIT, INTEGRATORS
 from model.scene.scene import Scene
 
@@ -62,21 +63,9 @@ def why_unknown(scene: Scene) -> str | None:
 
     Constraints must be springs: what does not give has no force by a law, a pbd's stiffness is that of its step size and
     iterations, and clusters are another material."""
-    if scene.bodies:
-        return (
-            "no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
-            "that material against closed forms, softlab crowds times bodies, softlab run tells of this scene"
-        )
-    if scene.method.matches_shapes:
-        return (
-            "clusters have no converged reference: they are another material than springs; --set method.solver=mass-spring "
-            "asks about the springs, softlab bar tells how the two differ"
-        )
-    if scene.mesh:
-        return (
-            "a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; softlab "
-            "run tells of this scene, [cloth] is such a sheet"
-        )
+    family = family_of(scene)
+    if family.unknown is not None:
+        return family.unknown
     if scene.self_collision:
         return "a cloth that meets itself has no converged reference; leave out [self_collision], or see softlab run"
     if scene.attachments:

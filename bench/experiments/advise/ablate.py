@@ -50,7 +50,7 @@ from bench.store.database import Store, configuration_hash
 from bench.store.results import measures
 from model.core.build import pinned_indices
 from model.core.errors import Diverged, SceneError
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import Scene
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from model.core.errors import SceneError
+from model.core.families import scene_plan
 from model.core.integrators import INTEGRATORS
-from model.core.plans import scene_plan
 from model.scene.scene import Scene
 
 FULL_PRECISION, FULL_MATH = "float64", "exact"

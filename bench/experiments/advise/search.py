@@ -24,7 +24,7 @@ from bench.reference.mass_spring import start
 from bench.store.database import Store, configuration_hash
 from bench.store.results import Timing, measures, timings
 from model.core.errors import Diverged, SoftlabError
-from model.core.integrators import stability_limit
+from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import Scene
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
 from bench.store.results import Measure, canonical
-from model.core.integrators import INTEGRATORS, stability_limit
+from model.core.families import stability_limit
+from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene
 
 OUTCOME, STEP = "stability_outcome", "stability_step"

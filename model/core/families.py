@@ -1,0 +1,30 @@
+"""The registry of solver families: who solves a scene, and what follows from that. A new family is one entry here, a module
+`family.py` in its room, and a solver in the room of each backend."""
+
+from __future__ import annotations
+
+from model.core.family import SolverFamily
+from model.core.plan import Plan
+from model.mass_spring.family import CLOTH, GRID
+from model.scene.scene import Scene
+from model.shape_matching.family import BODIES, WINDOWS
+from model.xpbd.family import MESH, SHEET
+
+FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES)
+
+
+def family_of(scene: Scene) -> SolverFamily:
+    """The family that solves the scene."""
+    (found,) = (family for family in FAMILIES if family.accepts(scene))
+    return found
+
+
+def scene_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """What one step of the scene consists of; `live`: parts that may be switched on while running."""
+    return family_of(scene).plan(scene, live)
+
+
+def stability_limit(scene: Scene, frequency: float | None = None) -> float:
+    """The largest step size [s] at which the scene's method is stable for any state (may be inf or 0); `frequency`: see
+    SolverFamily."""
+    return family_of(scene).limit(scene, frequency)

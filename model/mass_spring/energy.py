@@ -1,0 +1,101 @@
+"""Springs of a grid or a cloth, on the host: where their ends are, how long they are, what they store."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.scene.scene import Scene
+
+WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a grid's are the structural ones
+    "structural": ((0, 1), (1, 0)),
+    "shear": ((1, 1), (1, -1)),
+    "bending": ((0, 2), (2, 0)),
+}
+
+
+def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Views of `sheet` (rows, columns, ...) at the first and at the other ends of the springs that go one way."""
+    down, across = way
+    rows, columns = max(0, sheet.shape[0] - down), max(0, sheet.shape[1] - abs(across))
+    first, other = max(0, -across), max(0, across)
+    return sheet[:rows, first : first + columns], sheet[down : down + rows, other : other + columns]
+
+
+def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray:
+    """(springs, 2) int32: the particles at the ends of every spring, horizontal ones row by row, then vertical ones.
+
+    `kind` of a cloth's: `bending` in that order too; `shear`: those to the lower right, then those to the lower left.
+    """
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    ends = [np.stack([end.ravel() for end in _both_ends(index, way)], axis=1) for way in WAYS[kind]]
+    return np.ascontiguousarray(np.concatenate(ends))
+
+
+def spring_count(rows: int, columns: int, kind: str = "structural") -> int:
+    """How many springs `spring_ends` gives the ends of."""
+    return sum(max(0, rows - down) * max(0, columns - abs(across)) for down, across in WAYS[kind])
+
+
+def sheet_spring_count(scene: Scene) -> int:
+    """The springs of a grid or of a cloth of rows and columns, of every kind."""
+    if scene.cloth:
+        return sum(spring_count(scene.grid.rows, scene.grid.columns, kind) for kind in scene.cloth_springs)
+    return scene.grid.spring_count if scene.springs else 0
+
+
+def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness [N/m], float64: (1, columns - 1) of the horizontal springs, the same in every row, and (rows - 1, 1) of the
+    vertical ones; 0 in a scene without springs.
+
+    Where springs alternate, those from an odd column to the next, or an odd row, are the stiffer.
+    """
+    grid, springs = scene.grid, scene.springs
+    soft, stiff = (springs.stiffness, springs.largest_stiffness) if springs else (0.0, 0.0)
+    across, down = (np.where(np.arange(n - 1) % 2 == 1, stiff, soft) for n in (grid.columns, grid.rows))
+    return across[None, :], down[:, None]
+
+
+def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.ndarray, float]:
+    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m])."""
+    sheet = np.asarray(position, dtype=np.float64).reshape(scene.grid.rows, scene.grid.columns, 3)
+    ends = [_both_ends(sheet, way) for way in WAYS[kind]]
+    lengths = [np.linalg.norm(other - first, axis=-1).ravel() for first, other in ends]
+    return np.concatenate(lengths), scene.grid.spacing * float(np.hypot(*WAYS[kind][0]))
+
+
+def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lengths [m] of the horizontal (rows, columns - 1) and vertical (rows - 1, columns) springs."""
+    grid = scene.grid
+    p = np.asarray(position, dtype=np.float64).reshape(grid.rows, grid.columns, 2)
+    across, down = p[:, 1:] - p[:, :-1], p[1:] - p[:-1]
+    return np.hypot(across[..., 0], across[..., 1]), np.hypot(down[..., 0], down[..., 1])
+
+
+def sheet_strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None = None) -> np.ndarray:
+    """(springs,) float64: (length - rest) / rest of the horizontal springs row by row, then of the vertical ones.
+
+    For a rest length of zero: length / spacing. In the order of `spring_ends`. Of a cloth: of its springs of that `kind`,
+    or, where it has none, what they would be strained.
+    """
+    if scene.cloth:
+        length, rest = cloth_lengths(scene, position, kind)
+        return (length - rest) / rest
+    across, down = _lengths(scene, position)
+    length = np.concatenate([across.ravel(), down.ravel()])
+    rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
+    return length / scene.grid.spacing if rest == 0 else (length - rest) / rest
+
+
+def stored_in_springs(
+    scene: Scene, position: np.ndarray, plastic: np.ndarray | None = None
+) -> tuple[float, dict[str, float]]:
+    """(energy of all springs, of a cloth's by kind) [J]: k (length - rest)^2 / 2 of each that gives."""
+    springs, stored = scene.springs, 0.0
+    if springs and not springs.inextensible:
+        for stiffness, length in zip(spring_stiffness(scene), _lengths(scene, position), strict=True):
+            stored += 0.5 * float(np.sum(stiffness * (length - springs.rest_length) ** 2))
+    by_kind = {}
+    for kind, part in scene.cloth_springs.items():
+        lengths, rest = cloth_lengths(scene, position, kind)
+        by_kind[kind] = 0.5 * part.storing_stiffness * float(np.sum((lengths - rest) ** 2))
+    return stored + sum(by_kind.values()), by_kind

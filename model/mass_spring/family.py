@@ -1,0 +1,59 @@
+"""Mass-spring: the grid in a plane and the cloth in space, stepped by an integrator."""
+
+from __future__ import annotations
+
+from model.core.family import SolverFamily
+from model.core.integrators import explicit_limit, integrators_for
+from model.core.parameters import parameter_record
+from model.core.plan import mass_spring_plan
+from model.mass_spring.cloth_parameters import cloth_record
+from model.mass_spring.cloth_plan import cloth_plan
+from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from model.scene.scene import Scene
+
+
+def _note(scene: Scene) -> str:
+    return integrators_for(scene)[scene.method.integrator].note
+
+
+def _is_stepped(scene: Scene) -> bool:
+    return not scene.bodies and not scene.method.position_based
+
+
+GRID = SolverFamily(
+    name="mass-spring grid",
+    accepts=lambda scene: _is_stepped(scene) and not scene.cloth,
+    plan=mass_spring_plan,
+    record=parameter_record,
+    limit=explicit_limit,
+    limited_by_net=True,
+    note=_note,
+    stored=stored_in_springs,
+    strain=sheet_strain,
+    spring_count=sheet_spring_count,
+    solvers={
+        "cpu": "cpu_backend.mass_spring.grid.solver:MassSpring",
+        "gpu": "gpu_backend.mass_spring.grid.solver:MassSpring",
+    },
+    passes={"cpu": "app.plan.grid:grid_on_cpu", "gpu": "app.plan.grid:grid_on_gpu"},
+    reference="bench.reference.mass_spring",
+)
+
+CLOTH = SolverFamily(
+    name="mass-spring cloth",
+    accepts=lambda scene: _is_stepped(scene) and scene.cloth is not None,
+    plan=cloth_plan,
+    record=cloth_record,
+    limit=explicit_limit,
+    limited_by_net=True,
+    note=_note,
+    stored=stored_in_springs,
+    strain=sheet_strain,
+    spring_count=sheet_spring_count,
+    solvers={
+        "cpu": "cpu_backend.mass_spring.cloth.solver:ClothMassSpring",
+        "gpu": "gpu_backend.mass_spring.cloth.solver:ClothMassSpring",
+    },
+    passes={"cpu": "app.plan.cloth:cloth_on_cpu", "gpu": "app.plan.cloth:cloth_on_gpu"},
+    reference="bench.reference.mass_spring",
+)

@@ -1,0 +1,67 @@
+"""PBD and XPBD: sheets of rows and columns (grid or cloth), and meshes."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+
+from model.core.family import SolverFamily
+from model.core.integrators import fastest_damping
+from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from model.scene.scene import Scene
+from model.xpbd.mesh_constraints import edge_strain, families, mesh_energy
+from model.xpbd.mesh_plan import xpbd_mesh_plan
+from model.xpbd.parameters import xpbd_record
+from model.xpbd.plan import xpbd_plan
+
+
+def projection_limit(scene: Scene, frequency: float | None = None) -> float:
+    """Projections hold at any step size [s], but for the masses' damper, which is explicit: h c/m < 2, h the substep, m the
+    lightest mass."""
+    fastest = fastest_damping(scene)
+    return 2 * scene.method.substeps / fastest if fastest else inf
+
+
+def projection_note(scene: Scene) -> str:
+    return "constraints are projected, at any step size; first order, and damped by it"
+
+
+def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+    by_kind = {kind: mesh_energy(scene, position, kind) for kind in scene.cloth_springs}
+    return sum(by_kind.values()), by_kind
+
+
+SHEET = SolverFamily(
+    name="position-based sheet",
+    accepts=lambda scene: scene.method.position_based and not (scene.method.matches_shapes or scene.mesh),
+    plan=xpbd_plan,
+    record=xpbd_record,
+    limit=projection_limit,
+    limited_by_net=True,
+    note=projection_note,
+    stored=stored_in_springs,
+    strain=sheet_strain,
+    spring_count=sheet_spring_count,
+    solvers={"cpu": "cpu_backend.xpbd.solver:PositionBased", "gpu": "gpu_backend.xpbd.solver:PositionBased"},
+    passes={"cpu": "app.plan.xpbd:xpbd_on_cpu", "gpu": "app.plan.xpbd:xpbd_on_gpu"},
+    reference="bench.reference.xpbd",
+)
+
+MESH = SolverFamily(
+    name="position-based mesh",
+    accepts=lambda scene: scene.mesh is not None,
+    plan=xpbd_mesh_plan,
+    record=xpbd_record,
+    limit=projection_limit,
+    limited_by_net=False,
+    note=projection_note,
+    stored=_stored_in_mesh,
+    strain=lambda scene, position, kind, plastic: edge_strain(scene, position, kind),
+    spring_count=lambda scene: sum(len(family.corners) for family in families(scene)),
+    solvers={"cpu": "cpu_backend.xpbd.mesh:MeshPositionBased", "gpu": "gpu_backend.xpbd.mesh:MeshPositionBased"},
+    passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
+    reference="bench.reference.xpbd_mesh",
+    unknown="a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; softlab "
+    "run tells of this scene, [cloth] is such a sheet",
+)

@@ -1,0 +1,37 @@
+"""The registry of solver families: each scene has one, and all that an entry names is there."""
+
+from __future__ import annotations
+
+import pytest
+
+from model.core.families import FAMILIES, family_of, scene_plan, stability_limit
+from model.core.family import SolverFamily, named
+from model.core.plan import mass_spring_plan
+from model.scene.reader import catalogue
+from model.scene.scene import load_scene
+
+ONES = {family.name: family for family in FAMILIES}
+
+
+def test_each_scene_of_the_catalogue_has_one_family_and_each_family_a_scene() -> None:
+    accepted = {name: [one.name for one in FAMILIES if one.accepts(load_scene(name))] for name in catalogue()}
+    assert all(len(found) == 1 for found in accepted.values()), accepted
+    assert {found for (found,) in accepted.values()} == set(ONES)
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=ONES)
+def test_what_an_entry_names_is_there(family: SolverFamily) -> None:
+    assert callable(named(f"{family.reference}:simulate"))
+    assert set(family.solvers) == set(family.passes) == {"cpu", "gpu"}
+    for backend in ("cpu", "gpu"):
+        if backend == "gpu":
+            pytest.importorskip("numba_cuda", reason="needs numba-cuda")
+        assert named(family.solvers[backend]).backend == backend
+        assert callable(named(family.passes[backend]))
+
+
+def test_the_scenes_plan_and_limit_are_the_familys() -> None:
+    scene = load_scene("lab-grid")
+    assert family_of(scene) is ONES["mass-spring grid"]
+    assert scene_plan(scene) == mass_spring_plan(scene)
+    assert stability_limit(scene, 200.0) == pytest.approx(2 * stability_limit(scene, 400.0), rel=0.1)
