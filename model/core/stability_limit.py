@@ -21,7 +21,7 @@ from math import cos, inf, pi, sin, sqrt
 
 import numpy as np
 
-from model.core.build import build, pinned_indices
+from model.core.build import build, pinned_indices, sheet_name
 from model.core.errors import SceneError
 from model.core.families import family_of, stability_limit
 from model.core.integrators import frequency_bound, lightest_mass
@@ -182,6 +182,9 @@ def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def scene_net(scene: Scene) -> Net:
     """The scene's springs as a graph. A scene without springs is a net without edges."""
     grid = scene.grid
+    for name, mass in [(sheet_name(scene), grid.mass), *((name, load.mass) for name, load in scene.loads.items())]:
+        if 1 / mass == inf:
+            raise SceneError(f"{name}.mass", mass, "is too small: nothing so light has a finite acceleration")
     if scene.loads:
         inverse_mass = build(scene).inverse_mass
     else:

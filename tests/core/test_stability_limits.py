@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from app.driver import open_simulation
 from bench.reference import mass_spring as reference
-from model.core.errors import UnstableTimeStep
+from model.core.errors import SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound
+from model.core.stability_limit import scene_frequency
 from model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)
@@ -147,3 +148,9 @@ def test_runs_on_both_sides_of_the_limit(run, start_at, name, gamma, side, kerne
         assert growth > 10 or name in ("explicit-euler", "taylor")  # whose growth per step is 1 % of a small damping
     else:
         assert largest < 1 if gamma else largest < 1 + 1e-9
+
+
+def test_a_mass_whose_inverse_is_infinite_is_named():
+    scene = load_scene("lab-grid").replace({"grid.pinned": "top-corners", "grid.mass": 1e-310})
+    with pytest.raises(SceneError, match=r"grid\.mass = 1e-310"):
+        scene_frequency(scene)

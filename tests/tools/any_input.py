@@ -255,7 +255,7 @@ class Maker:
                 argv.append(self.random.choice(NAMES))
         if self.random.random() < 0.1:
             argv.append(self._word())
-        return Case(argv, ["--", *(_shown(word) or "''" for word in argv[3:])])
+        return Case(argv, ["--", *(_shown(word) or word or "''" for word in argv[3:])])
 
     def _state(self) -> Case:
         scene, count = self.random.choice((("lab-grid", 1024), ("rope", 100)))
@@ -271,7 +271,7 @@ class Maker:
             data = self._bent(data, MARKS, 5)
         name = self._file(".npz", data) if self.random.random() < 0.9 else self.random.choice(NAMES)
         names = [
-            _shown(name) or "''",
+            _shown(name) or name or "''",
             "position",
             "velocity",
             "inverse_mass",
