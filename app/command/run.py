@@ -24,8 +24,8 @@ from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
 from model.geometry.overlaps import overlap_lines
-from model.geometry.topology import mesh_lines
 from model.scene.scene import Scene
+from model.scene.sheets import mesh_lines
 from model.shape_matching.spare import counts
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays

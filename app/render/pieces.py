@@ -9,10 +9,9 @@ import numpy as np
 
 from app.render import colours
 from app.render.collider_shapes import collider_mesh, plane_axes
-from model.geometry.normals import scene_normals
-from model.geometry.topology import triangles_of
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
+from model.scene.sheets import scene_normals, triangles_of
 from model.shape_matching.crowd import Copy
 from model.shape_matching.spare import copies_there
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.core.simulation import Simulation
-from model.geometry.normals import scene_normals
 from model.scene.scene import Scene
+from model.scene.sheets import scene_normals
 
 
 class HostVertices:

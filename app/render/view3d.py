@@ -16,8 +16,8 @@ from app.window.scenery import Drawn
 from app.window.surface import drawn_lines
 from model.core.build import pinned_indices
 from model.core.simulation import Simulation
-from model.geometry.topology import triangles_of
 from model.scene.scene import Scene
+from model.scene.sheets import triangles_of
 
 PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
 

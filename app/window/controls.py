@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from itertools import zip_longest
-from typing import TYPE_CHECKING
 
 from app.window.mouse import PlaneMouse, SpaceMouse
-
-if TYPE_CHECKING:
-    from app.window.viewer import Viewer
+from app.window.shown import Shown
 
 KEYS = (
     ("G", "gravity on, off"),
@@ -93,7 +90,7 @@ def keys_text(width: int, space: bool = False, bodies: bool = False, several: bo
 class Controls:
     """Turns the events of a Viewer's window into actions of its Demo and its Camera; `mouse` does so for the mouse."""
 
-    def __init__(self, viewer: Viewer):
+    def __init__(self, viewer: Shown):
         self.viewer, self.demo, self.window = viewer, viewer.demo, viewer.window
         self.mouse = SpaceMouse(viewer) if viewer.space else PlaneMouse(viewer)
         self.key = viewer.pyglet.window.key

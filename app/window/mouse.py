@@ -5,14 +5,12 @@ Coordinates are frame-buffer pixels from the lower left corner. `pressed` tells 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from app.render.camera3d import pick
-
-if TYPE_CHECKING:
-    from app.window.viewer import Viewer
+from app.window.shown import Shown
 
 REACH = 22.0  # pixels from the pointer within which a mass is taken
 SPACE_REACH = 10.0  # in space, where beside the masses is what turns the view
@@ -23,7 +21,7 @@ ZOOM = 1.15  # per notch of the wheel
 class PlaneMouse:
     """Left drags a mass; right and middle move the view. `pointer`: where the left button is held on a mass, or None."""
 
-    def __init__(self, viewer: Viewer):
+    def __init__(self, viewer: Shown):
         self.viewer, self.demo = viewer, viewer.demo
         self.button = viewer.pyglet.window.mouse
         self.pointer: tuple[float, float] | None = None
@@ -82,7 +80,7 @@ class SpaceMouse(PlaneMouse):
     """Left drags a mass, or a body by one of its particles, in the plane parallel to the window in which that lay when it was
     taken; left beside them and middle turn the view, right moves it."""
 
-    def __init__(self, viewer: Viewer):
+    def __init__(self, viewer: Shown):
         super().__init__(viewer)
         self._taken = np.zeros(3)  # m, where the mass lay
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,7 @@ from app.render import colours
 from app.render.opengl import drawing_text
 from app.window.controls import hint, keys_text
 from app.window.panels import Arrow, Panel, Style, legend_of
-
-if TYPE_CHECKING:
-    from app.window.viewer import Viewer
+from app.window.shown import Shown
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
 TITLE = Style(11, bold=True), Style(10)
@@ -28,7 +25,7 @@ class Overlay:
     """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are there; `times` of
     the last frames. Needs the window's OpenGL context."""
 
-    def __init__(self, viewer: Viewer):
+    def __init__(self, viewer: Shown):
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
             self._legend = legend_of(self.demo.world.scene)

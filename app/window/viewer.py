@@ -20,6 +20,7 @@ from app.render.opengl import load_pyglet, open_window, renderer_name
 from app.window.controls import Controls
 from app.window.detail import by_software
 from app.window.looks import Looks
+from app.window.overlay import Overlay
 from app.window.panels import EDGE
 from app.window.panes import GAP, IN_A_ROW, Pane, check_alike, panes
 from app.window.views import camera_of, seen_bounds, view_of
@@ -38,8 +39,6 @@ class Viewer:
     """The window over a Demo: draws it frame by frame, and turns keys and mouse into its actions."""
 
     def __init__(self, demo: Demo, state_file: Path | None, frames: int | None):
-        from app.window.overlay import Overlay
-
         self.pyglet = load_pyglet(False)
         self.demo = demo
         self.space, self.bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)

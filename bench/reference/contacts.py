@@ -17,7 +17,8 @@ import numpy as np
 from bench.reference import cloth, xpbd
 from bench.reference.steps import pinned_mask
 from model.core.errors import SceneError
-from model.scene.scene import Scene, SelfCollision
+from model.scene.scene import Scene
+from model.scene.self_collision import SelfCollision
 
 # thicknesses: what a contact is made for beyond the predicted motion; ...
 MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3

@@ -16,8 +16,9 @@ import numpy as np
 from bench.reference import cloth
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke
-from model.geometry.topology import mesh_of, pinned_vertices, triangles_of
+from model.geometry.topology import mesh_of, pinned_vertices
 from model.scene.scene import Scene
+from model.scene.sheets import triangles_of
 from model.xpbd.mesh_constraints import families
 
 

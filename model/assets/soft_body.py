@@ -20,6 +20,7 @@ from model.geometry.mesh import TriangleMesh
 from model.geometry.neighbours import TooMany, close_pairs
 from model.geometry.solid import Solid, as_mesh, solid
 from model.scene.parts import NotNegative, Part, Positive
+from model.scene.words import scene_error
 from model.shape_matching.clustering import check, gather, one_cluster, parts, undetermined
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import Lattice
@@ -278,8 +279,6 @@ def check_masses(parameters: RigidBody, mass: np.ndarray) -> None:
 
 def parameters_of(kind: type[Made], fields: dict[str, Any]) -> Made:
     """The parameters, checked. Raises SceneError."""
-    from model.scene.scene import scene_error
-
     try:
         return kind(**fields)
     except ValidationError as error:

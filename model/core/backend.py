@@ -59,7 +59,7 @@ class Backend(ABC):
     def _read_normal(self, into: Any) -> Any:
         """A cloth's normals into `into` (None: a new host array, in the simulation's precision). Computed on the host in
         float64; a backend overrides this to compute them where the state is."""
-        from model.geometry.normals import scene_normals
+        from model.scene.sheets import scene_normals
 
         normal = scene_normals(self.scene, self._read_position(None))
         if into is None:

@@ -12,7 +12,9 @@ from model.core.pins import pin_indices
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
 from model.scene.mesh import Mesh
-from model.scene.scene import SHEETS, Grid, Scene
+from model.scene.parts import Grid
+from model.scene.scene import Scene
+from model.scene.scene_parts import SHEETS
 from model.scene.self_collision import CONTACT_BYTES
 from model.shape_matching.crowd import Crowd
 

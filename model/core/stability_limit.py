@@ -26,7 +26,8 @@ from model.core.errors import SceneError
 from model.core.families import family_of, stability_limit
 from model.core.integrators import frequency_bound, lightest_mass
 from model.mass_spring.energy import spring_ends, spring_stiffness
-from model.scene.scene import Grid, Scene
+from model.scene.parts import Grid
+from model.scene.scene import Scene
 
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
 MOST_ITERATIONS = 5000

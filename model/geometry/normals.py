@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.geometry.topology import triangles_of
-from model.scene.scene import Scene
-
 
 def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """(particles, 3) float64, each 1 long: the sum of the normals, as long as twice the area, of the triangles that a mass
@@ -37,10 +34,3 @@ def mesh_normals(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     normal = np.stack([np.bincount(corner, each[:, axis], len(p)) for axis in range(3)], axis=1)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-
-
-def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(particles, 3) float64: of the scene's cloth or mesh."""
-    if scene.mesh:
-        return mesh_normals(position, triangles_of(scene))
-    return vertex_normals(position, scene.grid.rows, scene.grid.columns)

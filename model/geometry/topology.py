@@ -1,4 +1,4 @@
-"""What lies beside what in any sheet of a scene, and where: asked of scenes, answered by grids, cloths and meshes alike."""
+"""The meshes that a scene names: where their files are, and what follows from them. Sheets of triangles, too."""
 
 from __future__ import annotations
 
@@ -6,20 +6,45 @@ import hashlib
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.memory import require_sheet
-from model.scene.mesh import Mesh
 
 if TYPE_CHECKING:
     from model.geometry.mesh import TriangleMesh
-    from model.scene.scene import Scene
 
 SHEET_BYTES = 600  # of a vertex while a sheet's triangles and edges are made
 TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as high
+
+
+class MeshPart(Protocol):
+    """What a scene tells of a mesh (model/scene/mesh.py has the part itself): a file, or rows and columns."""
+
+    @property
+    def file(self) -> str | None: ...
+    @property
+    def scale(self) -> float: ...
+    @property
+    def digest(self) -> str | None: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def columns(self) -> int: ...
+    @property
+    def spacing(self) -> float: ...
+    @property
+    def diagonals(self) -> str: ...
+    @property
+    def placement(self) -> str: ...
+    @property
+    def density(self) -> float | None: ...
+    @property
+    def mass(self) -> float: ...
+    @property
+    def pinned(self) -> Any: ...
 
 
 def mesh_folder() -> Path:
@@ -53,7 +78,7 @@ def mesh_path(file: str) -> Path:
     return path
 
 
-def mesh_of(part: Mesh) -> TriangleMesh:
+def mesh_of(part: MeshPart) -> TriangleMesh:
     """The mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
     if part.file is None:
         return _sheet(part.rows, part.columns, part.spacing, part.diagonals, part.placement)
@@ -96,7 +121,7 @@ def sheet_triangles(rows: int, columns: int, diagonals: str = "one") -> np.ndarr
     return np.ascontiguousarray(pairs.reshape(-1, 3))
 
 
-def describe(part: Mesh) -> dict[str, Any]:
+def describe(part: MeshPart) -> dict[str, Any]:
     """The fields of a part that follow from its mesh. Raises InputError (the file), SceneError (not that file, pins)."""
     found: dict[str, Any] = {}
     if part.file is not None:
@@ -129,7 +154,7 @@ def triangle_areas(mesh: TriangleMesh) -> np.ndarray:
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def vertex_masses(part: Mesh) -> np.ndarray:
+def vertex_masses(part: MeshPart) -> np.ndarray:
     """(vertices,) float64 [kg]: a third of each triangle for each of its corners, or the same for all."""
     mesh = mesh_of(part)
     if part.density is None:
@@ -138,7 +163,7 @@ def vertex_masses(part: Mesh) -> np.ndarray:
     return part.density * np.bincount(mesh.triangles.ravel(), thirds, len(mesh.position))
 
 
-def pinned_vertices(part: Mesh) -> np.ndarray:
+def pinned_vertices(part: MeshPart) -> np.ndarray:
     """(pins,) int64, ascending: of a mesh from a file. Raises SceneError for vertices that it does not have."""
     mesh = mesh_of(part)
     if part.pinned == "top":
@@ -156,18 +181,3 @@ def pinned_vertices(part: Mesh) -> np.ndarray:
     if (found < 0).any():
         raise SceneError("mesh.pinned", int(told[found < 0][0]), "this vertex belongs to no triangle and was left out")
     return np.unique(found)
-
-
-def triangles_of(scene: Scene) -> np.ndarray:
-    """(triangles, 3) uint32: of a cloth or a mesh, counter-clockwise from outside, or from the front."""
-    part = scene.mesh
-    if part is None:
-        return sheet_triangles(scene.grid.rows, scene.grid.columns)
-    return mesh_of(part).triangles.astype(np.uint32)
-
-
-def mesh_lines(scene: Scene) -> list[str]:
-    """What to tell of a mesh from a file: sizes, and everything that was mended."""
-    if scene.mesh is None or scene.mesh.file is None:
-        return []
-    return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]

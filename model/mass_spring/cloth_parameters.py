@@ -250,7 +250,7 @@ def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
     """(pins, PIN_FIELDS) in the arithmetic `real`, in the order of `body.pinned`; rows of motions begin at `first`."""
     rows = np.empty((len(body.pinned), PIN_FIELDS))
     rows[:, :P_MOTION] = body.position[body.pinned]  # pinned masses start at rest
-    numbers = motions_of_pins(scene)
+    numbers = motions_of_pins(scene.grid, scene.motions)
     rows[:, P_MOTION] = np.where(numbers < 0, -1, first + numbers * MOTION_FIELDS)
     return rows.astype(real)
 

@@ -38,7 +38,7 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
     if scene.grid.pinned not in ("none", []):
         parts.add("pins")
     if scene.motions:
-        motions_of_pins(scene)  # refuses those of masses that are not pinned
+        motions_of_pins(scene.grid, scene.motions)  # refuses those of masses that are not pinned
         if any(part.moves for part in scene.motions.values()):
             parts.add("motion")
     for kind, collider in scene.colliders:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from model.core.errors import SceneError
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
 from model.scene.motion import motions_of_pins
-from model.scene.particle_contact import check_contact
+from model.scene.particle_contact import MOST_KINDS
 from model.scene.parts import Elastic, Method
-from model.scene.self_collision import check_self_collision
+from model.scene.scene_parts import SceneParts
 from model.scene.xpbd import XPBD_KINDS
-
-if TYPE_CHECKING:
-    from model.scene.scene import Scene
 
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
@@ -22,7 +17,7 @@ MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", 
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
 
-def check_fit(scene: Scene) -> None:
+def check_fit(scene: SceneParts) -> None:
     """Raise SceneError for a part that belongs to the other kind of sheet."""
     if scene.bodies:
         _check_bodies(scene)
@@ -39,12 +34,12 @@ def check_fit(scene: Scene) -> None:
             )
 
 
-def _check_bodies(scene: Scene) -> None:
+def _check_bodies(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with bodies."""
     for name, kind in scene.kinds.items():
         if kind not in OF_BODIES:
             raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
-    check_contact(scene)
+    _check_contact(scene)
     method = scene.one("method")
     if method is None:
         scene.parts["method"], scene.kinds["method"] = Method(solver="shape-matching"), "method"
@@ -52,7 +47,7 @@ def _check_bodies(scene: Scene) -> None:
         raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
 
 
-def check_solver(scene: Scene) -> None:
+def check_solver(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's solver does not know."""
     solver, integrator = scene.method.solver, scene.method.integrator
     if not scene.cloth and not scene.method.position_based and integrator.startswith("implicit-euler"):
@@ -74,7 +69,7 @@ def check_solver(scene: Scene) -> None:
                 "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
             )  # fmt: skip
     if scene.motions:
-        motions_of_pins(scene)  # refuses those of masses that are not pinned
+        motions_of_pins(scene.grid, scene.motions)  # refuses those of masses that are not pinned
     for name, load in scene.loads.items():
         row, column = load.at
         if row >= scene.grid.rows or column >= scene.grid.columns:
@@ -83,12 +78,12 @@ def check_solver(scene: Scene) -> None:
                 f"lies outside the sheet; rows are 0 to {scene.grid.rows - 1}, columns 0 to {scene.grid.columns - 1}",
             )  # fmt: skip
 
-    check_self_collision(scene)
+    _check_self_collision(scene)
     _check_matching(scene)
     _check_mesh(scene)
 
 
-def _check_matching(scene: Scene) -> None:
+def _check_matching(scene: SceneParts) -> None:
     """Raise SceneError for what the solver shape-matching does not know."""
     if not scene.method.matches_shapes or scene.bodies:
         return
@@ -111,7 +106,7 @@ def _check_matching(scene: Scene) -> None:
             raise SceneError(f"{name}.{field}", value, f"must be {allowed} for the solver shape-matching")
 
 
-def _check_mesh(scene: Scene) -> None:
+def _check_mesh(scene: SceneParts) -> None:
     """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
     bending = next((name for name, kind in scene.kinds.items() if kind == "bending"), "bending")
     model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
@@ -130,4 +125,26 @@ def _check_mesh(scene: Scene) -> None:
     if model != "distance" and scene.cloth_springs["bending"].damping > 0:
         raise SceneError(
             f"{bending}.damping", scene.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
+        )  # fmt: skip
+
+
+def _check_contact(scene: SceneParts) -> None:
+    """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
+    if scene.contact is not None and len(scene.bodies) > MOST_KINDS:
+        raise SceneError("contact", len(scene.bodies), f"at most {MOST_KINDS} kinds of bodies; use copies")
+    for name, body in scene.bodies.items():
+        if scene.contact is None:
+            for field in ("group", "avoids", "adhesion", "self_collision", "radius"):
+                if field in body.model_fields_set and getattr(body, field) not in (None, 0, ()):
+                    raise SceneError(f"{name}.{field}", getattr(body, field), "needs contacts: add a table [contact]")
+
+
+def _check_self_collision(scene: SceneParts) -> None:
+    """Raise SceneError where the sheet cannot keep the thickness."""
+    part, grid = scene.self_collision, scene.grid
+    if part is not None and part.thickness > grid.spacing:
+        raise SceneError(
+            "self_collision.thickness", part.thickness,
+            f"must be at most cloth.spacing, {grid.spacing:g}: neighbours of the sheet are nearer to each other than that, "
+            "and would be driven apart for ever",
         )  # fmt: skip

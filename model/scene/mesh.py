@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
 
+from model.geometry.topology import describe, mesh_of
 from model.scene.cloth import Cloth
 from model.scene.parts import Count, Grid, Part, Positive
 
@@ -59,8 +60,6 @@ class Mesh(Cloth):
     @model_validator(mode="after")
     def _pins_lie_inside(self) -> Mesh:
         """Read the file; put in the fields that follow from the mesh."""
-        from model.geometry.topology import describe
-
         if self.file is not None and not (self.pinned in ("none", "top") or _vertices(self.pinned)):
             raise ValueError(f"pinned: {FILE_PINS}")
         if self.file is None and self.pinned and _vertices(self.pinned):
@@ -72,8 +71,6 @@ class Mesh(Cloth):
 
     @property
     def extent(self) -> float:
-        from model.geometry.topology import mesh_of
-
         return float((mesh_of(self).position.max(axis=0) - mesh_of(self).position.min(axis=0)).max())
 
     @model_serializer(mode="wrap")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot, inf
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from model.core.errors import SceneError
 from model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
-from model.scene.parts import NotNegative, Part, Positive
-
-if TYPE_CHECKING:
-    from model.scene.scene import Scene
+from model.scene.parts import Grid, NotNegative, Part, Positive
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z
@@ -58,16 +56,15 @@ class Motion(Part):
         return self.angular_velocity != 0 or any(self.velocity)
 
 
-def motions_of_pins(scene: Scene) -> np.ndarray:
-    """(pins,) int64: for each pinned mass, by index, the number of its motion in `scene.motions`, -1 where it has none.
+def motions_of_pins(sheet: Grid, motions: Mapping[str, Motion]) -> np.ndarray:
+    """(pins,) int64: for each pinned mass of the sheet, by index, the number of its motion in `motions`, -1: it has none.
 
     Raises SceneError for a motion of masses that are not pinned, or of one that another motion moves.
     """
-    sheet = scene.grid
     pinned = pin_indices(sheet.pinned, sheet.rows, sheet.columns)
     numbers = np.full(len(pinned), -1, np.int64)
-    names = list(scene.motions)
-    for number, (name, motion) in enumerate(scene.motions.items()):
+    names = list(motions)
+    for number, (name, motion) in enumerate(motions.items()):
         if isinstance(motion.pins, list):
             for row, column in motion.pins:
                 if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from model.core.errors import SceneError
 from model.scene.parts import NotNegative, Part, Positive, Sweeps
-
-if TYPE_CHECKING:
-    from model.scene.scene import Scene
 
 MOST_KINDS = 64  # bodies of a scene, copies not counted: their table is of all pairs
 
@@ -47,14 +43,3 @@ class Contact(Part):
     def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """As scenes were written before there was restitution: what is measured of them is kept under that."""
         return {name: value for name, value in serialize(self).items() if name != "restitution" or value}
-
-
-def check_contact(scene: Scene) -> None:
-    """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
-    if scene.contact is not None and len(scene.bodies) > MOST_KINDS:
-        raise SceneError("contact", len(scene.bodies), f"at most {MOST_KINDS} kinds of bodies; use copies")
-    for name, body in scene.bodies.items():
-        if scene.contact is None:
-            for field in ("group", "avoids", "adhesion", "self_collision", "radius"):
-                if field in body.model_fields_set and getattr(body, field) not in (None, 0, ()):
-                    raise SceneError(f"{name}.{field}", getattr(body, field), "needs contacts: add a table [contact]")

@@ -6,88 +6,36 @@ A part that is not there is not simulated: it has no stage, no array and no bran
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from model.contact.mesh_collider import MeshCollider
 from model.contact.surface_collider import FILE_CONTRADICTIONS
 from model.core.errors import SceneError
-from model.geometry.distance_field import DistanceField
-from model.scene.bodies import BODY_CONTRADICTIONS, BODY_KINDS, Placed
+from model.scene.bodies import BODY_CONTRADICTIONS, BODY_KINDS
 from model.scene.checks import check_fit, check_solver
 from model.scene.cloth import (
-    CLOTH_KINDS,
-    COLLIDER_KINDS,
-    SPRING_KINDS,
     SURFACE_KINDS,
-    Cloth,
-    ClothSprings,
-    Collider,
-    Fold,
-    Wind,
 )
-from model.scene.mesh import CONTRADICTIONS, MESH_KINDS, Mesh
-from model.scene.motion import Motion
-from model.scene.particle_contact import Contact
+from model.scene.mesh import CONTRADICTIONS
 from model.scene.parts import (
     FIELDS_OF_SOLVER,
-    GRID_KINDS,
-    Damping,
-    External,
-    Gravity,
-    Grid,
-    Manufactured,
     Method,
-    Part,
-    Perturbation,
-    Springs,
 )
 from model.scene.reader import scene_tables
-from model.scene.self_collision import SelfCollision
-from model.scene.words import scene_error, suggestion
-from model.scene.xpbd import XPBD_KINDS, Attachments, Load
-from model.shape_matching.crowd import Crowd, make_crowd
-
-KINDS: dict[str, type[Part]] = (
-    GRID_KINDS
-    | CLOTH_KINDS
-    | {"mesh_collider": MeshCollider, "distance_field": DistanceField}
-    | MESH_KINDS
-    | XPBD_KINDS
-    | BODY_KINDS
-    | {"contact": Contact}
-)
-SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-ELASTIC_KINDS = ("springs", *SPRING_KINDS)
-SEVERAL = (
-    *SHEETS,
-    *BODY_KINDS,
-    *COLLIDER_KINDS,
-    "load",
-    "motion",
-)  # kinds of which a scene may have more than one part, or is told otherwise
-OTHER_MATERIAL = {"stiffness": "compliance", "compliance": "stiffness"}
+from model.scene.scene_parts import ELASTIC_KINDS, KINDS, OTHER_MATERIAL, SEVERAL, SHEETS, SceneParts
+from model.scene.words import suggestion
 
 
-class Scene:
-    """A validated scene. `parts` maps a part's name to its object, `kinds` the name to its kind.
-
-    The parts a solver asks for have properties (`grid`, `springs`, ...): the part, or None where the scene lacks it.
-    Raises SceneError for anything a scene cannot be.
-    """
+class Scene(SceneParts):
+    """A validated scene. Raises SceneError for anything a scene cannot be."""
 
     def __init__(self, data: Mapping[str, Any], name: str = "scene"):
         tables = dict(data)
-        self.name = name
-        self.title = tables.pop("title", name)
-        if not isinstance(self.title, str):
-            raise SceneError("title", self.title, "a text")
-        self._read(tables)
+        title = tables.pop("title", name)
+        if not isinstance(title, str):
+            raise SceneError("title", title, "a text")
+        super().__init__(tables, name, title)
         for kind in KINDS:
             if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
                 raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
@@ -110,151 +58,8 @@ class Scene:
         together was refused then and is not looked for again, and no body is made. Raises SceneError for a part that this
         version does not know."""
         scene = cls.__new__(cls)
-        scene.name = scene.title = "scene"
-        scene._read(tables)
+        SceneParts.__init__(scene, tables, "scene", "scene")
         return scene
-
-    def _read(self, tables: Mapping[str, Any]) -> None:
-        """The parts and their kinds, each checked by itself."""
-        self.parts: dict[str, Part] = {}
-        self.kinds: dict[str, str] = {}
-        for part_name, table in tables.items():
-            if not isinstance(table, Mapping):
-                raise SceneError(part_name, table, f"unknown key; a scene has a title and tables: {', '.join(KINDS)}")
-            fields = dict(table)
-            kind = fields.pop("kind", part_name)
-            if not isinstance(kind, str) or kind not in KINDS:
-                known = f"{suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
-                if "kind" in table:
-                    raise SceneError(f"{part_name}.kind", kind, f"unknown part{known}")
-                raise SceneError(
-                    part_name, table, f'unknown part{known}; or give the table a kind, such as kind = "soft_body"'
-                )
-            try:
-                self.parts[part_name] = KINDS[kind](**fields)
-            except ValidationError as error:
-                raise scene_error(part_name, error, KINDS[kind]) from None
-            except TypeError:  # a key that is not even a name
-                raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
-            self.kinds[part_name] = kind
-
-    def one(self, kind: str) -> Any:
-        """The part of a kind of which a scene has one at most, or None."""
-        return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
-
-    @property
-    def grid(self) -> Grid:
-        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the crowd of a
-        scene's bodies, which is a row of masses to whoever asks no more than that."""
-        return self.cloth or self.one("grid") or self.crowd  # type: ignore[return-value]
-
-    @property
-    def bodies(self) -> dict[str, Placed]:
-        """The scene's soft and rigid bodies, by the part's name."""
-        return {name: self.parts[name] for name, kind in self.kinds.items() if kind in BODY_KINDS}  # type: ignore[misc]
-
-    @cached_property
-    def crowd(self) -> Crowd:
-        """All particles of the scene's bodies, made when first asked for. Raises SceneError, InputError (a body)."""
-        return make_crowd(self.bodies)
-
-    @property
-    def cloth(self) -> Cloth | None:
-        return self.one("cloth") or self.mesh
-
-    @property
-    def mesh(self) -> Mesh | None:
-        return self.one("mesh")
-
-    @property
-    def dimensions(self) -> int:
-        """2, and 3 for a cloth and for bodies."""
-        return 3 if self.cloth or self.bodies else 2
-
-    @property
-    def cloth_springs(self) -> dict[str, ClothSprings]:
-        """The cloth's springs by kind, those it has, in the order structural, shear, bending."""
-        return {kind: part for kind in SPRING_KINDS if (part := self.one(kind)) is not None}
-
-    @property
-    def wind(self) -> Wind | None:
-        return self.one("wind")
-
-    @property
-    def colliders(self) -> list[tuple[str, Collider]]:
-        """(kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of the file."""
-        found: list[tuple[str, Any]] = []
-        for kind in COLLIDER_KINDS:
-            found += [(kind, self.parts[name]) for name, k in self.kinds.items() if k == kind]
-        return found
-
-    @property
-    def motions(self) -> dict[str, Motion]:
-        """What pinned masses follow, by the part's name."""
-        return {name: self.parts[name] for name, kind in self.kinds.items() if kind == "motion"}  # type: ignore[misc]
-
-    @property
-    def loads(self) -> dict[str, Load]:
-        """Masses that differ from the sheet's, by the part's name."""
-        return {name: self.parts[name] for name, kind in self.kinds.items() if kind == "load"}  # type: ignore[misc]
-
-    @property
-    def attachments(self) -> Attachments | None:
-        return self.one("attachments")
-
-    @property
-    def self_collision(self) -> SelfCollision | None:
-        return self.one("self_collision")
-
-    @property
-    def contact(self) -> Contact | None:
-        """What makes particles of bodies meet."""
-        return self.one("contact")
-
-    @property
-    def fold(self) -> Fold | None:
-        return self.one("fold")
-
-    @property
-    def springs(self) -> Springs | None:
-        return self.one("springs")
-
-    @property
-    def damping(self) -> Damping | None:
-        return self.one("damping")
-
-    @property
-    def gravity(self) -> Gravity | None:
-        return self.one("gravity")
-
-    @property
-    def external(self) -> External | None:
-        return self.one("external")
-
-    @property
-    def perturbation(self) -> Perturbation | None:
-        return self.one("perturbation")
-
-    @property
-    def manufactured(self) -> Manufactured | None:
-        return self.one("manufactured")
-
-    @property
-    def method(self) -> Method:
-        return self.one("method")
-
-    def as_dict(self) -> dict[str, Any]:
-        """The scene as nested tables, defaults filled in: what a TOML file of it would hold."""
-        tables: dict[str, Any] = {"title": self.title}
-        for part_name, part in self.parts.items():
-            kind = self.kinds[part_name]
-            tables[part_name] = ({} if kind == part_name else {"kind": kind}) | part.model_dump(mode="json")
-        return tables
-
-    def canonical(self) -> str:
-        """Canonical JSON of what is simulated (no title): equal texts mean equal scenes."""
-        tables = {key: table for key, table in self.as_dict().items() if key != "title"}
-        return json.dumps(tables, sort_keys=True, separators=(",", ":"))
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """A new, validated scene with fields replaced by dotted path: `scene.replace({"grid.rows": 64})`.

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pydantic import model_validator
 
-from model.core.errors import SceneError
 from model.scene.parts import NotNegative, Part, Positive, Sweeps
-
-if TYPE_CHECKING:
-    from model.scene.scene import Scene
 
 MOST_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
 # On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
@@ -37,14 +31,3 @@ class SelfCollision(Part):
         if self.dynamic_friction > self.static_friction:
             raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
         return self
-
-
-def check_self_collision(scene: Scene) -> None:
-    """Raise SceneError where the sheet cannot keep the thickness."""
-    part, grid = scene.self_collision, scene.grid
-    if part is not None and part.thickness > grid.spacing:
-        raise SceneError(
-            "self_collision.thickness", part.thickness,
-            f"must be at most cloth.spacing, {grid.spacing:g}: neighbours of the sheet are nearer to each other than that, "
-            "and would be driven apart for ever",
-        )  # fmt: skip

@@ -21,8 +21,8 @@ from app.render.pieces import collider_pieces, pieces_of, skinned
 from app.render.skinning import ClusterFrames
 from model.core.build import rest_positions
 from model.core.errors import InputError
-from model.geometry.normals import scene_normals
 from model.scene.scene import Scene
+from model.scene.sheets import scene_normals
 
 BALL = {"kind": "sphere", "center": [0.0, 0.2, 0.0], "radius": 0.2, "velocity": [0.5, 0.0, 0.0]}
 SCENE = beams_and_torus(**PLANE, ball=BALL)

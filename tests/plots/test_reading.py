@@ -53,7 +53,7 @@ def test_points_are_read_without_building_a_scene(
 
 def test_neither_figures_nor_sentences_make_a_body(committed: Results, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(crowd, "make_crowd", refuse)
-    monkeypatch.setattr("model.scene.scene.make_crowd", refuse)
+    monkeypatch.setattr("model.scene.scene_parts.make_crowd", refuse)
     assert book_data(committed)["claims"]
     with settings():
         for draw in FIGURES.values():

@@ -16,9 +16,10 @@ from model.core.build import build, masses, pinned_indices, rest_positions
 from model.core.energy import energies, spring_strain
 from model.core.errors import InputError, SceneError
 from model.core.families import scene_plan
-from model.geometry.normals import scene_normals, vertex_normals
-from model.geometry.topology import mesh_lines, mesh_of, triangles_of
+from model.geometry.normals import vertex_normals
+from model.geometry.topology import mesh_of
 from model.scene.scene import Scene, load_scene
+from model.scene.sheets import mesh_lines, scene_normals, triangles_of
 from model.xpbd.mesh_constraints import families
 
 GARMENT = {"mesh": {"file": "garment.obj", "pinned": "top"}, "structural": {}, "method": {"solver": "xpbd"}}

@@ -13,10 +13,10 @@ from app.driver import open_simulation
 from bench.reference import xpbd_mesh as reference
 from model.core.build import build
 from model.core.simulation import State
-from model.geometry.normals import scene_normals
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of, vertex_masses
 from model.scene.scene import Scene
+from model.scene.sheets import scene_normals
 
 STEPS = 2
 

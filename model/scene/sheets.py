@@ -1,0 +1,33 @@
+"""The triangles of a scene's sheet, for whatever draws it, and what to tell of a mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from model.geometry.normals import mesh_normals, vertex_normals
+from model.geometry.topology import mesh_of, sheet_triangles
+from model.scene.scene import Scene
+
+
+def triangles_of(scene: Scene) -> np.ndarray:
+    """(triangles, 3) uint32: of a cloth or a mesh, counter-clockwise from outside, or from the front."""
+    part = scene.mesh
+    if part is None:
+        return sheet_triangles(scene.grid.rows, scene.grid.columns)
+    return mesh_of(part).triangles.astype(np.uint32)
+
+
+def mesh_lines(scene: Scene) -> list[str]:
+    """What to tell of a mesh from a file: sizes, and everything that was mended."""
+    if scene.mesh is None or scene.mesh.file is None:
+        return []
+    return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]
+
+
+def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(particles, 3) float64: of the scene's cloth or mesh."""
+    if scene.mesh:
+        return mesh_normals(position, triangles_of(scene))
+    return vertex_normals(position, scene.grid.rows, scene.grid.columns)
