@@ -16,7 +16,7 @@ from model.core.simulation import Simulation
 
 AUTO = "auto"
 GAIN = 1.1  # more threads must be that much quicker: they keep cores from others
-SECONDS, MOST_STEPS = 0.03, 1000  # s, the least of a sample; steps, the most
+SECONDS, MAX_STEPS = 0.03, 1000  # s, the least of a sample; steps, the most
 ROUNDS = 3
 
 
@@ -42,7 +42,7 @@ def step_seconds(simulations: Sequence[Simulation], clock: Callable[[], float] =
     for simulation in simulations:
         sample(simulation, 1)  # compiles
     slowest = max(sample(simulation, 1) for simulation in simulations)
-    steps = max(1, min(MOST_STEPS, math.ceil(SECONDS / slowest))) if slowest > 0 else MOST_STEPS
+    steps = max(1, min(MAX_STEPS, math.ceil(SECONDS / slowest))) if slowest > 0 else MAX_STEPS
     taken = [[sample(simulation, steps) for simulation in simulations] for _ in range(ROUNDS)]
     return [statistics.median(column) for column in zip(*taken, strict=True)]
 

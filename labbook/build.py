@@ -33,7 +33,7 @@ from labbook.claims import hard_bodies as hard_body_claims
 from labbook.claims import kernels as kernel_claims
 from labbook.claims import stability as stability_claims
 from labbook.facts import facts
-from labbook.kernel_tables import joule_tables, kernel_tables, region_tables, roof_tables
+from labbook.kernel_tables import ceiling_tables, joule_tables, kernel_tables, region_tables
 from labbook.stability_tables import edge_tables
 from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
 from model.core.errors import BackendUnavailable, InputError
@@ -144,7 +144,7 @@ def book_data(results: Results) -> dict[str, Any]:
             "fastest": fastest_tables(results),
             "pareto": pareto_tables(results),
             "kernels": kernel_tables(results),
-            "roofs": roof_tables(results),
+            "ceilings": ceiling_tables(results),
             "joules": joule_tables(results),
             "regions": region_tables(results),
         },

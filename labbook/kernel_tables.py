@@ -1,4 +1,4 @@
-"""The lab book's tables of the kernels: times, shares of the roofs, joules, and what regions cost under each policy."""
+"""The lab book's tables of the kernels: times, shares of the ceilings, joules, and what regions cost under each policy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from labbook.words import number, percent
 from plots.core.data import Results, Source
 from plots.core.ladder import BACKENDS, fastest, in_order, machine_of, title
 from plots.figures.joules import has_joules, joules
-from plots.figures.roofline import roofs
+from plots.figures.roofline import ceilings
 
 PRECISIONS = ("float32", "float64")
 
@@ -50,13 +50,13 @@ def _short_cell(timing: Timing | None) -> str:
     return f"{number(1e6 * timing.median)} ({percent(timing.spread) if timing.spread >= 0.005 else '<1 %'}){mark}"
 
 
-def roof_tables(results: Results) -> list[Table]:
+def ceiling_tables(results: Results) -> list[Table]:
     """The share of one step per pass that each kernel reaches, a table for each backend and precision."""
     found = []
     for backend in BACKENDS:
-        source = machine_of(results, backend, lambda s, name=backend: roofs(s, name) is not None)  # type: ignore[misc]
+        source = machine_of(results, backend, lambda s, name=backend: ceilings(s, name) is not None)  # type: ignore[misc]
         for precision in PRECISIONS if source else ():
-            limits = roofs(source, backend, precision) if source else None
+            limits = ceilings(source, backend, precision) if source else None
             if source is None or limits is None:
                 continue
             kernels = source.ladder(backend, precision)

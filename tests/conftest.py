@@ -20,7 +20,7 @@ from variants import covering
 
 from cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores
 
-MOST_WORKERS = 8  # each may take a gigabyte
+MAX_WORKERS = 8  # each may take a gigabyte
 DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begin with and share
 
 
@@ -172,7 +172,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     watched = options.usepdb or options.trace or options.collectonly or options.capture == "no"
     alone = watched or ("gpu" in options.markexpr.split() and "not gpu" not in options.markexpr)
     if options.numprocesses is None and not options.tx and not (few or alone):
-        options.numprocesses = min(core_count(), MOST_WORKERS)
+        options.numprocesses = min(core_count(), MAX_WORKERS)
         if options.dist == "no":
             options.dist, options.loadscopereorder = "loadfile", False  # in the order of collection, see DEAR
 

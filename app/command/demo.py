@@ -222,11 +222,11 @@ class Demo(Worlds):
         """X: the body of the selected particle leaves, and waits from then on."""
         if self._blocked():
             return
-        selected, crowd = self.hand.selected, self.world.scene.crowd if self.world.scene.bodies else None
-        if selected is None or crowd is None:
-            self.say("first select a body: press it, or an arrow" if crowd is not None else NO_BODIES)
+        selected, body_set = self.hand.selected, self.world.scene.body_set if self.world.scene.bodies else None
+        if selected is None or body_set is None:
+            self.say("first select a body: press it, or an arrow" if body_set is not None else NO_BODIES)
             return
-        copy = crowd.copies[crowd.body[selected]]
+        copy = body_set.copies[body_set.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):
             self.hand.held = self.hand.selected = None
             self.hand.forget()
@@ -239,8 +239,8 @@ class Demo(Worlds):
     def name(self, particle: int) -> str:
         """`row, column` of a mass; of bodies the particle's number, and whose it is."""
         if self.world.scene.bodies:
-            crowd = self.world.scene.crowd
-            copy = crowd.copies[crowd.body[particle]]
+            body_set = self.world.scene.body_set
+            copy = body_set.copies[body_set.body[particle]]
             return f"{particle} of {copy.name}"
         return "{}, {}".format(*divmod(particle, self.world.body.columns))
 
@@ -263,8 +263,8 @@ class Demo(Worlds):
             self.say("no body is there")
             return
         if self.hand.selected is not None and self.world.scene.bodies:
-            crowd = self.world.scene.crowd
-            own = np.flatnonzero(crowd.body == crowd.body[self.hand.selected])
+            body_set = self.world.scene.body_set
+            own = np.flatnonzero(body_set.body == body_set.body[self.hand.selected])
             self._tell_selection(self.hand.move_to(neighbour(self.position, own, self.hand.selected, towards), towards))
             return
         self._tell_selection(self.hand.move(columns, rows, self.world, towards))

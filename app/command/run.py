@@ -18,7 +18,7 @@ from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.video import check_render, render
 from cpu_backend.core.threads import core_count, wait_policy
-from model.core.divergence import LEAST_INTERVAL
+from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
@@ -29,7 +29,7 @@ from model.scene.sheets import mesh_lines
 from model.shape_matching.spare import counts
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
-MOST_STEPS = 10**15  # more would take years
+MAX_STEPS = 10**15  # more would take years
 PROGRESS_SECONDS = 0.2  # how often the progress bar moves
 
 
@@ -72,9 +72,9 @@ def parse_record(words: Iterable[str] | None) -> int:
     """N of `every=N`. Raises SceneError."""
     word = next(iter(words or ()), "")
     key, _, number = word.partition("=")
-    short = number.isascii() and number.isdigit() and len(number) <= len(str(MOST_STEPS))
+    short = number.isascii() and number.isdigit() and len(number) <= len(str(MAX_STEPS))
     if key != "every" or not short or int(number) < 1:
-        raise SceneError("--record", word, f"must be every=N FILE.npz, N from 1 to {MOST_STEPS:.0e}")
+        raise SceneError("--record", word, f"must be every=N FILE.npz, N from 1 to {MAX_STEPS:.0e}")
     return int(number)
 
 
@@ -83,16 +83,16 @@ def step_count(scene: Scene, request: Request, notes: list[str]) -> int:
     if request.steps is not None and request.time is not None:
         raise SceneError("--time", request.time, "give --steps or --time, not both")
     if request.steps is not None:
-        if not 0 <= request.steps <= MOST_STEPS:
-            raise SceneError("--steps", request.steps, f"must be a whole number from 0 to {MOST_STEPS:.0e}")
+        if not 0 <= request.steps <= MAX_STEPS:
+            raise SceneError("--steps", request.steps, f"must be a whole number from 0 to {MAX_STEPS:.0e}")
         return request.steps
     if request.time is None:
         return 1000
     dt = scene.method.dt
     if not math.isfinite(request.time) or request.time < 0:
         raise SceneError("--time", request.time, "must be a finite number of seconds, at least 0")
-    if request.time / dt > MOST_STEPS:
-        raise SceneError("--time", request.time, f"is more than {MOST_STEPS:.0e} steps of {dt:g} s")
+    if request.time / dt > MAX_STEPS:
+        raise SceneError("--time", request.time, f"is more than {MAX_STEPS:.0e} steps of {dt:g} s")
     steps = round(request.time / dt)
     if abs(steps * dt - request.time) > 1e-9 * max(dt, request.time):
         notes.append(f"--time {request.time:g} s rounded to {steps} steps of {dt:g} s = {steps * dt:.9g} s")
@@ -205,7 +205,7 @@ def _advance(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
-    done, seconds, batch = 0, 0.0, LEAST_INTERVAL
+    done, seconds, batch = 0, 0.0, MIN_INTERVAL
     shown = None
     try:
         while done < steps:

@@ -14,7 +14,7 @@ from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 
 CAUGHT = 0.7  # of the distance that contacts keep: nearer is no rest in a heap
-MOST_LOOKED_AT = 200_000  # particles
+MAX_LOOKED_AT = 200_000  # particles
 
 
 def body_lines(scene: Scene) -> list[str]:
@@ -61,15 +61,15 @@ def bodies_report(simulation: Simulation, state: State) -> dict[str, Any]:
 def _caught(scene: Scene, state: State) -> tuple[int, float | None]:
     """Of particles that are there and meet: how many are nearer to one of another body than CAUGHT of what contacts keep; the
     least distance over that."""
-    crowd, there = scene.crowd, np.flatnonzero(state.inverse_mass > 0)
-    if len(there) > MOST_LOOKED_AT or not np.isfinite(state.position).all():
+    body_set, there = scene.body_set, np.flatnonzero(state.inverse_mass > 0)
+    if len(there) > MAX_LOOKED_AT or not np.isfinite(state.position).all():
         return 0, None
     rows, kind = pair_rows(scene)[:, :, G_DISTANCE], kinds_of_particles(scene)[there]
     try:
         one, other, distance = close_pairs(state.position[there].astype(np.float64), float(rows.max()))
     except TooMany:
         return 0, None
-    kept = np.where(crowd.body[there][one] != crowd.body[there][other], rows[kind[one], kind[other]], 0.0)
+    kept = np.where(body_set.body[there][one] != body_set.body[there][other], rows[kind[one], kind[other]], 0.0)
     meets = kept > distance
     part = distance[meets] / kept[meets]
     deep = part < CAUGHT

@@ -24,7 +24,7 @@ from model.scene.scene import Scene
 from model.shape_matching.spare import present
 
 MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
-LEAST_SIZE, MOST_SIZE = 16, 16384  # pixels
+MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
 
 
 class OffscreenRenderer:
@@ -42,8 +42,8 @@ class OffscreenRenderer:
         from app.window.panels import Panel, Style, legend_of
 
         for name, value in (("width", width), ("height", height)):
-            if not LEAST_SIZE <= value <= MOST_SIZE:
-                raise InputError(f"picture {name} = {value}: must be {LEAST_SIZE} to {MOST_SIZE} pixels")
+            if not MIN_SIZE <= value <= MAX_SIZE:
+                raise InputError(f"picture {name} = {value}: must be {MIN_SIZE} to {MAX_SIZE} pixels")
         self.scene, self._space = scene, scene.dimensions == 3
         self.width, self.height = width, height
         self.strain_range = 0.5

@@ -21,9 +21,9 @@ from model.core.simulation import Simulation
 from model.scene.scene import Scene
 
 SECONDS = 1.0  # of measuring a backend
-LEAST_STEPS, MOST_STEPS = 3, 20000
+MIN_STEPS, MAX_STEPS = 3, 20000
 REWIND = 256  # steps until the state is put back, so that one that diverges never runs for long
-LEAST_REPLAYS = 256  # of a stage on a GPU: one whole graph
+MIN_REPLAYS = 256  # of a stage on a GPU: one whole graph
 EMPTY = "empty"  # on the CPU: a stage that starts the threads and does nothing
 
 Runs = Mapping[str, Callable[[int, float], None]]
@@ -82,7 +82,7 @@ def _in_turn(simulation: Simulation, stages: list[Stage], runs: Runs) -> StageTi
     samples: list[list[float]] = [[] for _ in stages]
     end = time.perf_counter() + SECONDS
     step = 0
-    while step < LEAST_STEPS or (step < MOST_STEPS and time.perf_counter() < end):
+    while step < MIN_STEPS or (step < MAX_STEPS and time.perf_counter() < end):
         if step % REWIND == 0:
             simulation.rewind()
         simulation.synchronize()
@@ -117,10 +117,10 @@ def _replayed(simulation: Any, stages: list[Stage], runs: Runs) -> StageTimes:
             simulation.synchronize()
             return time.perf_counter() - begin
 
-        timed(LEAST_REPLAYS)  # captures
-        one = timed(LEAST_REPLAYS) / LEAST_REPLAYS
-        chunks = max(1, int(SECONDS / len(stages) / one / LEAST_REPLAYS))
-        count = LEAST_REPLAYS * min(chunks, MOST_STEPS)
+        timed(MIN_REPLAYS)  # captures
+        one = timed(MIN_REPLAYS) / MIN_REPLAYS
+        chunks = max(1, int(SECONDS / len(stages) / one / MIN_REPLAYS))
+        count = MIN_REPLAYS * min(chunks, MAX_STEPS)
         found.append(timed(count) / count)
         graphs.close()
         simulation.rewind()

@@ -80,9 +80,9 @@ class PlanReport:
         method, grid = self.scene.method, self.scene.grid
         counts = {}
         if self.scene.bodies:
-            clusters = self.scene.crowd.clusters
+            clusters = self.scene.body_set.clusters
             counts = {
-                "bodies": len(self.scene.crowd.copies),
+                "bodies": len(self.scene.body_set.copies),
                 "clusters": clusters.count,
                 "entries": len(clusters.indices),
             }

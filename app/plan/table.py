@@ -62,14 +62,15 @@ def print_plan(console: Console, report: PlanReport) -> None:
     scene = report.scene
     amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
     if scene.bodies:
-        crowd, told = scene.crowd, counts(scene)
+        body_set, told = scene.body_set, counts(scene)
         waiting = (
             f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
         )
-        bodies = "1 body" if len(crowd.copies) == 1 else f"{number(len(crowd.copies))} bodies"
+        bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
+        entries = len(body_set.clusters.indices) / body_set.particle_count
         amounts = (
-            f"{number(crowd.particle_count)} particles of {bodies}{waiting}, "
-            f"{number(crowd.clusters.count)} clusters, {len(crowd.clusters.indices) / crowd.particle_count:.2f} a particle"
+            f"{number(body_set.particle_count)} particles of {bodies}{waiting}, "
+            f"{number(body_set.clusters.count)} clusters, {entries:.2f} a particle"
         )
     console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
     for line in (limit_line(report), *frequency_lines(scene)):

@@ -45,7 +45,7 @@ class BodiesView(SpaceView):
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         super().__init__(scene, detail)
-        crowd = scene.crowd
+        body_set = scene.body_set
         self.particles, self.skin, self.clusters, self.links = False, True, False, False
         self.colouring = COLOURINGS[0]
         self.frames = ClusterFrames(scene)
@@ -55,38 +55,38 @@ class BodiesView(SpaceView):
         self._lit_spheres = Lit(body_shaders.SPHERE_VERTEX, body_shaders.SPHERE_FRAGMENT)
         self._skin_shadow = shader_program(body_shaders.SKIN_SHADOW_VERTEX, body_shaders.SKIN_SHADOW_FRAGMENT)
         self._sphere_shadow = shader_program(body_shaders.SPHERE_SHADOW_VERTEX, body_shaders.SPHERE_SHADOW_FRAGMENT)
-        spacing = np.array([copy.baked.spacing for copy in crowd.copies])
-        self._radius = PARTICLE_RADIUS * spacing[crowd.body]
-        copies = crowd.in_cluster_order
+        spacing = np.array([copy.baked.spacing for copy in body_set.copies])
+        self._radius = PARTICLE_RADIUS * spacing[body_set.body]
+        copies = body_set.in_cluster_order
         self._owner = np.repeat([copy.number for copy in copies], [copy.baked.clusters.count for copy in copies])
-        self._middle_look = np.column_stack([cluster_colours(crowd), PARTICLE_RADIUS * spacing[self._owner]])
+        self._middle_look = np.column_stack([cluster_colours(body_set), PARTICLE_RADIUS * spacing[self._owner]])
         self._there = copies_there(scene)
         self._weights: np.ndarray | None = None  # by which that is so
         self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
-        zero = np.zeros((crowd.clusters.count, 3), np.float32)
+        zero = np.zeros((body_set.clusters.count, 3), np.float32)
         self._buffers = [
             static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())
         ]
         self._spheres = self._sphere_array(self.vertices.position_buffer, self._buffers[0])
         self._middles = self._sphere_array(*self._buffers[2:4])
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1])
-        self._links = np.concatenate([copy.first_particle + copy.baked.links for copy in crowd.copies]).astype(
+        self._links = np.concatenate([copy.first_particle + copy.baked.links for copy in body_set.copies]).astype(
             np.uint32
         )
         self._buffers.append(static_buffer(self._links))
         self._link_ends = 0  # of links that are drawn
         self._lines = vertex_array(self.vertices.position_buffer, self._buffers[-1])
         self._line_program = shader_program(shaders3d.VERTEX, shaders3d.LINE_FRAGMENT)
-        self._skins = [Skins(list(copies)) for _, copies in groupby(crowd.copies, key=lambda copy: copy.name)]
-        self._cluster_texture = ClusterTexture(crowd.clusters.count)
+        self._skins = [Skins(list(copies)) for _, copies in groupby(body_set.copies, key=lambda copy: copy.name)]
+        self._cluster_texture = ClusterTexture(body_set.clusters.count)
         self._constants()
         self._send_links()
-        self.upload(crowd.position)
+        self.upload(body_set.position)
 
     def _look(self) -> np.ndarray:
         """(particles, 4) float32: colours and radii [m], 0 of what waits: nothing is drawn of it."""
         found = particle_colours(self.scene, self.colouring)
-        radius = self._radius * self._there[self.scene.crowd.body]
+        radius = self._radius * self._there[self.scene.body_set.body]
         return np.ascontiguousarray(np.column_stack([found, radius]), np.float32)
 
     def _look_of_middles(self) -> np.ndarray:
@@ -97,7 +97,7 @@ class BodiesView(SpaceView):
 
     def _send_links(self) -> None:
         """Those of bodies that are there."""
-        ends = np.ascontiguousarray(self._links[self._there[self.scene.crowd.body[self._links[:, 0]]]])
+        ends = np.ascontiguousarray(self._links[self._there[self.scene.body_set.body[self._links[:, 0]]]])
         refill(self._buffers[-1], ends)
         self._link_ends = ends.size
 

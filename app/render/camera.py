@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST_SCALE, MOST_SCALE = 1e-6, 1e6  # pixels per metre: what float32 vertex coordinates still resolve
+MIN_SCALE, MAX_SCALE = 1e-6, 1e6  # pixels per metre: what float32 vertex coordinates still resolve
 
 Margins = tuple[float, float, float, float]  # pixels kept free at the left, bottom, right, top
 
@@ -72,7 +72,7 @@ class Camera:
     def zoom(self, factor: float, x: float, y: float) -> None:
         """Magnify by `factor` about the window point (x, y), which keeps showing the same place."""
         before = self.to_world(x, y)
-        self.scale = min(max(self.scale * factor, LEAST_SCALE), MOST_SCALE)
+        self.scale = min(max(self.scale * factor, MIN_SCALE), MAX_SCALE)
         after = self.to_world(x, y)
         self.x += before[0] - after[0]
         self.y += before[1] - after[1]
@@ -86,7 +86,7 @@ class Camera:
         free_width = max(self.width - margins[0] - margins[2], 16.0)
         free_height = max(self.height - margins[1] - margins[3], 16.0)
         scale = min(free_width / max(right - left, least), free_height / max(top - bottom, least))
-        scale = min(max(scale, LEAST_SCALE), MOST_SCALE)
+        scale = min(max(scale, MIN_SCALE), MAX_SCALE)
         return Camera(
             self.width,
             self.height,

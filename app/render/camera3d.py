@@ -15,11 +15,11 @@ from app.render.camera import Margins
 
 FIELD_OF_VIEW = 0.56  # rad, from the bottom to the top of the window
 START_YAW, START_PITCH = 0.45, 0.28  # rad: from the right and from above, so that depth is seen at once
-MOST_PITCH = 0.49 * pi  # straight from above, "up" would have no direction
+MAX_PITCH = 0.49 * pi  # straight from above, "up" would have no direction
 TURN = 0.008  # rad per pixel of dragging
 NEAREST, FARTHEST = 0.02, 60.0  # times the distance: the planes between which is drawn
-LEAST_DISTANCE, MOST_DISTANCE = 1e-4, 1e7  # m
-LEAST_FLOOR = 0.5  # cosine between the vertical and the normal of what the eye must stay above
+MIN_DISTANCE, MAX_DISTANCE = 1e-4, 1e7  # m
+MIN_FLOOR = 0.5  # cosine between the vertical and the normal of what the eye must stay above
 CENTRING = 8  # steps of Newton's method, which mostly ends after three
 BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
 
@@ -121,7 +121,7 @@ class Camera3D:
     def orbit(self, dx: float, dy: float) -> None:
         """Turn what is seen about the target as a drag by (dx, dy) pixels would turn a ball."""
         self.yaw -= TURN * dx
-        self.pitch = min(max(self.pitch - TURN * dy, -MOST_PITCH), MOST_PITCH)
+        self.pitch = min(max(self.pitch - TURN * dy, -MAX_PITCH), MAX_PITCH)
 
     def keep_above(self, point: np.ndarray, normal: np.ndarray) -> None:
         """Turn up, and where that is not enough move up, until the eye is above the plane through `point` [m] of this
@@ -130,13 +130,13 @@ class Camera3D:
         The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's part
         toward the viewer along the horizon: r cos(pitch - steepest), which must reach `wanted`.
         """
-        if normal[1] < LEAST_FLOOR:
+        if normal[1] < MIN_FLOOR:
             return
         wanted = NEAREST + float(normal @ (point - self.target)) / self.distance
         toward = float(normal[0] * sin(self.yaw) + normal[2] * cos(self.yaw))
         reach, steepest = hypot(normal[1], toward), atan2(normal[1], toward)
         least = steepest - acos(min(max(wanted / reach, -1.0), 1.0))
-        self.pitch = min(max(self.pitch, least), MOST_PITCH)
+        self.pitch = min(max(self.pitch, least), MAX_PITCH)
         missing = wanted - float(self.axes[2] @ normal)
         if missing > 0:
             self._aim(self.target + missing * self.distance * np.asarray(normal))
@@ -149,7 +149,7 @@ class Camera3D:
     def zoom(self, factor: float, x: float, y: float) -> None:
         """Go nearer by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
         before = np.array(self.on_plane(x, y, self.target))
-        self.distance = min(max(self.distance / factor, LEAST_DISTANCE), MOST_DISTANCE)
+        self.distance = min(max(self.distance / factor, MIN_DISTANCE), MAX_DISTANCE)
         self._aim(self.target + before - self.on_plane(x, y, self.target))
 
     def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera3D:
@@ -180,7 +180,7 @@ class Camera3D:
             least, most = upper - above * eye[2], below * eye[2] - lower
             eye[axis] = _middle(seen[:, axis], eye[2] - seen[:, 2], radius, (below, above), least, most)
         middle = float(seen[:, 2].min() + seen[:, 2].max()) / 2
-        distance = min(max(float(eye[2]) - middle, LEAST_DISTANCE), MOST_DISTANCE)
+        distance = min(max(float(eye[2]) - middle, MIN_DISTANCE), MAX_DISTANCE)
         x, y, z = (np.array([eye[0], eye[1], middle]) @ self.axes).tolist()
         return replace(self, x=x, y=y, z=z, distance=distance)
 

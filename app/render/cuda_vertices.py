@@ -20,7 +20,7 @@ from model.core.simulation import Simulation
 from model.scene.scene import Scene
 
 STRAIGHT = "straight from the solver's GPU memory"
-MOST_DEVICES = 64  # GPUs that one OpenGL context may draw with
+MAX_DEVICES = 64  # GPUs that one OpenGL context may draw with
 
 
 class NotShared(Exception):
@@ -148,7 +148,7 @@ def require_same_gpu(runtime: Any) -> None:
     if "nvidia" not in vendor.lower():  # CUDA is not even asked about a context it cannot know
         raise NotShared(f"{renderer} draws, not the GPU that computes")
     (device,) = _checked(runtime.cudaGetDevice(), "asking for the GPU")
-    status, count, devices = runtime.cudaGLGetDevices(MOST_DEVICES, runtime.cudaGLDeviceList.cudaGLDeviceListAll)
+    status, count, devices = runtime.cudaGLGetDevices(MAX_DEVICES, runtime.cudaGLDeviceList.cudaGLDeviceListAll)
     if int(status) == 0 and count and int(device) not in [int(known) for known in devices[:count]]:
         raise NotShared(f"another GPU draws ({renderer})")
 

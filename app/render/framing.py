@@ -10,7 +10,7 @@ from app.render.collider_shapes import collider_boxes
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
-LEAST_SLOPE = 0.2  # of a plane's unit normal upward: a steeper one is a wall, which nothing falls onto
+MIN_SLOPE = 0.2  # of a plane's unit normal upward: a steeper one is a wall, which nothing falls onto
 
 
 def seen_radius(scene: Scene) -> float:
@@ -42,7 +42,7 @@ def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
 def _landing(points: np.ndarray, plane: Plane, time: float, least: float) -> np.ndarray:
     """Where the vertical through each point meets a plane at `time` [s], but no lower than `least` [m]."""
     normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
-    if normal[1] < LEAST_SLOPE:
+    if normal[1] < MIN_SLOPE:
         return np.zeros((0, 3))
     away = (points - np.asarray(plane.point) - time * np.asarray(plane.velocity)) @ normal
     found = points.copy()

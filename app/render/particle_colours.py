@@ -6,7 +6,7 @@ import numpy as np
 
 from app.render import colours
 from model.scene.scene import Scene
-from model.shape_matching.crowd import Crowd
+from model.shape_matching.body_set import BodySet
 
 COLOURINGS = ("body", "group", "cluster")  # the first is how bodies are shown at first
 
@@ -20,27 +20,27 @@ def of_numbers(number: np.ndarray) -> np.ndarray:
 def particle_colours(scene: Scene, colouring: str) -> np.ndarray:
     """(particles, 3) float32: by `body`, by the `group` that contacts know it by, or by the `cluster` whose middle is nearest
     at rest, of those that it is in."""
-    crowd = scene.crowd
+    body_set = scene.body_set
     if colouring == "group":
-        groups = np.array([scene.bodies[copy.name].group for copy in crowd.copies])
-        return of_numbers(np.unique(groups, return_inverse=True)[1][crowd.body])
+        groups = np.array([scene.bodies[copy.name].group for copy in body_set.copies])
+        return of_numbers(np.unique(groups, return_inverse=True)[1][body_set.body])
     if colouring == "cluster":
-        return cluster_colours(crowd)[nearest_clusters(crowd)]
-    return of_numbers(crowd.body)
+        return cluster_colours(body_set)[nearest_clusters(body_set)]
+    return of_numbers(body_set.body)
 
 
-def cluster_colours(crowd: Crowd) -> np.ndarray:
+def cluster_colours(body_set: BodySet) -> np.ndarray:
     """(clusters, 3) float32: by their numbers in their body."""
-    return of_numbers(np.concatenate([np.arange(copy.baked.clusters.count) for copy in crowd.in_cluster_order]))
+    return of_numbers(np.concatenate([np.arange(copy.baked.clusters.count) for copy in body_set.in_cluster_order]))
 
 
-def nearest_clusters(crowd: Crowd) -> np.ndarray:
+def nearest_clusters(body_set: BodySet) -> np.ndarray:
     """(particles,) int64: of the clusters that a particle is in the one whose middle is nearest to it at rest; 0 of an
     orphan."""
-    clusters = crowd.clusters
+    clusters = body_set.clusters
     away = np.linalg.norm(clusters.rest, axis=1)
     order = np.lexsort((away, clusters.indices))
     particles, first = np.unique(clusters.indices[order], return_index=True)
-    found = np.zeros(crowd.particle_count, np.int64)
+    found = np.zeros(body_set.particle_count, np.int64)
     found[particles] = clusters.owner[order][first]
     return found

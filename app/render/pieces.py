@@ -12,7 +12,7 @@ from app.render.collider_shapes import collider_mesh, plane_axes
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 from model.scene.sheets import scene_normals, triangles_of
-from model.shape_matching.crowd import Copy
+from model.shape_matching.body_set import Copy
 from model.shape_matching.spare import copies_there
 
 PLANE_REACH = 1.0  # of the scene's size: a plane is shown as far as that on each side of the masses
@@ -43,7 +43,7 @@ def pieces_of(
     if scene.bodies:
         assert matrices is not None
         there = copies_there(scene, inverse_mass)
-        return [_body(scene, copy, position, matrices) for copy in scene.crowd.copies if there[copy.number]]
+        return [_body(scene, copy, position, matrices) for copy in scene.body_set.copies if there[copy.number]]
     name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
     triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
     if len(triangles):
@@ -60,7 +60,7 @@ def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) 
     particles."""
     colour, baked = colours.BODIES[copy.number % len(colours.BODIES)], copy.baked
     several = scene.bodies[copy.name].count + scene.bodies[copy.name].spare > 1
-    first = next(one.number for one in scene.crowd.copies if one.name == copy.name) if several else 0
+    first = next(one.number for one in scene.body_set.copies if one.name == copy.name) if several else 0
     name = f"{copy.name}-{copy.number - first + 1}" if several else copy.name
     skin = baked.skin
     if skin is None or not len(skin.triangles):

@@ -13,12 +13,12 @@ class ClusterFrames:
     """The clusters of all bodies of `scene` as matrices that take points of their meshes at rest to now."""
 
     def __init__(self, scene: Scene):
-        crowd, parts = scene.crowd, scene.bodies
-        self._clusters, copies = crowd.clusters, crowd.in_cluster_order
+        body_set, parts = scene.body_set, scene.bodies
+        self._clusters, copies = body_set.clusters, body_set.in_cluster_order
         turns = [np.broadcast_to(parts[copy.name].turn(), (copy.baked.clusters.count, 3, 3)) for copy in copies]
         self._turn = np.concatenate(turns)  # a copy's own, at the start, when its clusters are not turned yet
         self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
-        self.count = crowd.clusters.count
+        self.count = body_set.clusters.count
 
     def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """(clusters, 3, 4) float32: of points of the mesh with a 1 behind; with the clusters at `centre` (clusters, 3) [m]

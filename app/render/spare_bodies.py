@@ -21,7 +21,7 @@ def next_spare(world: Simulation, last: str | None) -> str:
     if not any(part.spare for part in scene.bodies.values()):
         raise SceneError("spare", 0, f"no body of this scene waits; spare = 5 in its [{names[0]}] keeps five")
     there = copies_there(scene, world.body.inverse_mass)
-    waiting = {copy.name for copy in scene.crowd.copies if not there[copy.number]}
+    waiting = {copy.name for copy in scene.body_set.copies if not there[copy.number]}
     if not waiting:
         name = next(name for name, part in scene.bodies.items() if part.spare)
         raise SceneError(
@@ -34,9 +34,9 @@ def next_spare(world: Simulation, last: str | None) -> str:
 def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
     """Bring in a copy of a part at rest, its middle over or under `place` [m], all of it above that. Its number. Raises
     SceneError."""
-    part, crowd = world.scene.bodies[name], world.scene.crowd
-    first = next(copy for copy in crowd.copies if copy.name == name)
-    at_rest = crowd.position[first.particles] - part.places()[0]
+    part, body_set = world.scene.bodies[name], world.scene.body_set
+    first = next(copy for copy in body_set.copies if copy.name == name)
+    at_rest = body_set.position[first.particles] - part.places()[0]
     low, high = at_rest.min(axis=0), at_rest.max(axis=0)
     origin = np.asarray(place, dtype=np.float64) - (low + high) / 2
     origin[1] = place[1] - low[1] + GAP * (high - low).max()

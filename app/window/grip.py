@@ -16,7 +16,7 @@ from model.core.simulation import Simulation
 
 HAND = 10.0  # 1/s: the angular frequency at which a body follows the pointer, where nothing below asks for less
 REACH = 0.5  # of the body's longest side, to where a pull is shared
-LEAST_REACH = 2.5  # particle spacings
+MIN_REACH = 2.5  # particle spacings
 GIVE = 0.1  # of its longest side: how far the pulled part may leave the rest of the body
 CALMING = 3.0  # 1/s, at which the rest of a held body comes to move as its held part does: else it swings on and on
 STEADY, SLOWING = 0.2, 0.5  # of what would overturn the part's motion in the time for which a force is held
@@ -26,15 +26,15 @@ class Grip:
     """What is held of the body of `particle`: `particles` (n,), their `share` (n,) of the force, which add up to 1."""
 
     def __init__(self, world: Simulation, particle: int):
-        crowd, self.particle = world.scene.crowd, particle
-        clusters, body = crowd.clusters, crowd.body[particle]
-        self._own = own = np.flatnonzero(crowd.body == body)
-        rest, mass = crowd.position[own], clusters.mass[own]
+        body_set, self.particle = world.scene.body_set, particle
+        clusters, body = body_set.clusters, body_set.body[particle]
+        self._own = own = np.flatnonzero(body_set.body == body)
+        rest, mass = body_set.position[own], clusters.mass[own]
         self.mass, self.extent = float(mass.sum()), float(np.ptp(rest, axis=0).max())
-        spacing = crowd.copies[body].baked.spacing
-        reach = max(REACH * self.extent, LEAST_REACH * spacing)
+        spacing = body_set.copies[body].baked.spacing
+        reach = max(REACH * self.extent, MIN_REACH * spacing)
         self.extent = max(self.extent, spacing)
-        away = np.linalg.norm(rest - crowd.position[particle], axis=1) / reach
+        away = np.linalg.norm(rest - body_set.position[particle], axis=1) / reach
         share = mass * np.clip(1 - away * away, 0, None) ** 2
         self.particles, self.share = own[share > 0], share[share > 0] / share.sum()
         self._push = (self.share / clusters.mass[self.particles])[:, None]  # 1/kg

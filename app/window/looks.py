@@ -39,7 +39,7 @@ class Looks:
         first = self.views[0]
         inside = " and ".join(part for part in ("particles", "clusters", "links") if getattr(first, part))
         self.demo.say(" behind the ".join(word for word in (inside, "skin" if first.skin else "") if word))
-        if name == "links" and not any(len(copy.baked.links) for copy in self.demo.world.scene.crowd.copies):
+        if name == "links" and not any(len(copy.baked.links) for copy in self.demo.world.scene.body_set.copies):
             self.demo.say("these bodies have no links")
 
     def next_colouring(self) -> None:

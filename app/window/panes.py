@@ -9,15 +9,15 @@ from math import ceil, sqrt
 from model.core.errors import SceneError
 from model.scene.scene import Scene
 
-MOST_WORLDS = 9
+MAX_WORLDS = 9
 IN_A_ROW = 3  # as many stand beside each other; more in as many columns as rows
 GAP = 2  # pixels between two
 
 
 def check_alike(scenes: Sequence[Scene]) -> None:
     """Raises SceneError if scenes cannot be shown side by side: one camera and one hand are to do for all of them."""
-    if not 1 <= len(scenes) <= MOST_WORLDS:
-        raise SceneError("SCENE", f"{len(scenes)} scenes", f"side by side can be 1 to {MOST_WORLDS}")
+    if not 1 <= len(scenes) <= MAX_WORLDS:
+        raise SceneError("SCENE", f"{len(scenes)} scenes", f"side by side can be 1 to {MAX_WORLDS}")
     first = _look(scenes[0])
     for scene in scenes:
         if _look(scene) != first:

@@ -17,7 +17,7 @@ from model.scene.scene import Scene
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
 GROUND_REACH = 2.6  # times the scene's size, to where nothing is left of the ground
 GROUND_COVER = 0.55  # how much of what lies behind the ground it hides, seen from above
-LEAST_SLOPE = 0.15  # cosine between a plane's normal and the light from which on it bears shadows
+MIN_SLOPE = 0.15  # cosine between a plane's normal and the light from which on it bears shadows
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
 
 Drawn = tuple[Any, int, int]  # vertex array, mode, elements
@@ -127,7 +127,7 @@ class Scenery:
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)
         for ground in grounds(self.scene, time, lowest):
-            if ground.normal @ KEY < LEAST_SLOPE or not self._above(ground, camera):
+            if ground.normal @ KEY < MIN_SLOPE or not self._above(ground, camera):
                 continue
             centre, flatten = self._centre(ground, camera), shadow_matrix(ground, KEY)
             program.use()

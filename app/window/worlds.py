@@ -24,7 +24,7 @@ ALWAYS_KEPT = 50_000  # masses: up to here the last picture that fits is kept in
 WATCHABLE = 3.0  # times the scene's size: what still fits the window, and is shown of a state that diverged
 STEPS_PER_FRAME = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 FRAME = 1 / 60  # s
-MOST_BATCHES, BODY_BATCHES = 20, 4  # in a frame, while a cloth or a body is pulled
+MAX_BATCHES, BODY_BATCHES = 20, 4  # in a frame, while a cloth or a body is pulled
 STATISTICS_INTERVAL = 0.1  # s, at least
 STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are looked at less often
 
@@ -192,7 +192,7 @@ class Worlds:
         up about the pointer, were the force as old as a frame. A body weighs more than what is pulled of it."""
         if self.hand.held is None or self.world.scene.dimensions == 2:
             return 1
-        return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MOST_BATCHES)
+        return min(self.steps_per_frame, BODY_BATCHES if self.world.scene.bodies else MAX_BATCHES)
 
     @property
     def _pace(self) -> Simulation:

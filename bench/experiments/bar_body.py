@@ -100,7 +100,7 @@ def stand(scene: Scene, backend: str) -> Measures:
     """SAG: by how much the bar at rest is shorter than made, between the means of its first and its last layer."""
 
     def measure() -> Measures:
-        height = scene.crowd.position[:, 1]
+        height = scene.body_set.position[:, 1]
         with open_simulation(scene, backend, **OPTIONS) as simulation:
             simulation.advance(REST_FRAMES)
             now = simulation.state().position[:, 1]
@@ -115,10 +115,10 @@ def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
     """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a free rod's; REACH and CLUSTERS."""
 
     def measure() -> Measures:
-        at = scene.crowd.position
+        at = scene.body_set.position
         shape = np.zeros_like(at)
         shape[:, 0] = np.sin(pi * at[:, 0] / LENGTH)
-        begin = State(at + SWING * shape, np.zeros_like(at), 1 / scene.crowd.clusters.mass, 0.0, 0)
+        begin = State(at + SWING * shape, np.zeros_like(at), 1 / scene.body_set.clusters.mass, 0.0, 0)
         with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
             frequency, decay = swing_of(follow(simulation, shape, FRAMES // 2), FRAME)
         arm, held = reach(layers, overlap)

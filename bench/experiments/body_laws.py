@@ -82,8 +82,8 @@ def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Me
     names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
 
     def measure() -> Measures:
-        crowd, steps = scene.crowd, round(SECONDS[law] / scene.method.dt)
-        mass = crowd.clusters.mass
+        body_set, steps = scene.body_set, round(SECONDS[law] / scene.method.dt)
+        mass = body_set.clusters.mass
         with open_simulation(scene, backend, live=SHARED[:1], **OPTIONS | {"precision": precision}) as simulation:
             simulation.advance(steps)
             state = simulation.state()
@@ -92,7 +92,7 @@ def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Me
             energy = 0.5 * float(np.sum(mass[:, None] * velocity**2))
             return {ENERGY: (energy / float(mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
         spin = angular_momentum(position, velocity, mass)
-        before = angular_momentum(crowd.position, crowd.velocity, mass)
+        before = angular_momentum(body_set.position, body_set.velocity, mass)
         found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}
         if law == SPIN:
             return found | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}

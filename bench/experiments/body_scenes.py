@@ -125,21 +125,21 @@ def heap(copies: int, substeps: int, separation_speed: float = FALL) -> Scene:
 
 def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: Any = None) -> State:
     """A state at time 0: the scene's, but for what is given."""
-    crowd = scene.crowd
-    position = crowd.position if position is None else np.asarray(position, dtype=np.float64)
+    body_set = scene.body_set
+    position = body_set.position if position is None else np.asarray(position, dtype=np.float64)
     velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64)
-    return State(position, velocity, 1 / crowd.clusters.mass, 0.0, 0, rotation)
+    return State(position, velocity, 1 / body_set.clusters.mass, 0.0, 0, rotation)
 
 
 def masses(scene: Scene) -> np.ndarray:
     """(particles, 1) [kg]"""
-    m: np.ndarray = scene.crowd.clusters.mass[:, None]
+    m: np.ndarray = scene.body_set.clusters.mass[:, None]
     return m
 
 
 def centre(scene: Scene, values: np.ndarray, body: int | None = None) -> np.ndarray:
     """(3,): the mean by mass of a body's values, or of all."""
-    chosen = scene.crowd.body == body if body is not None else np.ones(len(values), bool)
+    chosen = scene.body_set.body == body if body is not None else np.ones(len(values), bool)
     m = masses(scene)[chosen]
     found: np.ndarray = (m * values[chosen]).sum(axis=0) / m.sum()
     return found
@@ -152,17 +152,17 @@ def kinetic(scene: Scene, velocity: np.ndarray) -> float:
 
 def changed(scene: Scene, change: Change) -> State:
     """At rest, but squashed about its centre."""
-    middle = centre(scene, scene.crowd.position)
-    return start(scene, change(scene.crowd.position - middle) + middle)
+    middle = centre(scene, scene.body_set.position)
+    return start(scene, change(scene.body_set.position - middle) + middle)
 
 
 def out_of_shape(scene: Scene, position: np.ndarray) -> float:
     """How far [m] the worst particle is from its place in its body, each body turned as it fits best (det +1)."""
     worst = 0.0
-    for body in range(len(scene.crowd.copies)):
-        chosen, m = scene.crowd.body == body, masses(scene)[scene.crowd.body == body]
+    for body in range(len(scene.body_set.copies)):
+        chosen, m = scene.body_set.body == body, masses(scene)[scene.body_set.body == body]
         now = position[chosen] - centre(scene, position, body)
-        rest = scene.crowd.position[chosen] - centre(scene, scene.crowd.position, body)
+        rest = scene.body_set.position[chosen] - centre(scene, scene.body_set.position, body)
         u, _, v = np.linalg.svd((m * now).T @ rest)
         turn = u @ np.diag([1, 1, np.linalg.det(u) * np.linalg.det(v)]) @ v
         worst = max(worst, float(np.abs(now - rest @ turn.T).max()))
@@ -171,7 +171,7 @@ def out_of_shape(scene: Scene, position: np.ndarray) -> float:
 
 def nearest(scene: Scene, position: np.ndarray) -> float:
     """The least distance [m] between particles of two bodies."""
-    body = scene.crowd.body
+    body = scene.body_set.body
     apart = np.linalg.norm(position[:, None] - position, axis=2)
     return float(apart[body[:, None] != body].min())
 
@@ -179,6 +179,6 @@ def nearest(scene: Scene, position: np.ndarray) -> float:
 def sunk(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(bodies,): how much nearer the centre of each has come to what is below it, over g h^2."""
     h = scene.method.dt / scene.method.substeps
-    fallen = [centre(scene, scene.crowd.position - position, body)[1] for body in range(len(scene.crowd.copies))]
+    fallen = [centre(scene, scene.body_set.position - position, body)[1] for body in range(len(scene.body_set.copies))]
     found: np.ndarray = np.diff([0.0, *fallen]) / (GRAVITY * h * h)
     return found

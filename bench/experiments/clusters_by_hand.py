@@ -11,20 +11,20 @@ import numpy as np
 
 from bench.experiments.body_scenes import SAMPLED, bodies_scene
 from model.scene.scene import Scene
+from model.shape_matching.body_set import BodySet, Copy
 from model.shape_matching.clusters import Clusters
-from model.shape_matching.crowd import Copy, Crowd
 from model.shape_matching.links import LinkedCopies, make_links
 
 BODY = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # in whose place they are
 
 
 def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
-    """A scene whose crowd is these clusters and links, as one body."""
+    """A scene whose body set is these clusters and links, as one body."""
     scene = bodies_scene(**{"body": BODY, "gravity": 0.0, **tables})
     copies = (Copy("body", SimpleNamespace(clusters=clusters, lattice=None), 0, 0, 0),)  # type: ignore[arg-type]
     at, count = clusters.position, len(clusters.mass)
     zero, body = np.zeros_like(at), np.zeros(count, np.int32)
-    scene.__dict__["crowd"] = Crowd(
+    scene.__dict__["body_set"] = BodySet(
         at, zero, body, clusters, make_links(links), copies, 0.1, float(clusters.mass.mean())
     )
     scene.canonical = lambda: f"by hand {id(clusters)}"  # type: ignore[method-assign]  # what its arrays are kept under

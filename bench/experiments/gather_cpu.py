@@ -46,7 +46,7 @@ class GatherGrid(MassSpring):
 
 def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """The step of `count` masses of a row. Neighbours are arrays of their own, so that the loop is whole vectors."""
-    spring_pull_2d, damped = springs.make(real, compiler.compiled)
+    spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
     lab = integrators.make(real, compiler.compiled).lab
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
 
@@ -58,10 +58,10 @@ def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
         for j in range(count):
-            right_x, right_y = spring_pull_2d(x_right[j] - x[j], y_right[j] - y[j], stiffness, rest)
-            left_x, left_y = spring_pull_2d(x_left[j] - x[j], y_left[j] - y[j], stiffness, rest)
-            below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
-            above_x, above_y = spring_pull_2d(x_above[j] - x[j], y_above[j] - y[j], stiffness, rest)
+            right_x, right_y = spring_acceleration_2d(x_right[j] - x[j], y_right[j] - y[j], stiffness, rest)
+            left_x, left_y = spring_acceleration_2d(x_left[j] - x[j], y_left[j] - y[j], stiffness, rest)
+            below_x, below_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
+            above_x, above_y = spring_acceleration_2d(x_above[j] - x[j], y_above[j] - y[j], stiffness, rest)
             ax, ay = (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
             if has_gravity:
                 ay = ay + record[K_GRAVITY]

@@ -20,7 +20,7 @@ from model.core.integrators import damping_rate, frequency_bound
 from model.scene.scene import Scene
 
 SECONDS_PER_STEP = 1e-3  # s, of NumPy's calls, rounded up
-MOST_HALVINGS = 5
+MAX_HALVINGS = 5
 
 
 def _first_fractions(scene: Scene) -> int:
@@ -62,7 +62,7 @@ def held_converged(
 
     fractions = _first_fractions(scene)
     coarse = solve(fractions)
-    for halvings_left in range(MOST_HALVINGS, 0, -1):
+    for halvings_left in range(MAX_HALVINGS, 0, -1):
         fractions *= 2
         fine = solve(fractions)
         change = [(b - a) / 15 for a, b in zip(coarse, fine, strict=True)]

@@ -31,7 +31,7 @@ SQUARES = tuple(16 << k for k in range(10))  # 16 ... 8192
 QUICK_SQUARES = (32, 64, 128, 256)
 SLOW = ("launch", "stages")  # which three samples are enough for
 SLOW_REPEATS = 3
-MOST_CROWDED = 128 * 128  # masses up to which more threads than cores are timed, too: there they matter
+MAX_CROWDED = 128 * 128  # masses up to which more threads than cores are timed, too: there they matter
 PLAIN = ("fused", "launch", "graph", "stages")  # the kernel that the others of a size are held against: the first here
 
 
@@ -51,7 +51,7 @@ def kernel_cases(
     cases = []
     for precision in precisions:
         for backend in backends:
-            crowded = precision == precisions[0] and scene.grid.particle_count <= MOST_CROWDED
+            crowded = precision == precisions[0] and scene.grid.particle_count <= MAX_CROWDED
             here = kernels_of(backend)
             names = [name for name in kernels if name.partition(":")[0] in here] if kernels else here
             for kernel in sorted(names, key=lambda name: PLAIN.index(name) if name in PLAIN else len(PLAIN)):

@@ -51,7 +51,7 @@ class ColouredGrid(MassSpring):
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, Any, Any]:
     """(along, down, finish): the springs of a row of one parity, those between two rows, and the step of a row."""
-    spring_pull_2d, damped = springs.make(real, compiler.compiled)
+    spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
     lab = integrators.make(real, compiler.compiled).lab
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
     zero = real(0)
@@ -61,7 +61,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
         """Every other spring of a part of a row of `count` springs."""
         stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         for j in range(0, count, 2):
-            pull_x, pull_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, rest)
+            pull_x, pull_y = spring_acceleration_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, rest)
             sum_x[j] += pull_x
             sum_y[j] += pull_y
             sum_x[j + 1] -= pull_x
@@ -71,7 +71,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
     def down(columns, x, y, x_below, y_below, record, sum_x, sum_y, sum_x_below, sum_y_below):
         stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         for j in range(columns):
-            pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
+            pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
             sum_x[j] += pull_x
             sum_y[j] += pull_y
             sum_x_below[j] -= pull_x

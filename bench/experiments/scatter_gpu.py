@@ -97,7 +97,7 @@ def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
 
 
 def _atomics_kernel(real: Any, math: str) -> Any:
-    spring_pull_2d, _ = device_formulas(springs.make, real, math)
+    spring_acceleration_2d, _ = device_formulas(springs.make, real, math)
 
     def scatter_atomics(position, sums, record, rows, columns):
         j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
@@ -109,7 +109,7 @@ def _atomics_kernel(real: Any, math: str) -> Any:
             other, inside = k + columns, i < rows - 1 and j < columns
         if inside:
             here, there = load_pair(position, k), load_pair(position, other)
-            x, y = spring_pull_2d(
+            x, y = spring_acceleration_2d(
                 there.real - here.real, there.imag - here.imag, record[K_STIFFNESS], record[K_STIFFNESS_REST]
             )
             cuda.atomic.add(sums, k, x)
@@ -121,7 +121,7 @@ def _atomics_kernel(real: Any, math: str) -> Any:
 
 
 def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
-    spring_pull_2d, _ = device_formulas(springs.make, real, math)
+    spring_acceleration_2d, _ = device_formulas(springs.make, real, math)
     first = np.int32(odd)
 
     def scatter_colour(position, sums, record, rows, columns):
@@ -138,7 +138,7 @@ def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
             k, count = np.int32(i * columns + j), np.int32(rows * columns)
             other = np.int32(k + columns) if down else np.int32(k + 1)
             here, there = load_pair(position, k), load_pair(position, other)
-            x, y = spring_pull_2d(
+            x, y = spring_acceleration_2d(
                 there.real - here.real, there.imag - here.imag, record[K_STIFFNESS], record[K_STIFFNESS_REST]
             )
             sums[k] += x

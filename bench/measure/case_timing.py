@@ -21,7 +21,7 @@ from model.core.errors import Diverged, SceneError
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
-SAMPLE_SECONDS, MOST_SAMPLE = 0.05, 3.0
+SAMPLE_SECONDS, MAX_SAMPLE = 0.05, 3.0
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Timing:
                 subject = Subject(simulation, case)
                 try:
                     warm_up(subject)
-                    choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
+                    choose_steps(subject, SAMPLE_SECONDS, MAX_SAMPLE)
                 except Diverged as error:
                     summary.skipped.append(f"{case}: {error}")
                     continue

@@ -19,7 +19,7 @@ Counter = Callable[[], float]  # joules since some beginning
 
 STAGE = "energy"  # of the samples that hold joules
 LOOP_SECONDS = 0.5  # s
-MOST_SECONDS = 0.6  # s: the end of waiting for one more jump
+MAX_SECONDS = 0.6  # s: the end of waiting for one more jump
 BATCH_SECONDS = 0.01  # s of steps between two looks at the counter: the error of an interval's ends
 SLOWEST_STEP = 0.1  # s: with longer ones the loop would hold too few
 RAPL = Path("/sys/class/powercap")
@@ -107,7 +107,7 @@ def measure_energy(subject: Subject, counter: Counter, seconds: float = LOOP_SEC
             jumps = [*jumps[:1], (clock, steps, joules)]
             before = joules
         passed = clock - begin
-        if passed >= seconds * MOST_SECONDS / LOOP_SECONDS or (passed >= seconds and jumps and jumps[-1][1] == steps):
+        if passed >= seconds * MAX_SECONDS / LOOP_SECONDS or (passed >= seconds and jumps and jumps[-1][1] == steps):
             break
     if len(jumps) < 2:
         return None

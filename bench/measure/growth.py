@@ -3,7 +3,7 @@
 The distance to a reference says something about a method only while the motion does not blow every rounding error up to
 the size of the scene. So the reference is run a second time from a start disturbed by 1e-9 spacings (a twin): by how
 much the two have parted at the end, over how much they were apart at the start, is the growth factor. Damped lab grids
-contract (a factor under 1); beyond MOST_GROWTH the error of a trajectory is refused, and only statistics are compared.
+contract (a factor under 1); beyond MAX_GROWTH the error of a trajectory is refused, and only statistics are compared.
 
 A twin in float32 would be lost in rounding, and the growth belongs to the motion, not to a method: it is measured in
 NumPy float64 with RK4 (bench/reference/), once a scene and time.
@@ -25,10 +25,10 @@ from model.core.integrators import fastest_damping, frequency_bound, spring_damp
 from model.scene.scene import Scene
 
 DISTURBANCE = 1e-9  # spacings
-MOST_GROWTH = 1e3  # a larger factor makes a trajectory's error meaningless
+MAX_GROWTH = 1e3  # a larger factor makes a trajectory's error meaningless
 LOOKS = 24  # times at which the twins are compared
 STEPS_PER_RADIAN = 4  # h w = 1/4, far more than a growth factor needs
-LEAST_STEPS = 96
+MIN_STEPS = 96
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Growth:
     @property
     def chaotic(self) -> bool:
         """Whether the error of a trajectory is to be refused at the end (also where the twins left the finite world)."""
-        return not self.factor <= MOST_GROWTH
+        return not self.factor <= MAX_GROWTH
 
-    def safe_time(self, most: float = MOST_GROWTH) -> float | None:
+    def safe_time(self, most: float = MAX_GROWTH) -> float | None:
         """The last time [s] looked at before the factor first passes `most`; None where it does from the first on."""
         over = np.flatnonzero(~(self.factors <= most))
         last = (over[0] if len(over) else len(self.times)) - 1
@@ -69,7 +69,7 @@ def twin_steps(scene: Scene, time: float, per_radian: float = STEPS_PER_RADIAN) 
     """Steps of the twins up to `time` [s]: whole ones between two looks. `per_radian`: of the fastest vibration."""
     along = spring_damping_bound(scene) if scene.cloth else 0.0
     wanted = time * (frequency_bound(scene) + fastest_damping(scene) + along) * per_radian
-    return LOOKS * ceil(max(wanted, LEAST_STEPS) / LOOKS)
+    return LOOKS * ceil(max(wanted, MIN_STEPS) / LOOKS)
 
 
 def growth_along(

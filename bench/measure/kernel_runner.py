@@ -19,7 +19,7 @@ from bench.measure.group import GroupRunner
 from bench.measure.timing import Sample, Subject
 from model.core.simulation import Simulation, State
 
-MOST_CHECKED = 4096 * 4096  # masses up to which float64, too, is checked at its own size
+MAX_CHECKED = 4096 * 4096  # masses up to which float64, too, is checked at its own size
 NO_JOULES = "energy_skipped"  # the measure that says why there are none
 
 
@@ -113,7 +113,7 @@ class KernelRunner(GroupRunner):
     @staticmethod
     def _own_size(case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]) -> Check | str:
         """A few steps from a displaced state, held against the first kernel of this size and precision."""
-        if case.particles > MOST_CHECKED and case.precision != "float32":
+        if case.particles > MAX_CHECKED and case.precision != "float32":
             return "at this size only float32 is held against another kernel: a state takes seconds to load and compare"
         held = witnesses.get(case.precision)
         state = held[1] if held else displaced(simulation)

@@ -31,7 +31,7 @@ IDENTITY = (  # what tells two machines apart: hardware, and the versions that c
     "cpu", "cores", "caches", "memory_gib", "system", "architecture", "python", "numba", "llvmlite", "numba_cuda",
     "gpu", "gpu_count", "gpu_memory_gib", "gpu_driver",
 )  # fmt: skip
-LEAST_COPY_BYTES = 1 << 28  # of one array
+MIN_COPY_BYTES = 1 << 28  # of one array
 
 
 def machine_record() -> dict[str, Any]:
@@ -153,7 +153,7 @@ def _region_kernel() -> Any:
 
 def copy_bytes() -> int:
     """Bytes of one array to copy: four times the largest cache (servers have 300 MiB and more), as memory allows."""
-    wanted = max(LEAST_COPY_BYTES, 4 * max((_caches() or {"": 0}).values()))
+    wanted = max(MIN_COPY_BYTES, 4 * max((_caches() or {"": 0}).values()))
     return min(wanted, (available_bytes() or 8 * wanted) // 8) // 4096 * 4096
 
 

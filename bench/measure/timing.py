@@ -31,7 +31,7 @@ PASSES = 4  # of a kernel that does several steps in a pass, in a sample at leas
 MEASUREMENT = 1  # part of every resume key: raise it when what a sample means changes
 DRAW_EVERY = 10  # steps, as the hand-out suggests
 SHORTEST_SAMPLE = 1e-3  # s
-MOST_RETAKES = 2
+MAX_RETAKES = 2
 BUSY_NEIGHBOUR = 0.25  # cores that others may use before a sample is suspect
 LOOK_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
 
@@ -172,7 +172,7 @@ class Subject:
 
         One that turns out far too short (the steps were chosen while a neighbour held the cores) is taken again longer.
         """
-        for retakes_left in range(MOST_RETAKES, -1, -1):
+        for retakes_left in range(MAX_RETAKES, -1, -1):
             seconds, broken = self._timed()
             if broken or seconds >= self.wanted_seconds / 4 or not retakes_left:
                 break

@@ -16,7 +16,7 @@ from bench.peers.compiler import find_compiler, load_library
 from model.scene.scene import Scene
 
 SOURCE = Path(__file__).with_name("grid.cpp")
-MOST_LEVELS = 8  # more gained nothing
+MAX_LEVELS = 8  # more gained nothing
 ROWS_A_LEVEL = 4  # a band of fewer rows would compute too many of them twice
 TILE_BYTES = 4096  # of a row of one array: the rings of eight levels then stay in a second-level cache of 1 MiB
 
@@ -52,7 +52,7 @@ class _Grid(Opened):
         item = np.dtype(constants.real).itemsize
         self._levels, self._tile = 0, 0
         if blocked:
-            self._levels = max(1, min(MOST_LEVELS, rows // threads // ROWS_A_LEVEL))
+            self._levels = max(1, min(MAX_LEVELS, rows // threads // ROWS_A_LEVEL))
             self._tile = TILE_BYTES // item
         self.steps_together = max(1, self._levels)
         self.kernel = f"{self._levels} levels a pass" if blocked else "one step a pass"

@@ -23,7 +23,7 @@ BLOCK = (32, 8)  # columns, rows: as grid.cu has it
 CHUNKS = (256, 32, 4, 2)  # steps in a graph; even, so that the two buffers are back in place after each
 OPTIONS = ("--use_fast_math", "--std=c++17")
 TYPES = {"float32": ("-DReal=float", "-DPair=float2"), "float64": ("-DReal=double", "-DPair=double2")}
-MOST_BLOCKS_DOWN = 65535  # the hardware's limit in the second direction
+MAX_BLOCKS_DOWN = 65535  # the hardware's limit in the second direction
 REMEDY = "pip install 'softlab[cuda13]' (or cuda12)"
 
 
@@ -171,8 +171,8 @@ class Sheet(Opened):
         flag = driver.CUstream_flags.CU_STREAM_NON_BLOCKING
         self._stream = _checked(driver.cuStreamCreate(int(flag)), "cuStreamCreate")
         blocks_across, blocks_down = (-(-constants.columns // BLOCK[0]), -(-constants.rows // BLOCK[1]))
-        if blocks_down > MOST_BLOCKS_DOWN:
-            raise PeerError(f"at most {MOST_BLOCKS_DOWN * BLOCK[1]} rows")
+        if blocks_down > MAX_BLOCKS_DOWN:
+            raise PeerError(f"at most {MAX_BLOCKS_DOWN * BLOCK[1]} rows")
         self._blocks = (blocks_across, blocks_down)
         self._bytes = constants.count * self.vector * np.dtype(constants.real).itemsize
         self._position = [self._allocate(self._bytes) for _ in range(2)]

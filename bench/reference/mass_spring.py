@@ -201,7 +201,7 @@ def _fastest(scene: Scene) -> float:
     return sqrt(8 * stiffness / mass) + damping / mass
 
 
-def first_bad(scene: Scene, steps: int, bound: float) -> tuple[int, int] | None:
+def first_diverged(scene: Scene, steps: int, bound: float) -> tuple[int, int] | None:
     """(step, particle) where a coordinate first is beyond `bound` [m] or not finite, within `steps`; None if nowhere.
 
     `step` counts the steps done, `particle` is the lowest such index.

@@ -18,18 +18,18 @@ class Contacts:
     """The contacts of a scene's bodies. `weight` (particles,): inverse masses [1/kg], which may be 0."""
 
     def __init__(self, scene: Scene):
-        part, crowd = scene.contact, scene.crowd
+        part, body_set = scene.contact, scene.body_set
         assert part is not None
-        self.part, self.weight, self.h = part, 1 / crowd.clusters.mass, scene.method.dt / scene.method.substeps
-        bodies = [scene.bodies[copy.name] for copy in crowd.copies]
-        radius = np.array([body.contact_radius for body in bodies])[crowd.body]
-        sticky = np.array([body.adhesion for body in bodies])[crowd.body]
-        mine = crowd.body[:, None] == crowd.body
+        self.part, self.weight, self.h = part, 1 / body_set.clusters.mass, scene.method.dt / scene.method.substeps
+        bodies = [scene.bodies[copy.name] for copy in body_set.copies]
+        radius = np.array([body.contact_radius for body in bodies])[body_set.body]
+        sticky = np.array([body.adhesion for body in bodies])[body_set.body]
+        mine = body_set.body[:, None] == body_set.body
         self.distance = radius[:, None] + radius
         meets = np.array([[a.group not in b.avoids and b.group not in a.avoids for a in bodies] for b in bodies])
-        self.meets = meets[np.ix_(crowd.body, crowd.body)] & ~mine
-        itself = np.array([body.meets_itself for body in bodies])[crowd.body]
-        rest = np.linalg.norm(crowd.position[:, None] - crowd.position, axis=2)
+        self.meets = meets[np.ix_(body_set.body, body_set.body)] & ~mine
+        itself = np.array([body.meets_itself for body in bodies])[body_set.body]
+        rest = np.linalg.norm(body_set.position[:, None] - body_set.position, axis=2)
         self.meets |= mine & itself[:, None] & (rest >= REST * self.distance)
         np.fill_diagonal(self.meets, False)
         projections = scene.method.iterations * part.sweeps

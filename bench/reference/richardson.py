@@ -8,7 +8,7 @@ import numpy as np
 
 Ends = tuple[np.ndarray, np.ndarray]
 FOURTH = 8  # times smaller with half the step: what passes as order 4, whose limit is 16
-MOST_SLOW = 2  # halvings without that order, where motion is rough
+MAX_SLOW = 2  # halvings without that order, where motion is rough
 
 
 def refine(
@@ -22,7 +22,7 @@ def refine(
 
     Where the motion is not `smooth` (wind has kinks, contacts are jumps) RK4 may lose its order, which must be seen first:
     a difference under an eighth of the one before. Else nothing is removed and the whole difference is the estimate,
-    which holds from order 1 on. MOST_SLOW such in a row end it: contacts converge too slowly for a tolerance.
+    which holds from order 1 on. MAX_SLOW such in a row end it: contacts converge too slowly for a tolerance.
     """
     coarse, before, slow = solve(steps), 0.0, 0
     while True:
@@ -32,7 +32,7 @@ def refine(
         fourth = smooth or difference <= before / FOURTH
         share = 15 if fourth else 1
         slow = slow + 1 if before > 0 and not fourth else 0
-        if difference / share <= tolerance or 4 * steps > most_steps or slow == MOST_SLOW:
+        if difference / share <= tolerance or 4 * steps > most_steps or slow == MAX_SLOW:
             position, velocity = (f + c / 15 if fourth else f for f, c in zip(fine, change, strict=True))
             return position, velocity, difference / share
         coarse, before, steps = fine, difference, 2 * steps

@@ -33,7 +33,7 @@ def iterate(
 def linked(scene: Scene, position: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
     """Position [m] after the links of a scene's bodies, one after the other (M. Macklin et al., "XPBD", MIG 2016, eq. 17 and
     18); `multipliers` (links,) [N s^2] of the substep so far are changed."""
-    links, weight = scene.crowd.links, 1 / scene.crowd.clusters.mass
+    links, weight = scene.body_set.links, 1 / scene.body_set.clusters.mass
     h, moved = scene.method.dt / scene.method.substeps, position.copy()
     for n, (i, j) in enumerate(links.ends):
         d = moved[j] - moved[i]
@@ -61,10 +61,10 @@ def simulate(
     """
     if scene.method.solver != "shape-matching":
         raise SceneError("method.solver", scene.method.solver, "must be shape-matching here")
-    begin, at_rest = (scene.crowd.position, scene.crowd.velocity) if scene.bodies else mass_spring.start(scene)
+    begin, at_rest = (scene.body_set.position, scene.body_set.velocity) if scene.bodies else mass_spring.start(scene)
     p = begin if position is None else np.array(position, dtype=np.float64)
     v = at_rest if velocity is None else np.array(velocity, dtype=np.float64)
-    method, clusters = scene.method, scene.crowd.clusters if scene.bodies else lattice_clusters(scene)
+    method, clusters = scene.method, scene.body_set.clusters if scene.bodies else lattice_clusters(scene)
     free = ~mass_spring.pinned_mask(scene).reshape(-1, 1)
     drag = (scene.damping.coefficient if scene.damping else 0.0) / clusters.mass[:, None]
     h = method.dt / method.substeps
@@ -82,7 +82,7 @@ def simulate(
             p = np.where(free, p + h * (v * (1 - h * drag) + h * a), p)
             if contacts:
                 contacts.find(p)
-            multipliers = np.zeros(len(scene.crowd.links.ends)) if scene.bodies else np.zeros(0)
+            multipliers = np.zeros(len(scene.body_set.links.ends)) if scene.bodies else np.zeros(0)
             for _ in range(method.iterations):
                 if len(multipliers):
                     p = linked(scene, p, multipliers)

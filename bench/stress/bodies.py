@@ -77,16 +77,16 @@ def spins(trial: Trial) -> list[Check]:
     it was."""
     scene = trial.scene
     state = _after(trial, body_laws.SECONDS[SPIN])
-    m, at, n = masses(scene)[:, 0], scene.crowd.position, scene.method.substeps
-    before = angular_momentum(at, scene.crowd.velocity, m)
+    m, at, n = masses(scene)[:, 0], scene.body_set.position, scene.method.substeps
+    before = angular_momentum(at, scene.body_set.velocity, m)
     left = float(np.linalg.norm(angular_momentum(*_moving(state), m)) / np.linalg.norm(before))
     middle, turn = centre(scene, at), law_turn(n)
     rotation = np.array([[cos(turn), -sin(turn), 0], [sin(turn), cos(turn), 0], [0, 0, 1]])
     lag, steps = LAG * ULP[trial.precision], n * trial.steps(body_laws.SECONDS[SPIN])
-    reach = float(np.linalg.norm(at - middle, axis=1).max()) / scene.crowd.spacing
+    reach = float(np.linalg.norm(at - middle, axis=1).max()) / scene.body_set.spacing
 
     def error(expected: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(np.sum((_moving(state)[0] - expected) ** 2, axis=1)))) / scene.crowd.spacing
+        return float(np.sqrt(np.mean(np.sum((_moving(state)[0] - expected) ** 2, axis=1)))) / scene.body_set.spacing
 
     return [
         Check(OFF_LAW, abs(left - spin_left(n)), "", "<", steps * lag / atan(_first(n))),
@@ -109,9 +109,9 @@ def flies(trial: Trial) -> list[Check]:
     m, h = masses(scene)[:, 0], substep(scene)
     at, velocity = _moving(state)
     fallen = np.array([0.0, GRAVITY * seconds, 0.0])
-    off = np.abs(centre(scene, velocity - scene.crowd.velocity) + fallen).max()
+    off = np.abs(centre(scene, velocity - scene.body_set.velocity) + fallen).max()
     spin = np.linalg.norm(angular_momentum(at, velocity, m))
-    lost = 1 - float(spin / np.linalg.norm(angular_momentum(scene.crowd.position, scene.crowd.velocity, m)))
+    lost = 1 - float(spin / np.linalg.norm(angular_momentum(scene.body_set.position, scene.body_set.velocity, m)))
     steps = scene.method.substeps * trial.steps(seconds)
     return [
         Check("speed, off what gravity gives", float(off), "m/s", "<", steps * of_a_place(trial, 20.0) / h),
@@ -142,7 +142,7 @@ def finds_its_shape(how: str) -> Law:
     def law(trial: Trial) -> list[Check]:
         scene = trial.scene
         begin = changed(scene, CHANGED[how])
-        given = scene.crowd.clusters.energy(begin.position) + masses(scene).sum() * SEPARATION**2 / 2
+        given = scene.body_set.clusters.energy(begin.position) + masses(scene).sum() * SEPARATION**2 / 2
         most = 0.0
         with trial.open(begin) as simulation:
             for _ in range(LOOKS):
@@ -166,7 +166,7 @@ def is_whole_at_once(trial: Trial) -> list[Check]:
     """A10: a rigid body, whatever was done to it, is whole after one substep, as any rotation is one, and the next one takes
     the way back out of the velocities: both to what goals are wrong by."""
     scene, worst, fastest, moved = trial.scene, 0.0, 0.0, 0.0
-    at_rest = centre(scene, scene.crowd.position)
+    at_rest = centre(scene, scene.body_set.position)
     for change in CHANGED.values():
         with trial.open(changed(scene, change)) as simulation:
             for steps in (1, 2):
@@ -192,7 +192,7 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
     was pushed out of it alone turns and lifts it, from the speed that it had. Then it finds its shape, to a tenth of a
     spacing."""
     scene, lowest, peak = trial.scene, np.inf, 0.0
-    energy = kinetic(scene, scene.crowd.velocity)
+    energy = kinetic(scene, scene.body_set.velocity)
     reach = next(part for part in scene.parts.values() if isinstance(part, Plane)).thickness
     with trial.open() as simulation:
         for _ in range(FLYING):
@@ -203,7 +203,7 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
         trial.advance(simulation, LAST)
         state = trial.look(simulation)
     deepest = reach - min(lowest, float(state.position[:, 1].min()))
-    bent = out_of_shape(scene, _moving(state)[0]) / scene.crowd.spacing
+    bent = out_of_shape(scene, _moving(state)[0]) / scene.body_set.spacing
     return [
         Check("deepest under the plane's reach", deepest, "m", "<", 4 * ULP[trial.precision]),
         Check("kinetic energy over the shot's", peak / energy, "", "<", 1 + of_a_place(trial)),
@@ -218,7 +218,7 @@ def is_stopped_by_a_box(trial: Trial) -> list[Check]:
     box = next(part for part in scene.parts.values() if isinstance(part, Box))
     top, way = (
         box.center[1] + box.half_size[1] + box.thickness,
-        float(np.abs(scene.crowd.velocity).max()) * substep(scene),
+        float(np.abs(scene.body_set.velocity).max()) * substep(scene),
     )
     lowest = np.inf
     with trial.open() as simulation:
@@ -226,7 +226,7 @@ def is_stopped_by_a_box(trial: Trial) -> list[Check]:
             trial.advance(simulation, 1)
             state = trial.look(simulation)
             lowest = min(lowest, float(state.position[:, 1].min()))
-    energy = kinetic(scene, state.velocity) / kinetic(scene, scene.crowd.velocity)
+    energy = kinetic(scene, state.velocity) / kinetic(scene, scene.body_set.velocity)
     return [
         Check("deepest under the reach of its upper side", top - lowest, "m", "<", 4 * ULP[trial.precision]),
         Check("kinetic energy over the shot's", energy, "", "<", 1.0),
@@ -239,7 +239,7 @@ def is_stopped_by_a_body(trial: Trial) -> list[Check]:
     of particles, nor is it caught in it. Momentum is kept but for roundings of places of 1 m; energy is only taken away, a
     tenth of it at least."""
     scene, steps = trial.scene, round(0.04 / trial.dt)
-    energy, most, least = kinetic(scene, scene.crowd.velocity), 0.0, np.inf
+    energy, most, least = kinetic(scene, scene.body_set.velocity), 0.0, np.inf
     with trial.open() as simulation:
         for _ in range(FLYING):
             trial.advance(simulation, steps // FLYING)
@@ -247,9 +247,9 @@ def is_stopped_by_a_body(trial: Trial) -> list[Check]:
             at, velocity = _moving(state)
             most = max(most, kinetic(scene, velocity))
             least = min(least, float(centre(scene, at, 1)[1] - centre(scene, at, 0)[1]))
-    names = [copy.name for copy in scene.crowd.copies]
+    names = [copy.name for copy in scene.body_set.copies]
     keep = (getattr(scene.parts[names[1]], "particle_spacing") + RIGID_SPACING) / 2  # noqa: B009 - of either kind
-    change = np.abs(centre(scene, velocity - scene.crowd.velocity)).max()
+    change = np.abs(centre(scene, velocity - scene.body_set.velocity)).max()
     return [
         Check("least height of its centre over the other's", least, "m", ">", RIGID_SPACING),
         Check("nearest particles at last over their distance", nearest(scene, at) / keep, "", ">", 0.9),
@@ -268,7 +268,7 @@ def is_let_go_slowly(trial: Trial) -> list[Check]:
     whose end moves: y = v t - v sin(w t) / w, at 2 v at most, whatever w. So two bodies part at 2 v at most, with an energy
     of 2 mu v^2, mu = m M / (m + M): of bodies alike m v^2 / 2 a particle, as the row asks."""
     scene, parting, most = trial.scene, 0.0, 0.0
-    m, M = (masses(scene)[scene.crowd.body == body].sum() for body in (0, 1))
+    m, M = (masses(scene)[scene.body_set.body == body].sum() for body in (0, 1))
     with trial.open() as simulation:
         for _ in range(60):
             trial.advance(simulation, 1)
@@ -282,8 +282,8 @@ def is_let_go_slowly(trial: Trial) -> list[Check]:
     return [
         Check("energy gained over what parting allows", most / allowed, "", "<", 1.0),
         Check(PARTING, parting, "m/s", "<", 2 * SEPARATION),
-        Check(OUT_OF_SHAPE, out_of_shape(scene, at) / scene.crowd.spacing, "", "<", 1.0),
-        Check("nearest particles after 1 s over their distance", nearest(scene, at) / scene.crowd.spacing, ""),
+        Check(OUT_OF_SHAPE, out_of_shape(scene, at) / scene.body_set.spacing, "", "<", 1.0),
+        Check("nearest particles after 1 s over their distance", nearest(scene, at) / scene.body_set.spacing, ""),
     ]
 
 
@@ -299,8 +299,8 @@ def is_pushed_out_in_place(trial: Trial) -> list[Check]:
     then hold is what their ways out have bent them by, w^2 m d^2 / 2 each, and there never is more than that."""
     scene = trial.scene
     ball = next(part for part in scene.parts.values() if isinstance(part, Sphere))
-    middle, reach, clusters = np.array(ball.center), ball.radius + ball.thickness, scene.crowd.clusters
-    depths = np.maximum(reach - np.linalg.norm(scene.crowd.position - middle, axis=1), 0)
+    middle, reach, clusters = np.array(ball.center), ball.radius + ball.thickness, scene.body_set.clusters
+    depths = np.maximum(reach - np.linalg.norm(scene.body_set.position - middle, axis=1), 0)
     given = clusters.stiffness[0] / 2 * float((clusters.mass * depths**2).sum())
     most, deepest = 0.0, -np.inf
     with trial.open() as simulation:

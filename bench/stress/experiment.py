@@ -250,7 +250,7 @@ def _keep(store: Store, run: str, work: _Work, outcome: Outcome, drawn: bool) ->
 
 def _shape(scene: Scene, end: Any) -> str:
     if scene.bodies:
-        return bodies_as_text(end, scene.crowd.body)
+        return bodies_as_text(end, scene.body_set.body)
     return as_text(end, scene.grid.rows, scene.grid.columns)
 
 

@@ -32,7 +32,7 @@ def stands(trial: Trial) -> list[Check]:
     layers. The plane moves but the lower particles, 2 N g h^2, and the brick's mean lies higher by g h^2 and half of it:
     (2 N - 1) g h^2. Then nothing leans, and nothing moves."""
     scene, state = trial.scene, _at_rest(trial)
-    bricks = len(scene.crowd.copies)
+    bricks = len(scene.body_set.copies)
     expected = np.array([2 * bricks - 1, *(4 * above for above in range(bricks - 1, 0, -1))])
     at = state.position.astype(np.float64)
     found = sunk(scene, at)
@@ -51,14 +51,14 @@ def bears(trial: Trial) -> list[Check]:
     bricks of two layers. The lower one has roundings of a load of 1 + r bricks."""
     scene, state = trial.scene, _at_rest(trial)
     m = masses(scene)[:, 0]
-    ratio = float(m[scene.crowd.body == 1][0] / m[scene.crowd.body == 0][0])
+    ratio = float(m[scene.body_set.body == 1][0] / m[scene.body_set.body == 0][0])
     at = state.position.astype(np.float64)
     found, h = sunk(scene, at)[1], trial.dt / scene.method.substeps
     rounded = of_rounding(trial, 2 * BRICK_HEIGHT) * (1 + ratio)
     return [
         Check(BORNE, abs(found / (2 * (1 + ratio)) - 1), "", "<",
               NEAR + rounded / (2 * (1 + ratio))),
-        Check(DEPTH, found * GRAVITY * h * h / scene.crowd.spacing, ""),
+        Check(DEPTH, found * GRAVITY * h * h / scene.body_set.spacing, ""),
         Check(RATIO, ratio, ""),
         *_quiet(trial, state, 2 * BRICK_HEIGHT, 1 + ratio),
     ]  # fmt: skip
@@ -74,7 +74,7 @@ def heaps_up(trial: Trial) -> list[Check]:
             energy = kinetic(scene, state.velocity)
             peak = max(peak, energy)
         lost = simulation.contacts_lost  # type: ignore[attr-defined]
-    at, spacing = state.position.astype(np.float64), scene.crowd.spacing
+    at, spacing = state.position.astype(np.float64), scene.body_set.spacing
     return [
         Check("nearest particles over their distance", nearest(scene, at) / spacing, "", ">", GAP_SHARE),
         Check("kinetic energy over its peak", energy / peak, "", "<", STILL_SHARE),
@@ -86,14 +86,14 @@ def heaps_up(trial: Trial) -> list[Check]:
 def lies_still(trial: Trial) -> list[Check]:
     """Dropped from half a metre, a millionth of that energy is left after 10 s, and nothing is under the plane."""
     scene, state = trial.scene, _at_rest(trial)
-    spacing = scene.crowd.spacing
+    spacing = scene.body_set.spacing
     drop = masses(scene).sum() * GRAVITY * 0.5
     lowest = float(state.position[:, 1].min())
     checks = [
         Check("kinetic energy over the drop's", kinetic(scene, state.velocity) / drop, "", "<", STILL),
         Check("lowest particle, under the plane's reach", spacing / 2 - lowest, "m", "<", 4 * ULP[trial.precision]),
     ]
-    if len(scene.crowd.copies) > 1:
+    if len(scene.body_set.copies) > 1:
         apart = nearest(scene, state.position.astype(np.float64)) / spacing
         checks.append(Check("nearest particles over their distance", apart, "", ">", GAP_SHARE))
     return checks
@@ -107,8 +107,8 @@ def _at_rest(trial: Trial) -> State:
 
 def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:
     """[m]: how far the mean of a body's particles has come down."""
-    mine = trial.scene.crowd.body == body
-    return float((trial.scene.crowd.position - at)[mine, 1].mean())
+    mine = trial.scene.body_set.body == body
+    return float((trial.scene.body_set.position - at)[mine, 1].mean())
 
 
 def _quiet(trial: Trial, state: State, height: float, load: float = 1.0) -> list[Check]:
@@ -116,12 +116,12 @@ def _quiet(trial: Trial, state: State, height: float, load: float = 1.0) -> list
     always the same way, come to in all of them over `height` [m], `load` times as large in what carries so much, and no tenth
     of a particle's distance."""
     scene = trial.scene
-    lean = np.abs(state.position - scene.crowd.position)[:, [0, 2]].max()
+    lean = np.abs(state.position - scene.body_set.position)[:, [0, 2]].max()
     substeps = scene.method.substeps * trial.steps(SECONDS)
     slid = substeps * LAG * ULP[trial.precision] * height * load
     weight = float(masses(scene).sum()) * GRAVITY
     energy = kinetic(scene, state.velocity) / (weight * height)
     return [
-        Check("lean", float(lean), "m", "<", min(slid, scene.crowd.spacing / 10)),
+        Check("lean", float(lean), "m", "<", min(slid, scene.body_set.spacing / 10)),
         Check("kinetic energy over that of a fall of its height", energy, "", "<", STILL),
     ]

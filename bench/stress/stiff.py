@@ -12,7 +12,7 @@ from bench.stress.trial import Check, Trial
 from model.core.errors import UnstableTimeStep
 from model.core.integrators import INTEGRATORS, damping_rate
 
-MOST_STEPS = 250_000  # of a chain that is to settle, a second or two
+MAX_STEPS = 250_000  # of a chain that is to settle, a second or two
 
 
 def too_stiff(trial: Trial) -> list[Check]:
@@ -36,14 +36,14 @@ def stiff_chain_hangs(trial: Trial) -> list[Check]:
 
     Stiff pairs on soft links swing slowest at w = 2 sqrt(k / 2m) sin(pi / 42) = 3.3 1/s, faster than their damper's rate
     gamma / 2, which so is the rate at which every mode decays: to exp(-6) of a stretch within 12 / gamma (`lab`, of
-    doubled masses: twice that). An integrator that would need more than MOST_STEPS for it begins there instead,
+    doubled masses: twice that). An integrator that would need more than MAX_STEPS for it begins there instead,
     disturbed, and must stay."""
     scene = trial.scene
     seconds = 12 / damping_rate(scene) * (2 if trial.is_lab else 1)
     expected = hanging(scene)
     start = trial.rest()
-    if trial.steps(seconds) > MOST_STEPS:
-        seconds, start = MOST_STEPS * trial.dt, disturbed(trial, expected)
+    if trial.steps(seconds) > MAX_STEPS:
+        seconds, start = MAX_STEPS * trial.dt, disturbed(trial, expected)
     state = trial.run(trial.start(start), seconds)
     stretch = float(np.abs(expected - trial.rest()).max())
     error = float(np.abs(state.position - expected.reshape(-1, 2)).max())

@@ -13,7 +13,7 @@ from cpu_backend.contact.particles_project import make_project_stage
 from cpu_backend.core.layout import aligned_zeros
 from model.contact.particle_parameters import (
     G_REACH,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
     kinds_of_particles,
     pair_rows,
     particle_contact_record,
@@ -31,7 +31,7 @@ class ParticleContacts:
     `find` makes the lists of neighbours from predicted positions, `project` sweeps over contacts among them; both take
     positions as three planes, flat, and `weights` (count,), inverse masses of any unit: what weighs 0 meets nobody. `old`:
     room for the velocities with which the substep began, where particles bounce; `bounce` takes those that it ended with.
-    `arrays` is what kernels take; `lost`: neighbours beyond the MOST_NEIGHBOURS of a particle, since it was made.
+    `arrays` is what kernels take; `lost`: neighbours beyond the MAX_NEIGHBOURS of a particle, since it was made.
     """
 
     def __init__(
@@ -40,9 +40,9 @@ class ParticleContacts:
         assert scene.contact is not None
         self.real, self.bands, self.sweeps, self.kinds = real, bands, scene.contact.sweeps, len(scene.bodies)
         body, kind, rest = np.zeros(count, np.int32), np.zeros(count, np.int32), np.zeros(AXES * count, real)
-        body[slots], kind[slots] = scene.crowd.body, kinds_of_particles(scene)
-        rest.reshape(AXES, -1)[:, slots] = scene.crowd.position.T
-        cells, most, ahead = CELLS * max(count, LANES), count * MOST_NEIGHBOURS, count + LANES
+        body[slots], kind[slots] = scene.body_set.body, kinds_of_particles(scene)
+        rest.reshape(AXES, -1)[:, slots] = scene.body_set.position.T
+        cells, most, ahead = CELLS * max(count, LANES), count * MAX_NEIGHBOURS, count + LANES
         numbers = (np.zeros(n, np.int64) for n in (BOX * bands, TABLE, bands, bands, bands, bands))
         boxes, table, totals, begins, active, self._lost = numbers
         buckets, starts = np.zeros(count, np.int32), np.zeros(cells + 1, np.int32)
@@ -53,10 +53,10 @@ class ParticleContacts:
         many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
         self._found = who, many, entries, pairs, begins, active, self._lost
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
-        self.old = aligned_zeros(AXES * count if "bouncing" in parts else 0, real)
+        self.old = aligned_zeros(AXES * count if "restitution" in parts else 0, real)
         self._search = (body, kind, rest), tables, in_order, self._found
         self._find = make_find_stage(real, math)
-        self._project = make_project_stage(real, math, "rubbing" in parts, "sticking" in parts)
+        self._project = make_project_stage(real, math, "friction" in parts, "adhesion" in parts)
         self._bounce = make_bounce_stage(real, math)
         self.change(scene)
 
@@ -92,7 +92,7 @@ class ParticleContacts:
         who, many, entries, _, begins, active, _ = self._found
         found: dict[int, list[int]] = {}
         for first, number in zip(begins, active, strict=True):
-            entry = int(first) * MOST_NEIGHBOURS
+            entry = int(first) * MAX_NEIGHBOURS
             for n in range(int(first), int(first + number)):
                 found[int(who[n])] = entries[entry : entry + many[n]].tolist()
                 entry += int(many[n])

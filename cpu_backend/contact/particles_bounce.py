@@ -12,7 +12,7 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
-from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MOST_NEIGHBOURS
+from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
 from model.formulas import particle_contact, rebound
 
 
@@ -44,7 +44,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
     def tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met):
         """With whom each must part faster: their places, one particle's after the other's, into `acting`, how many into
         `met`."""
-        entry, place = np.int64(first) * MOST_NEIGHBOURS, np.int64(first) * MOST_NEIGHBOURS
+        entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
         for n in range(first, last):
             i, begin = who[n], place
             for e in range(entry, entry + numbers[n]):
@@ -60,7 +60,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
         scales,
     ):  # fmt: skip
         """What those get that bounce, into `ways` by their places in `who`."""
-        place = np.int64(first) * MOST_NEIGHBOURS
+        place = np.int64(first) * MAX_NEIGHBOURS
         for n in range(first, last):
             i = who[n]
             mine, weight = met[i], weights[i]

@@ -28,7 +28,7 @@ from model.contact.particle_parameters import (
     G_OWN,
     G_REACH,
     H_INVERSE_CELL,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
     PAIR_FIELDS,
     PAIRS,
 )
@@ -220,10 +220,10 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
         numbers, entries, pairs, active, lost,
     ):  # fmt: skip
         """The neighbours of the sorted particles `first` to before `last`. Those that have any are put into `who` from
-        there on, `numbers`: how many; the neighbours lie in `entries`, one particle's after the other's, from MOST_NEIGHBOURS
+        there on, `numbers`: how many; the neighbours lie in `entries`, one particle's after the other's, from MAX_NEIGHBOURS
         times `first` on; `pairs`: where in the record their constants are, -1 less that of one within a body. `active`: how
         many have any."""
-        n, entry, size = first, np.int64(first) * MOST_NEIGHBOURS, order.size
+        n, entry, size = first, np.int64(first) * MAX_NEIGHBOURS, order.size
         cell, ends, missed = -1, 0, 0
         for q in range(first, last):
             i, body = order[q], bodies[q]
@@ -257,14 +257,14 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
                         square = squared(x - places[at], y - places[size + at], z - places[2 * size + at])
                         if not within(square, record[pair + G_REACH]):
                             continue
-                        if found < MOST_NEIGHBOURS:
+                        if found < MAX_NEIGHBOURS:
                             entries[entry], pairs[entry] = j, -1 - pair if mine else pair
                             entry += 1
                         else:
                             missed += 1
                         found += 1
             if found > 0:
-                who[n], numbers[n] = i, min(found, MOST_NEIGHBOURS)
+                who[n], numbers[n] = i, min(found, MAX_NEIGHBOURS)
                 n += 1
         active[band], lost[band] = n - first, lost[band] + missed
 

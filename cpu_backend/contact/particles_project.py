@@ -22,28 +22,28 @@ from model.contact.particle_parameters import (
     H_FASTEST,
     H_PUSH,
     H_STATIC,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
 )
 from model.formulas import particle_contact
 
 PACES = frozenset({"speed-limit", "sleeping"})
 
 
-def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) -> SimpleNamespace:
+def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool) -> SimpleNamespace:
     """`tell`, `push`, `put`: see the inner functions. `first`: the band's first place in `who`."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, within, split, held, direction = (
         formulas.squared, formulas.within, formulas.split, formulas.held, formulas.direction
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
-    added, added_rubbing, moved = formulas.added, formulas.added_rubbing, formulas.moved
+    added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     zero = real(0)
 
     @compiler.compiled
     def tell(first, last, count, position, record, who, numbers, entries, pairs, acting, met):
         """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
         `acting`, how many into `met`."""
-        entry, place = np.int64(first) * MOST_NEIGHBOURS, np.int64(first) * MOST_NEIGHBOURS
+        entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
         xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         for n in range(first, last):
             i, begin = who[n], place
@@ -60,7 +60,7 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
     @compiler.compiled
     def push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways):
         """Where the particles that have contacts go, into `ways` by their places in `who`."""
-        place = np.int64(first) * MOST_NEIGHBOURS
+        place = np.int64(first) * MAX_NEIGHBOURS
         xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
         for n in range(first, last):
@@ -75,7 +75,7 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
                 j, pair = entries[acting[a]], pairs[acting[a]]
                 distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
                 pull = zero
-                if sticking:
+                if has_adhesion:
                     pull = record[pair + G_PULL] if pair >= 0 else zero
                 dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
                 bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
@@ -83,12 +83,12 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
                 kept = held(distance, bx, by, bz, record[H_PUSH])
                 length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
                 depth = depth_of(length, kept, distance, pull)
-                if rubbing and (depth > zero or pull > zero):
+                if has_friction and (depth > zero or pull > zero):
                     sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
                     gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-                    x = added_rubbing(x, share, depth, nx, gripped, sx)
-                    y = added_rubbing(y, share, depth, ny, gripped, sy)
-                    z = added_rubbing(z, share, depth, nz, gripped, sz)
+                    x = added_friction(x, share, depth, nx, gripped, sx)
+                    y = added_friction(y, share, depth, ny, gripped, sy)
+                    z = added_friction(z, share, depth, nz, gripped, sz)
                 else:
                     x, y, z = added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
             place += np.int64(mine)
@@ -110,12 +110,12 @@ def _make_sweep(compiler: Compiler, real: Any, rubbing: bool, sticking: bool) ->
 
 
 @cache
-def make_project(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
+def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool) -> Any:
     """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts): what a member of a team
     does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them."""
-    name = f"particles_project_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
+    name = f"particles_project_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
     compiler = Compiler(name, math)
-    made = _make_sweep(compiler, real, rubbing, sticking)
+    made = _make_sweep(compiler, real, has_friction, has_adhesion)
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
@@ -140,10 +140,10 @@ def make_project(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
 
 
 @cache
-def make_project_stage(real: Any, math: str, rubbing: bool, sticking: bool) -> Any:
+def make_project_stage(real: Any, math: str, has_friction: bool, has_adhesion: bool) -> Any:
     """project(bands, sweeps, before, position, weights, record, neighbours, contacts): see make_project."""
-    name = f"particles_{np.dtype(real).name}_{math}{'_rubbing' * rubbing}{'_sticking' * sticking}"
-    project_all = make_project(real, math, rubbing, sticking)
+    name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
+    project_all = make_project(real, math, has_friction, has_adhesion)
 
     return Compiler(name, math).team(project_all)
 

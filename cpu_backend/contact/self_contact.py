@@ -8,7 +8,7 @@ import numpy as np
 
 from cpu_backend.contact.self_find import VALUES, make_find
 from cpu_backend.contact.self_project import FORCES, make_project
-from model.contact.self_contact_parameters import MOST_CONTACTS, contact_record, table_size
+from model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
 from model.core.build import Body
 from model.scene.scene import Scene
 
@@ -18,7 +18,7 @@ class Contacts:
 
     `find` makes them from the state before a substep and the predicted one; `project` sweeps over them. `found`
     (particles,) is how many triangles each mass may come near; `lost` counts, since it was last set to 0, the contacts that
-    were beyond the MOST_CONTACTS nearest of a mass.
+    were beyond the MAX_CONTACTS nearest of a mass.
     """
 
     def __init__(self, scene: Scene, body: Body, real: Any, math: str, threads: int, weights: np.ndarray):
@@ -35,7 +35,7 @@ class Contacts:
         buckets, largest = np.zeros(cells, np.int32), np.zeros(max(1, body.rows - 1), real)
         starts, sorted_cells = np.zeros(table_size(max(1, cells)) + 1, np.int32), np.zeros(cells, np.int32)
         self._hashed = (self._begin, move, boxes, keys, buckets, largest, starts, bands, sorted_cells)
-        most = masses * MOST_CONTACTS
+        most = masses * MAX_CONTACTS
         self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
         self.values, self.found = np.zeros((most, VALUES), real), np.zeros(masses, np.int32)
         self._searched = (self._begin, move, boxes, keys, largest, starts, sorted_cells)
@@ -60,7 +60,7 @@ class Contacts:
         )
         self._empty = not self.found.any()
         if not self._empty:
-            self.lost += int(np.maximum(self.found - MOST_CONTACTS, 0).sum())
+            self.lost += int(np.maximum(self.found - MAX_CONTACTS, 0).sum())
             self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
 
     def project(self, position: np.ndarray) -> None:

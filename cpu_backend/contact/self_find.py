@@ -13,7 +13,7 @@ from numba import prange
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from model.contact.self_contact_parameters import (
-    MOST_CONTACTS,
+    MAX_CONTACTS,
     S_COINCIDENT,
     S_FLAT,
     S_INVERSE_CELL,
@@ -61,16 +61,16 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         nearer = max(motion(move, k, a), max(motion(move, k, b), motion(move, k, c)))
         if not distance < record[S_THICKNESS] + record[S_MARGIN] + nearer:
             return found
-        first, last = k * MOST_CONTACTS, k * MOST_CONTACTS + min(found, MOST_CONTACTS)
+        first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
         place = last
         while place > first and (
             distance < values[place - 1, V_DISTANCE]
             or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
         ):
             place -= 1
-        if place == first + MOST_CONTACTS:
+        if place == first + MAX_CONTACTS:
             return found + 1
-        for slot in range(min(last, first + MOST_CONTACTS - 1), place, -1):
+        for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
             triangles[slot] = triangles[slot - 1]
             for axis in range(3):
                 corners[slot, axis] = corners[slot - 1, axis]
@@ -202,7 +202,7 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
         rows, columns, record, begin, move, boxes, keys, largest, starts, sorted_cells, triangles, corners, values,
         found,
     ):  # fmt: skip
-        """found (particles,): how many triangles each mass may come near; the first MOST_CONTACTS of them are kept."""
+        """found (particles,): how many triangles each mass may come near; the first MAX_CONTACTS of them are kept."""
         extent, mask = zero, np.int64(starts.size - 2)
         for i in range(rows - 1):
             extent = max(extent, largest[i])

@@ -12,7 +12,7 @@ import numpy as np
 from cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
-from model.contact.self_contact_parameters import MOST_CONTACTS, S_DYNAMIC, S_STATIC
+from model.contact.self_contact_parameters import MAX_CONTACTS, S_DYNAMIC, S_STATIC
 from model.formulas import contact
 
 FORCES = 4  # of a contact in a sweep: how deep, how it moves its mass (of weight 1)
@@ -88,7 +88,7 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
     def gather(k, found, values, starts, links, forces):
         """How far all its contacts move mass k, for a weight of 1."""
         x, y, z = zero, zero, zero
-        for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
             if forces[slot, F_DEPTH] > zero:
                 x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
         for place in range(starts[k], starts[k + 1]):
@@ -104,7 +104,7 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
     def load_of(k, found, values, starts, links, forces):
         """How many contacts ask something of mass k, those of its triangles by its part in them."""
         load = zero
-        for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
             if forces[slot, F_DEPTH] > zero:
                 load += one
         for place in range(starts[k], starts[k + 1]):
@@ -121,8 +121,8 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
             starts[low:high] = 0
             inside = 0
             for k in range(masses):
-                first = k * MOST_CONTACTS
-                for slot in range(first, first + min(found[k], MOST_CONTACTS)):
+                first = k * MAX_CONTACTS
+                for slot in range(first, first + min(found[k], MAX_CONTACTS)):
                     for corner in range(3):
                         m = corners[slot, corner]
                         if low <= m < high:
@@ -141,9 +141,9 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                 starts[m] = end
             for backward in range(masses):
                 k = masses - 1 - backward
-                held = min(found[k], MOST_CONTACTS)
+                held = min(found[k], MAX_CONTACTS)
                 for back in range(held):
-                    slot = k * MOST_CONTACTS + held - 1 - back
+                    slot = k * MAX_CONTACTS + held - 1 - back
                     for corner in range(3):
                         m = corners[slot, corner]
                         if low <= m < high:
@@ -165,14 +165,14 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                             points[i * columns + j, axis] = position[axis, i, j]
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
                         forces[slot, F_DEPTH] = depth_of(slot, k, points, corners, values)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     loads[k] = load_of(k, found, values, starts, links, forces)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MOST_CONTACTS, k * MOST_CONTACTS + min(found[k], MOST_CONTACTS)):
+                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
                         if forces[slot, F_DEPTH] > zero:
                             push(slot, k, points, begin, corners, values, weights, loads, record, forces)
             for band in shares(team, member, bands):

@@ -20,11 +20,11 @@ from model.core.simulation import Simulation
 
 
 @cache
-def make_first_bad(real: Any, axes: int) -> Any:
-    """first_bad(state, bound, columns_bad): per row the first bad column, or -1. No fast math: NaN must be seen."""
+def make_first_diverged(real: Any, axes: int) -> Any:
+    """first_diverged(state, bound, columns_bad): per row the first bad column, or -1. No fast math: NaN must be seen."""
     compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
 
-    def first_bad(state, bound, bad):
+    def first_diverged(state, bound, bad):
         zero = bound - bound
         for i in prange(state.shape[1]):
             bad[i] = -1
@@ -38,7 +38,7 @@ def make_first_bad(real: Any, axes: int) -> Any:
                     bad[i] = j
                     break
 
-    return compiler.kernel(first_bad)
+    return compiler.kernel(first_diverged)
 
 
 class CpuSimulation(Simulation):
@@ -65,7 +65,7 @@ class CpuSimulation(Simulation):
         self._pin_start = np.searchsorted(self._pin_row, np.arange(rows + 1)).astype(np.int64)
         self._pin_column = column.astype(np.int64)
         self._bad = np.full(rows, -1, np.int64)
-        self._first_bad_kernel = make_first_bad(self.real, self.scene.dimensions)
+        self._first_diverged_kernel = make_first_diverged(self.real, self.scene.dimensions)
 
     @property
     def _is_rk4(self) -> bool:
@@ -96,9 +96,9 @@ class CpuSimulation(Simulation):
     def _restore(self) -> None:
         self._flat[...] = self._kept
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         numba.set_num_threads(self.threads)
-        self._first_bad_kernel(self.current, self.real(self._bound), self._bad)
+        self._first_diverged_kernel(self.current, self.real(self._bound), self._bad)
         rows = np.flatnonzero(self._bad >= 0)
         return int(rows[0] * self.body.columns + self._bad[rows[0]]) if len(rows) else -1
 

@@ -1,4 +1,4 @@
-"""Where the lattices of a crowd lie in memory, and how they are shared out among CPU threads; see
+"""Where the lattices of a body set lie in memory, and how they are shared out among CPU threads; see
 shape_matching/lattice.py."""
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
 from model.scene.parts import Method
-from model.shape_matching.crowd import Crowd
+from model.shape_matching.body_set import BodySet
 from model.shape_matching.lattice import T_INVERSE, T_MASS, VALUES
 
 NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three tables begin, and that of a slice
@@ -21,13 +21,13 @@ QUATERNION, FRAME = 4, 12
 
 
 class Lattices:
-    """What kernels get of a crowd's lattices, `slots` being where its particles lie in planes of `count`: `arrays` (numbers,
-    slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster, first y and the one
-    behind the last; tables, values, work, rotation, scratch, room), `rotation` (4, clusters) flat, `frames` as those of
+    """What kernels get of a body set's lattices, `slots` being where its particles lie in planes of `count`: `arrays`
+    (numbers, slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster, first y and the
+    one behind the last; tables, values, work, rotation, scratch, room), `rotation` (4, clusters) flat, `frames` as those of
     other clusters."""
 
-    def __init__(self, crowd: Crowd, slots: np.ndarray, count: int, bands: int, real: Any):
-        self.copies, self.real = crowd.lattices, real
+    def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Any):
+        self.copies, self.real = body_set.lattices, real
         loose = min((one.first_cluster for one in self.copies), default=0)
         numbers, slices, pencils, tables = [], [], [], [np.zeros(0)]
         room = begin = 0

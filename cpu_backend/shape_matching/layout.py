@@ -1,4 +1,4 @@
-"""Where the particles, entries and clusters of a crowd lie in memory, in whole blocks of LANES; see
+"""Where the particles, entries and clusters of a body set lie in memory, in whole blocks of LANES; see
 shape_matching/kernels.py."""
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ from model.core.simulation import Options, Simulation
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
+from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import matching_factors, shaping
-from model.shape_matching.crowd import Crowd
 from model.xpbd.plan import xpbd_plan
 
 KERNELS = ("fused", "stages")
@@ -54,11 +54,11 @@ def choose_kernel(wanted: str | None) -> str:
 
 
 @cache
-def make_first_bad(real: Any) -> Any:
-    """first_bad(position, velocity, slots, count, bound, bands, bad): of each band the first bad particle, or -1. No fast
-    math: NaN must be seen."""
+def make_first_diverged(real: Any) -> Any:
+    """first_diverged(position, velocity, slots, count, bound, bands, bad): of each band the first bad particle, or -1. No
+    fast math: NaN must be seen."""
 
-    def first_bad(position, velocity, slots, count, bound, bands, bad):
+    def first_diverged(position, velocity, slots, count, bound, bands, bad):
         zero, particles = bound - bound, slots.size
         for band in prange(bands):
             bad[band] = -1
@@ -72,14 +72,14 @@ def make_first_bad(real: Any) -> Any:
                     bad[band] = k
                     break
 
-    return Compiler(f"bodies_{np.dtype(real).name}", "exact").kernel(first_bad)
+    return Compiler(f"bodies_{np.dtype(real).name}", "exact").kernel(first_diverged)
 
 
-def _bounds(crowd: Crowd) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(body_set: BodySet) -> tuple[np.ndarray, np.ndarray]:
     """The first particle and the first loose cluster of each copy, and the ends of the last one."""
-    first_particle = np.array([*(copy.first_particle for copy in crowd.copies), crowd.particle_count])
-    firsts = np.array([*(copy.first_cluster for copy in crowd.copies), crowd.loose.count])
-    firsts = np.minimum(firsts, crowd.loose.count)  # those of lattices come last, ...
+    first_particle = np.array([*(copy.first_particle for copy in body_set.copies), body_set.particle_count])
+    firsts = np.array([*(copy.first_cluster for copy in body_set.copies), body_set.loose.count])
+    firsts = np.minimum(firsts, body_set.loose.count)  # those of lattices come last, ...
     return first_particle, np.minimum.accumulate(firsts[::-1])[::-1]  # ... and none of theirs are loose
 
 
@@ -98,9 +98,9 @@ class Bodies(Simulation):
         self.threads, self.device = thread_count(threads), processor_name()
         self.kernel, self.plan = choose_kernel(options.kernel), xpbd_plan(scene, options.live)
         self.record, real = self._record, self.real
-        crowd = scene.crowd
-        self.clusters = crowd.loose
-        self.layout = layout_of(self.clusters, _bounds(crowd), real, self.threads)
+        body_set = scene.body_set
+        self.clusters = body_set.loose
+        self.layout = layout_of(self.clusters, _bounds(body_set), real, self.threads)
         count, clusters = self.layout.count, self.clusters.count
         self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
         self._weights = aligned_zeros(count, real)
@@ -117,10 +117,10 @@ class Bodies(Simulation):
         self._bad = np.zeros(self._bands, np.int64)
         self._bounds = self.layout.bands(self._bands)
         self._apart = not self.plan.parts & {"links", "contacts"} and self.layout.evenness(self._bands) <= UNEVEN
-        links = crowd.links
+        links = body_set.links
         ends = self.layout.slots[links.ends].astype(np.int32)
-        self._lattices = Lattices(crowd, self.layout.slots, count, self._bands, real)
-        self._apart = self._apart and not crowd.lattices
+        self._lattices = Lattices(body_set, self.layout.slots, count, self._bands, real)
+        self._apart = self._apart and not body_set.lattices
         self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
         self._kept = [np.zeros_like(array) for array in self._state()]
         self._links = ends, np.zeros((links.count, 2), real), np.zeros(links.count, real), links.starts
@@ -140,8 +140,8 @@ class Bodies(Simulation):
         found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
         self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
         self._own_factors[:] = found[self.layout.of_own]
-        crowd = self.scene.crowd
-        self._links[1][:] = crowd.links.values(method.dt / method.substeps, crowd.mass)
+        body_set = self.scene.body_set
+        self._links[1][:] = body_set.links.values(method.dt / method.substeps, body_set.mass)
 
     def _advance(self, step: int, steps: int) -> None:
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
@@ -205,7 +205,7 @@ class Bodies(Simulation):
         def update(step: int, offset: float) -> None:
             if self.plan.parts & PACES:
                 settle(bands, count, before, position, contacts.record)
-            if "bouncing" in self.plan.parts:
+            if "restitution" in self.plan.parts:
                 contacts.old[:] = velocity
             stage.update(bands, before, position, velocity, self._weights, count, self.record)
 
@@ -250,7 +250,7 @@ class Bodies(Simulation):
 
     @property
     def contacts_lost(self) -> int:
-        """Neighbours of particles beyond the MOST_NEIGHBOURS of each, since the simulation was opened."""
+        """Neighbours of particles beyond the MAX_NEIGHBOURS of each, since the simulation was opened."""
         return self.contacts.lost if self.contacts else 0
 
     def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: tuple[Any, ...], look: bool = False) -> None:
@@ -288,10 +288,12 @@ class Bodies(Simulation):
         for kept, array in zip(self._kept, self._state(), strict=True):
             array[:] = kept
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         numba.set_num_threads(self.threads)
         place = self.layout.slots, self.layout.count
-        make_first_bad(self.real)(self._even, self._velocity, *place, self.real(self._bound), self._bands, self._bad)
+        make_first_diverged(self.real)(
+            self._even, self._velocity, *place, self.real(self._bound), self._bands, self._bad
+        )
         bad = self._bad[self._bad >= 0]
         return int(bad[0]) if len(bad) else -1
 
@@ -303,7 +305,7 @@ class Bodies(Simulation):
         self._set_factors()
 
     def _weights_changed(self) -> None:
-        self._weights[self.layout.slots] = self.body.inverse_mass * self.scene.crowd.mass
+        self._weights[self.layout.slots] = self.body.inverse_mass * self.scene.body_set.mass
 
     def _planes(self, array: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(array.reshape(AXES, -1)[:, self.layout.slots].T)

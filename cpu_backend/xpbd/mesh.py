@@ -42,11 +42,11 @@ def choose_kernel(wanted: str | None) -> str:
 
 
 @cache
-def make_first_bad(real: Any) -> Any:
-    """first_bad(position, velocity, bound, bands, bad): of each band the first bad mass, or -1. No fast math: NaN must be
-    seen."""
+def make_first_diverged(real: Any) -> Any:
+    """first_diverged(position, velocity, bound, bands, bad): of each band the first bad mass, or -1. No fast math: NaN must
+    be seen."""
 
-    def first_bad(position, velocity, bound, bands, bad):
+    def first_diverged(position, velocity, bound, bands, bad):
         zero, count = bound - bound, len(position)
         for band in prange(bands):
             bad[band] = -1
@@ -59,7 +59,7 @@ def make_first_bad(real: Any) -> Any:
                     bad[band] = k
                     break
 
-    return Compiler(f"mesh_{np.dtype(real).name}", "exact").kernel(first_bad)
+    return Compiler(f"mesh_{np.dtype(real).name}", "exact").kernel(first_diverged)
 
 
 class MeshPositionBased(Simulation):
@@ -168,10 +168,10 @@ class MeshPositionBased(Simulation):
     def _restore(self) -> None:
         self._position[...], self._velocity[...] = self._kept
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         numba.set_num_threads(self.threads)
         state = self._position, self._velocity
-        make_first_bad(self.real)(*state, self.real(self._bound), self._bands, self._bad)
+        make_first_diverged(self.real)(*state, self.real(self._bound), self._bands, self._bad)
         bad = self._bad[self._bad >= 0]
         return int(bad[0]) if len(bad) else -1
 

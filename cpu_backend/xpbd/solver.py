@@ -246,13 +246,13 @@ class PositionBased(CpuSimulation):
         self._layout.put(self._flat, axes, velocity.T.reshape(shape))
         self._part("pins", position[self.body.pinned].T)
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         if not isinstance(self._layout, Combed):
-            return super()._first_bad()
+            return super()._first_diverged()
         numba.set_num_threads(self.threads)
         worst, classes = -1, self._layout.classes
         for k, part in enumerate(self._layout.by_class(self._flat)):
-            self._first_bad_kernel(part, self.real(self._bound), self._bad)
+            self._first_diverged_kernel(part, self.real(self._bound), self._bad)
             for row in np.flatnonzero(self._bad >= 0)[:1]:
                 found = int(row * self.body.columns + self._bad[row] * classes + k)
                 worst = found if worst < 0 else min(worst, found)

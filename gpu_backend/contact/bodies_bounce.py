@@ -16,7 +16,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.grid.point import kernel_options
 from gpu_backend.shape_matching.kernels import ROWS
-from model.contact.particle_parameters import MOST_NEIGHBOURS
+from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.formulas import particle_contact, rebound
 
 
@@ -29,7 +29,7 @@ def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
     split, added, moved = formulas.split, formulas.added, formulas.moved
     factor_of = device_formulas(rebound.make, real, math).shared
     product = device_formulas(rebound.make, real, math).scaled
-    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
     def give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, scales, struck):
         i = np.int32(cuda.grid(1))

@@ -9,14 +9,14 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.particles_bounce import make_bounce
-from gpu_backend.contact.particles_find import LEAST_TABLE, make_find
+from gpu_backend.contact.particles_find import MIN_TABLE, make_find
 from gpu_backend.contact.particles_project import make_project
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.scan import Scan
 from model.contact.particle_parameters import (
     G_OWN,
     G_REACH,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
     contact_parts,
     kinds_of_particles,
     pair_rows,
@@ -29,7 +29,7 @@ THREADS = 128
 
 
 def _table(particles: int) -> int:
-    return max(LEAST_TABLE, table_size(particles))
+    return max(MIN_TABLE, table_size(particles))
 
 
 def _meets_itself(scene: Scene) -> bool:
@@ -38,28 +38,28 @@ def _meets_itself(scene: Scene) -> bool:
 
 def particle_contact_bytes(scene: Scene, item: int) -> int:
     """Device memory for the contacts of a scene's particles, `item` bytes a scalar."""
-    particles = scene.crowd.particle_count
+    particles = scene.body_set.particle_count
     quads = SIZE * item * (2 + _meets_itself(scene))
-    return particles * (quads + 4 * (MOST_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
+    return particles * (quads + 4 * (MAX_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
 
 
 class ParticleContacts:
-    """The neighbours of each particle: `found` (particles,) int32, how many; `neighbours` (MOST_NEIGHBOURS * particles,), the
+    """The neighbours of each particle: `found` (particles,) int32, how many; `neighbours` (MAX_NEIGHBOURS * particles,), the
     s-th of particle i in place s * particles + i; `bounces`: whether they do. `before`, `position`: quads of particles and
     their weights, on the device."""
 
     def __init__(self, scene: Scene, real: Any, math: str, stream: Any):
-        part, crowd = scene.contact, scene.crowd
+        part, body_set = scene.contact, scene.body_set
         assert part is not None
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
-        particles, kinds = crowd.particle_count, len(scene.bodies)
+        particles, kinds = body_set.particle_count, len(scene.bodies)
         parts, own, many = contact_parts(scene), _meets_itself(scene), kinds > 1
         self.record = self._new(self._record_of(scene))
-        kind = np.zeros(len(crowd.copies), np.int32)
-        kind[crowd.body] = kinds_of_particles(scene)
-        self._pairs = self._new(crowd.body.astype(np.int32)), self._new(kind), np.int32(kinds)
+        kind = np.zeros(len(body_set.copies), np.int32)
+        kind[body_set.body] = kinds_of_particles(scene)
+        self._pairs = self._new(body_set.body.astype(np.int32)), self._new(kind), np.int32(kinds)
         rest = np.zeros((particles if own else 1, SIZE), real)
-        rest[:, :3] = crowd.clusters.position if own else 0
+        rest[:, :3] = body_set.clusters.position if own else 0
         self._rest = self._new(rest.reshape(-1))
         table = _table(particles) + 1  # the last number of its starts is that of all
         self._counts, self._starts = self._integers(table), self._integers(table)
@@ -67,13 +67,13 @@ class ParticleContacts:
             self._integers(particles) for _ in range(5)
         )
         self._sorted, self._touching = (self._new(np.zeros(SIZE * particles, real)) for _ in range(2))
-        self.neighbours = cuda.device_array(MOST_NEIGHBOURS * particles, np.int32, stream=stream)
+        self.neighbours = cuda.device_array(MAX_NEIGHBOURS * particles, np.int32, stream=stream)
         self._lost = self._new(np.zeros(1, np.int64))
         self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
         self._find = make_find(real, own, many)
         self.variant = own, many
-        self.bounces, self._bounce = "bouncing" in parts, make_bounce(real, math, own, many)
-        self._project = make_project(real, math, "rubbing" in parts, "sticking" in parts, own, many)
+        self.bounces, self._bounce = "restitution" in parts, make_bounce(real, math, own, many)
+        self._project = make_project(real, math, "friction" in parts, "adhesion" in parts, own, many)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -97,13 +97,13 @@ class ParticleContacts:
         return 2 * self._sweeps
 
     @property
-    def bouncing(self) -> int:
+    def restitution_launches(self) -> int:
         """Launches of `bounce`."""
         return 2
 
     @property
     def lost(self) -> int:
-        """How many neighbours were beyond the MOST_NEIGHBOURS of a particle, over all substeps so far."""
+        """How many neighbours were beyond the MAX_NEIGHBOURS of a particle, over all substeps so far."""
         host = self._lost.copy_to_host(stream=self._stream)
         cuda.synchronize()
         return int(host[0])
@@ -135,7 +135,7 @@ class ParticleContacts:
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments)
 
-    def count_bouncing(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
+    def count_impacts(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
         """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""
         arguments = position, old, velocity, self.found, self.neighbours, self.record, *self._pairs, self._touching
         self._bounce.count[self._flat](*arguments)
@@ -143,5 +143,5 @@ class ParticleContacts:
 
     def bounce(self, position: Any, old: Any, velocity: Any) -> None:
         """Of those that touch at `position`: with `old` velocities the substep began, with `velocity` it ends."""
-        arguments = self.count_bouncing(position, old, velocity)
+        arguments = self.count_impacts(position, old, velocity)
         self._bounce.bounce[self._flat](*arguments)

@@ -17,7 +17,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.mass_spring.grid.point import kernel_options
 from gpu_backend.mass_spring.grid.strips import inlined
-from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MOST_NEIGHBOURS
+from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
 from model.formulas import particle_contact
 
 
@@ -56,7 +56,7 @@ def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
     began; `own`, `many`: as in `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
     split, added, moved = formulas.split, formulas.added, formulas.moved
-    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
     def count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))

@@ -26,14 +26,14 @@ from model.contact.particle_parameters import (
     G_OWN,
     G_REACH,
     H_INVERSE_CELL,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
     PAIR_FIELDS,
     PAIRS,
 )
 from model.formulas import contact, particle_contact
 
 FARTHEST = 2**30  # cells from the origin
-LEAST_TABLE = 8  # buckets: a row's three cells are three buckets, and no fourth one is among them
+MIN_TABLE = 8  # buckets: a row's three cells are three buckets, and no fourth one is among them
 
 
 @cache
@@ -69,7 +69,7 @@ def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
     squared, scaled, within = formulas.squared, formulas.scaled, formulas.within
     pair_of = make_pairs(own, many)
     _, prime_y, prime_z = contact.PRIMES
-    zero, farthest, one, three, most = real(0), real(FARTHEST), np.int32(1), np.int32(3), np.int32(MOST_NEIGHBOURS)
+    zero, farthest, one, three, most = real(0), real(FARTHEST), np.int32(1), np.int32(3), np.int32(MAX_NEIGHBOURS)
 
     @device
     def cell_of(x, inverse_cell):

@@ -32,34 +32,36 @@ from model.contact.particle_parameters import (
     H_FASTEST,
     H_PUSH,
     H_STATIC,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
 )
 from model.formulas import particle_contact
 
 
 @cache
-def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool, many: bool) -> SimpleNamespace:
+def make_project(
+    real: Any, math: str, has_friction: bool, has_adhesion: bool, own: bool, many: bool
+) -> SimpleNamespace:
     """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
     of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
-    body, kind, kinds, touching)`: particles, in place. `rubbing`, `sticking`: whether code for friction, adhesion is there;
+    body, kind, kinds, touching)`: particles, in place. `friction`, `adhesion`: whether code for friction, adhesion is there;
     `own`, `many`: as in `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
-    added, added_rubbing, moved = formulas.added, formulas.added_rubbing, formulas.moved
-    pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MOST_NEIGHBOURS)
+    added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
+    pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
     @inlined(math)
     def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
         """What a contact adds to a particle's way, that of its middle from b to d."""
-        if rubbing:
+        if has_friction:
             if depth > zero or pull > zero:
                 sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
                 gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
                 x, y, z = (
-                    added_rubbing(x, share, depth, nx, gripped, sx),
-                    added_rubbing(y, share, depth, ny, gripped, sy),
-                    added_rubbing(z, share, depth, nz, gripped, sz),
+                    added_friction(x, share, depth, nx, gripped, sx),
+                    added_friction(y, share, depth, ny, gripped, sy),
+                    added_friction(z, share, depth, nz, gripped, sz),
                 )
                 return x, y, z
         return added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
@@ -94,7 +96,7 @@ def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool,
                         if within(squared(d[0], d[1], d[2]), active):
                             distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
                             pull = zero
-                            if sticking:
+                            if has_adhesion:
                                 if not same:
                                     pull = record[row + G_PULL]
                             other = load_quad(before, j)
@@ -109,7 +111,7 @@ def make_project(real: Any, math: str, rubbing: bool, sticking: bool, own: bool,
                         position, i, moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z), weight
                     )
 
-    words = ("rubbing" * rubbing, "sticking" * sticking, f"own{own:d}", f"many{many:d}")
+    words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}")
     variant, options = f"particle_contacts_{variant_name(real, math, *words)}", kernel_options(math)
     return SimpleNamespace(
         count=make_kernel(count, variant, **options), project=make_kernel(project, variant, **options)

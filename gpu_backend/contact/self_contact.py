@@ -12,7 +12,7 @@ from gpu_backend.contact.self_find import make_find
 from gpu_backend.contact.self_project import make_project
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.scan import Scan
-from model.contact.self_contact_parameters import MOST_CONTACTS, contact_record, table_size
+from model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
 from model.core.build import Body
 from model.scene.scene import Scene
 
@@ -21,7 +21,7 @@ THREADS = 128
 
 def contact_bytes(masses: int, item: int) -> int:
     """Device memory for the contacts of so many masses, `item` bytes a scalar."""
-    contacts = MOST_CONTACTS * (3 * SIZE * item + 4 + 12 + 12)
+    contacts = MAX_CONTACTS * (3 * SIZE * item + 4 + 12 + 12)
     return masses * (contacts + 2 * SIZE * item + 8 + 4 * (2 + 3 * 4) + 4 * 4 + 2 * item)
 
 
@@ -35,7 +35,7 @@ class Contacts:
         self._shape = (np.int32(body.rows), np.int32(body.columns))
         masses, cells = body.rows * body.columns, (body.rows - 1) * (body.columns - 1)
         self._touches = cells > 0
-        cells, most = max(1, cells), masses * MOST_CONTACTS
+        cells, most = max(1, cells), masses * MAX_CONTACTS
         table = table_size(cells)
         self.record = self._new(contact_record(scene, real))
         self._weights = self._new(np.ascontiguousarray(weights, real))
@@ -73,7 +73,7 @@ class Contacts:
 
     @property
     def lost(self) -> int:
-        """How many contacts were beyond the MOST_CONTACTS nearest of a mass, since this was last read on the device."""
+        """How many contacts were beyond the MAX_CONTACTS nearest of a mass, since this was last read on the device."""
         return int(self._lost.copy_to_host(stream=self._stream)[0])
 
     def change(self, scene: Scene) -> None:

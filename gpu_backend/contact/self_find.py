@@ -16,7 +16,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.mass_spring.grid.point import kernel_options
 from model.contact.self_contact_parameters import (
-    MOST_CONTACTS,
+    MAX_CONTACTS,
     S_COINCIDENT,
     S_FLAT,
     S_INVERSE_CELL,
@@ -29,7 +29,7 @@ from model.contact.self_contact_parameters import (
 )
 from model.formulas import contact
 
-# Contact s of mass k has the number MOST_CONTACTS k + s and, in flat arrays, three corners and two quads: (normal, distance
+# Contact s of mass k has the number MAX_CONTACTS k + s and, in flat arrays, three corners and two quads: (normal, distance
 # that is held) and (b, c, distance at the substep's beginning, nothing).
 
 
@@ -72,17 +72,17 @@ def _make_meet(real: Any, math: str) -> Any:
         nearer = max(nearer, motion(load_quad(predicted, c), moved[0], moved[1], moved[2], qc))
         if not distance < record[S_THICKNESS] + record[S_MARGIN] + nearer:
             return found
-        first = k * MOST_CONTACTS
-        last = first + min(found, MOST_CONTACTS)
+        first = k * MAX_CONTACTS
+        last = first + min(found, MAX_CONTACTS)
         place = last
         while place > first:
             other = load_quad(weights, place - 1)[2]
             if not (distance < other or (distance == other and triangle < triangles[place - 1])):
                 break
             place -= 1
-        if place == first + MOST_CONTACTS:
+        if place == first + MAX_CONTACTS:
             return found + 1
-        slot = min(last, first + MOST_CONTACTS - 1)
+        slot = min(last, first + MAX_CONTACTS - 1)
         while slot > place:
             triangles[slot] = triangles[slot - 1]
             for axis in range(3):
@@ -190,7 +190,7 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
         before, predicted, record, boxes, keys, starts, counts, sorted_cells, largest, triangles, corners, normals,
         weights, found, link_counts, lost, rows, columns,
     ):  # fmt: skip
-        """found[k]: how many triangles mass k may come near; the first MOST_CONTACTS are kept, and counted by corner."""
+        """found[k]: how many triangles mass k may come near; the first MAX_CONTACTS are kept, and counted by corner."""
         k = np.int64(cuda.grid(1))
         rows, columns = np.int64(rows), np.int64(columns)
         if k < found.size:
@@ -228,9 +228,9 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                                     corners, normals, weights, count,
                                 )  # fmt: skip
             found[k] = count
-            if count > MOST_CONTACTS:
-                cuda.atomic.add(lost, 0, np.int64(count - MOST_CONTACTS))
-            for place in range(3 * MOST_CONTACTS * k, 3 * (MOST_CONTACTS * k + min(count, MOST_CONTACTS))):
+            if count > MAX_CONTACTS:
+                cuda.atomic.add(lost, 0, np.int64(count - MAX_CONTACTS))
+            for place in range(3 * MAX_CONTACTS * k, 3 * (MAX_CONTACTS * k + min(count, MAX_CONTACTS))):
                 cuda.atomic.add(link_counts, corners[place], 1)
 
     variant, options = f"contacts_{variant_name(real, math)}", kernel_options(math)

@@ -14,7 +14,7 @@ from gpu_backend.core.compile import make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.mass_spring.grid.point import kernel_options
-from model.contact.self_contact_parameters import MOST_CONTACTS, S_DYNAMIC, S_STATIC
+from model.contact.self_contact_parameters import MAX_CONTACTS, S_DYNAMIC, S_STATIC
 from model.formulas import contact
 
 
@@ -31,8 +31,8 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
     @device
     def held(found, k):
         """The range of the contacts of mass k."""
-        first = k * MOST_CONTACTS
-        return first, first + min(np.int64(found[k]), np.int64(MOST_CONTACTS))
+        first = k * MAX_CONTACTS
+        return first, first + min(np.int64(found[k]), np.int64(MAX_CONTACTS))
 
     @device
     def offset(points, k, a, b, c, s, t):

@@ -14,7 +14,7 @@ import numpy as np
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.simulation import CudaSimulation
 
-MOST_NODES = 4096  # launches of one graph
+MAX_NODES = 4096  # launches of one graph
 LARGEST_CHUNK = 256  # steps of one graph
 
 
@@ -37,7 +37,7 @@ class QuadSimulation(CudaSimulation):
         self._set_counter(step)
         chunk = LARGEST_CHUNK
         while self._graphs is not None and steps:
-            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MOST_NODES):
+            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MAX_NODES):
                 parity = self._current
                 self._graphs.replay(parity, chunk)
                 self._current = parity ^ (chunk * self.scene.method.substeps & 1)

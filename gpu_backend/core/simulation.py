@@ -3,7 +3,7 @@
 A solver's class sets `position`, `velocity` (two device arrays each, `_current` tells which pair is the state),
 `kept_position`, `kept_velocity`, `record`, `integers`, `_integers` (its copy on the host, number 1 the poke), `_counter`,
 `_counts` (whether the kernels read it), `_bad`, `stream`, `_flat` (launch of a thread a mass), `_tools` (kernels `count`
-and `first_bad`), `_executor`, `_graphs`.
+and `first_diverged`), `_executor`, `_graphs`.
 """
 
 from __future__ import annotations
@@ -96,10 +96,10 @@ class CudaSimulation(Simulation):
         self.position[self._current].copy_to_device(self.kept_position, stream=self.stream)
         self.velocity[self._current].copy_to_device(self.kept_velocity, stream=self.stream)
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
         state = self.position[self._current], self.velocity[self._current]
-        self._tools.first_bad[self._flat](*state, self.real(self._bound), self._bad)
+        self._tools.first_diverged[self._flat](*state, self.real(self._bound), self._bad)
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 

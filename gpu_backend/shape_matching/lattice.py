@@ -17,24 +17,24 @@ from gpu_backend.shape_matching.lattice_kernels import (
     make_lattice_kernels,
 )
 from model.scene.parts import Method
-from model.shape_matching.crowd import Crowd
+from model.shape_matching.body_set import BodySet
 from model.shape_matching.lattice import VALUES
 
 FRAME = 12
 BUSY = 2**17  # threads that keep a large device busy: a hundred multiprocessors with a thousand each
 
 
-def lattice_bytes(crowd: Crowd, item: int) -> int:
-    """What the lattices of a crowd take beside its particles; `item`: bytes of a number."""
-    clusters = sum(one.copies * one.lattice.size for one in crowd.lattices)
+def lattice_bytes(body_set: BodySet, item: int) -> int:
+    """What the lattices of a body set take beside its particles; `item`: bytes of a number."""
+    clusters = sum(one.copies * one.lattice.size for one in body_set.lattices)
     return item * clusters * (2 * PLANES + 3 * SIZE + FRAME)
 
 
 class Lattices:
-    """The lattices of a crowd. `rotation` and `turned` (clusters, 4) flat, `frames` as those of other clusters."""
+    """The lattices of a body set. `rotation` and `turned` (clusters, 4) flat, `frames` as those of other clusters."""
 
-    def __init__(self, crowd: Crowd, real: Any, math: str, stream: Any):
-        self.copies, self.real, self.stream = crowd.lattices, real, stream
+    def __init__(self, body_set: BodySet, real: Any, math: str, stream: Any):
+        self.copies, self.real, self.stream = body_set.lattices, real, stream
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
         self.rotation: Any = None
         self.turned: Any = None

@@ -136,7 +136,7 @@ class Rebounds:
     of the scene, where they give back to rigid bodies; `turns`: whether colliders do."""
 
     launches = 3  # beside `strike` instead of what it is instead of
-    bouncing = 10  # of `bounce`
+    restitution_launches = 10  # of `bounce`
 
     def __init__(
         self, clusters: Clusters, own: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
@@ -177,7 +177,7 @@ class Rebounds:
         own, motions = gathered[:2], self._motions
         self._gather[blocks](position, velocity, *entries, leans, motions)
         self._slow[flat](position, velocity, *own, self._factors, motions)
-        arguments = *self.contacts.count_bouncing(position, old, velocity), self._scales, self.struck
+        arguments = *self.contacts.count_impacts(position, old, velocity), self._scales, self.struck
         plain, scaled = self._gives
         plain[flat](*arguments)
         self._weigh(blocks, position, entries, leans)

@@ -55,7 +55,7 @@ class Bodies(QuadSimulation):
         self.device = require_gpu()
         super().__init__(scene, options)
         self.plan, self.kernel, self.threads = xpbd_plan(scene, options.live), choose_kernel(options.kernel), THREADS
-        self.clusters, self.particle_count = scene.crowd.loose, len(self.body.position)
+        self.clusters, self.particle_count = scene.body_set.loose, len(self.body.position)
         self._require_space()
         self.stream = new_stream()
         self._flat = self._over(self.particle_count)
@@ -70,7 +70,7 @@ class Bodies(QuadSimulation):
     def _require_space(self) -> None:
         item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
         needed = item * (8 * SIZE * self.particle_count + 2 * SIZE * entries + (MOMENTS + 7 * SIZE) * clusters)
-        needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.crowd, item)
+        needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.body_set, item)
         if self.scene.contact:
             needed += particle_contact_bytes(self.scene, item)
         if not simulated():
@@ -128,17 +128,17 @@ class Bodies(QuadSimulation):
         if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
             those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
             self._rebounds = Rebounds(*those, *variant, self.stream)
-        self._lattices = Lattices(scene.crowd, *variant, self.stream)
+        self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
-        links = self.scene.crowd.links
+        links = self.scene.body_set.links
         if links.count:
             self._link_ends, self._link_values = self._on_device(links.ends.T), self._on_device(self._of_links())
             self._multipliers = self._zeros(links.count)
 
     def _of_links(self) -> np.ndarray:
         """(2, links): rest lengths and compliances."""
-        method, crowd = self.scene.method, self.scene.crowd
-        found: np.ndarray = crowd.links.values(method.dt / method.substeps, crowd.mass).T.astype(self.real)
+        method, body_set = self.scene.method, self.scene.body_set
+        found: np.ndarray = body_set.links.values(method.dt / method.substeps, body_set.mass).T.astype(self.real)
         return found
 
     def _in_own_order(self) -> np.ndarray:
@@ -197,7 +197,7 @@ class Bodies(QuadSimulation):
 
     def _link(self, position: Any, number: int, fresh: bool) -> None:
         """The links of a colour; `fresh`: the first time in a substep."""
-        starts = self.scene.crowd.links.starts
+        starts = self.scene.body_set.links.starts
         start, stop = starts[number], starts[number + 1]
         assert self._project_links is not None
         self._project_links[self._over(int(stop - start))](
@@ -218,7 +218,7 @@ class Bodies(QuadSimulation):
         for iteration in range(self.scene.method.iterations):
             if iteration and not self.contacts:
                 self._move(now)
-            for number in range(self.scene.crowd.links.colours):
+            for number in range(self.scene.body_set.links.colours):
                 self._link(now, number, iteration == 0)
             self._match(now, self.rotation)
             self._lattices.move(now)
@@ -280,12 +280,14 @@ class Bodies(QuadSimulation):
     def _launches(self) -> int:
         """Of a step."""
         method, contacts = self.scene.method, self.contacts
-        iteration = 3 + self.scene.crowd.links.colours + (contacts.projecting if contacts else 0)
+        iteration = 3 + self.scene.body_set.links.colours + (contacts.projecting if contacts else 0)
         iteration += self._lattices.launches
         ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
         if contacts and contacts.bounces:
             whole = self._rebounds is not None and self._rebounds.contacts is not None
-            ends += (Rebounds.bouncing if whole else contacts.bouncing) + (not self._material.damped)
+            ends += (Rebounds.restitution_launches if whole else contacts.restitution_launches) + (
+                not self._material.damped
+            )
         ends += Rebounds.launches if self._rebounds and self._rebounds.turns else 0
         return method.substeps * (ends + iteration * method.iterations)
 
@@ -309,7 +311,7 @@ class Bodies(QuadSimulation):
         self._material.restore()
 
     def _parameters_changed(self) -> None:
-        if self.scene.crowd.links.count:
+        if self.scene.body_set.links.count:
             self._link_values.copy_to_device(self._of_links().reshape(-1), stream=self.stream)
         self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
         self._material.change(self.scene.method)
@@ -319,7 +321,7 @@ class Bodies(QuadSimulation):
         super()._parameters_changed()
 
     def _weights_changed(self) -> None:
-        self._weight = (self.body.inverse_mass * self.scene.crowd.mass).astype(self.real)
+        self._weight = (self.body.inverse_mass * self.scene.body_set.mass).astype(self.real)
 
     def _of_all(self, loose: Any, of_lattices: Any, rows: int = 1) -> np.ndarray:
         """(clusters, rows * 4): arrays of quads, those of loose clusters first."""

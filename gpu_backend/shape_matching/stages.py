@@ -66,7 +66,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
 
         return run
 
-    colours = sim.scene.crowd.links.colours
+    colours = sim.scene.body_set.links.colours
     return {f"project links {number}": link(number) for number in range(colours)} | {
         "gravity": lambda step, offset: stage.gravity[flat](sim.record, a),
         "poke": lambda step, offset: stage.poke[flat](position, sim.record, sim.integers, a),

@@ -23,10 +23,10 @@ from model.scene.scene import Scene
 from model.xpbd.plan import colour_order, families
 
 XPBD_KERNELS = ("one-block", "tiled", "graph", "launch", "stages")
-MOST_THREADS = 1024
-ONE_BLOCK_MASSES = 4 * MOST_THREADS
+MAX_THREADS = 1024
+ONE_BLOCK_MASSES = 4 * MAX_THREADS
 OWNED = (8, 16, 24, 32, 48, 64)  # masses that a tile owns along an axis
-MOST_DEPTH = 4  # iterations a launch
+MAX_DEPTH = 4  # iterations a launch
 AIR_BYTES = 32  # of shared memory, for the wind's velocity
 # us: a captured launch with the loads and stores of its tiles; a barrier of a colour with the waits around it; a mass of a
 # tile through shared memory (16 bytes each way at 128 bytes a cycle); the same for a mass that gathers; and for one whose
@@ -60,7 +60,7 @@ class Choice:
 def threads_for(masses: int) -> int:
     """Threads of a block: one for each constraint of a colour, which has half as many as there are masses; in a Jacobi
     ordering one for two masses, whose up to 24 multipliers then fit its registers."""
-    return min(MOST_THREADS, max(32, -(-masses // 64) * 32))
+    return min(MAX_THREADS, max(32, -(-masses // 64) * 32))
 
 
 def block_tile(scene: Scene, threads: int | None = None) -> SheetTile:
@@ -99,8 +99,8 @@ def estimate(scene: Scene, parts: frozenset[str], choice: Choice, processors: in
 
 def best_tiled(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> Choice | None:
     """`tiled` with the tile that should be fastest, or None where none fits a block."""
-    choices, most = [], ONE_BLOCK_MASSES if "gauss-seidel" in parts else MOST_THREADS
-    for depth in range(1, min(MOST_DEPTH, scene.method.iterations) + 1):
+    choices, most = [], ONE_BLOCK_MASSES if "gauss-seidel" in parts else MAX_THREADS
+    for depth in range(1, min(MAX_DEPTH, scene.method.iterations) + 1):
         for owned in ((r, c) for r in OWNED for c in OWNED):
             tile = cut(parts, owned, depth)
             masses = tile.rows.size * tile.columns.size
@@ -172,8 +172,8 @@ def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | Non
     if reason:
         raise SceneError("--kernel", asked, reason)
     threads = int(tile) if re.fullmatch(r"\d{2,4}", tile) else 0
-    if tile and (threads % 32 or not 32 <= threads <= MOST_THREADS):
-        raise SceneError("--kernel", asked, f"one-block:THREADS has a multiple of 32 threads, up to {MOST_THREADS}")
+    if tile and (threads % 32 or not 32 <= threads <= MAX_THREADS):
+        raise SceneError("--kernel", asked, f"one-block:THREADS has a multiple of 32 threads, up to {MAX_THREADS}")
     return Choice("one-block", block_tile(scene, threads))
 
 
@@ -186,10 +186,10 @@ def _tiled(scene: Scene, real: Any, parts: frozenset[str], asked: str, name: str
         return choice
     found = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,4})d(\d)", name)
     rows, columns, threads, depth = (int(text) for text in found.groups()) if found else (0, 0, 0, 0)
-    if min(rows, columns, depth) < 1 or rows % PERIOD or columns % PERIOD or not 32 <= threads <= MOST_THREADS:
+    if min(rows, columns, depth) < 1 or rows % PERIOD or columns % PERIOD or not 32 <= threads <= MAX_THREADS:
         raise SceneError(
             "--kernel", asked, "a tile is ROWSxCOLUMNSxTHREADSdDEPTH, such as tiled:16x16x384d1: multiples of "
-            f"{PERIOD}, 32 to {MOST_THREADS} threads, 1 to 9 iterations a launch",
+            f"{PERIOD}, 32 to {MAX_THREADS} threads, 1 to 9 iterations a launch",
         )  # fmt: skip
     tile = cut(parts, (rows, columns), depth, -(-threads // 32) * 32)
     needed = shared_bytes(real, parts, tile) + AIR_BYTES

@@ -33,7 +33,7 @@ from model.xpbd.parameters import (
 from model.xpbd.plan import Family
 
 KINDS = ("structural", "shear", "bending")
-MOST_CONSTRAINTS = 12  # of a mass
+MAX_CONSTRAINTS = 12  # of a mass
 
 
 def dampers(parts: frozenset[str]) -> bool:

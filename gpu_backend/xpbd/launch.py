@@ -13,7 +13,7 @@ from gpu_backend.xpbd.kernels import multiplier_planes
 from gpu_backend.xpbd.sweep import shared_bytes
 from gpu_backend.xpbd.tiled import make_one_block, make_tiled
 
-MOST_ITERATIONS = 1 << 14  # of one launch of `one-block`, which nothing can interrupt: some tens of milliseconds
+MAX_ITERATIONS = 1 << 14  # of one launch of `one-block`, which nothing can interrupt: some tens of milliseconds
 
 
 class BlockLauncher:
@@ -38,7 +38,7 @@ class BlockLauncher:
 
     def advance(self, steps: int) -> None:
         sim, method = self.simulation, self.simulation.scene.method
-        most = max(1, MOST_ITERATIONS // (method.substeps * method.iterations))
+        most = max(1, MAX_ITERATIONS // (method.substeps * method.iterations))
         while steps:
             some = min(steps, most)
             self._kernel[1, self.tile.threads, sim.stream, self._shared](*self._arguments(some))

@@ -33,7 +33,7 @@ from gpu_backend.mass_spring.cloth.point import (
     WIND_SEED,
     knows_time,
 )  # fmt: skip
-from gpu_backend.mass_spring.grid.kernels import BLOCK, MOST_BLOCKS_DOWN
+from gpu_backend.mass_spring.grid.kernels import BLOCK, MAX_BLOCKS_DOWN
 from gpu_backend.shape_matching.matching import Matching
 from gpu_backend.xpbd.choice import xpbd_kernel
 from gpu_backend.xpbd.constraints import compliant
@@ -99,9 +99,9 @@ class PositionBased(QuadSimulation):
             needed += contact_bytes(self.particle_count, item)
         if not simulated():
             require(needed, memory_info()[0], f"{sheet}.rows x {sheet}.columns", f"{rows} x {columns}", "GPU memory")
-        if blocks_over(rows, columns)[1] > MOST_BLOCKS_DOWN:
+        if blocks_over(rows, columns)[1] > MAX_BLOCKS_DOWN:
             raise SceneError(
-                f"{sheet}.rows", rows, f"at most {MOST_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the sheet"
+                f"{sheet}.rows", rows, f"at most {MAX_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the sheet"
             )
 
     # ------------------------------------------------------------------ arrays

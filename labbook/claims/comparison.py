@@ -12,8 +12,8 @@ from labbook.claims.claim import Claim, clearly, cpu_source, on_gpu
 from labbook.words import masses, percent, times
 from plots.core.data import Results, is_wrong
 from plots.core.shapes import shape_ratios
+from plots.figures.crossover import crossing, pairs
 from plots.figures.graphics import drawing_costs, skipped_reason
-from plots.figures.overtaking import crossing, pairs
 
 
 def overtakes(results: Results) -> Claim:

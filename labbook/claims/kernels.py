@@ -1,4 +1,5 @@
-"""What the lab book may say of the kernels: what each rung gains, its roofs, joules, starts; see labbook/claims/claim.py."""
+"""What the lab book may say of the kernels: what each rung gains, its ceilings, joules, starts; see
+labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from labbook.words import masses, number, percent, seconds, times
 from plots.core.data import Results, Source
 from plots.core.ladder import defaults, fastest, machine_of
 from plots.figures.joules import has_joules, joules, watts
-from plots.figures.roofline import roofs
+from plots.figures.roofline import ceilings
 
 NAMES = {"cpu": "CPU", "gpu": "GPU"}
 BELOW = {  # each rung, its backend, and the rung that it is held against
@@ -93,11 +94,11 @@ def choice(results: Results, backend: str) -> Claim:
 
 def roof(results: Results, backend: str) -> Claim:
     """The largest share of the one-step-per-pass roof that any kernel reaches, and of the arithmetic one."""
-    source = machine_of(results, backend, lambda s: roofs(s, backend) is not None)
-    found = roofs(source, backend) if source else None
+    source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None)
+    found = ceilings(source, backend) if source else None
     ranked = fastest(source, backend) if source else []
     if source is None or found is None or not ranked:
-        return Claim(f"How the {NAMES[backend]}'s kernels stand against its roofs was not measured.")
+        return Claim(f"How the {NAMES[backend]}'s kernels stand against its ceilings was not measured.")
     best = max(ranked, key=found.share)
     share = found.share(best)
     numbers = {"share": share, "masses": best.particles}

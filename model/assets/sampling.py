@@ -18,12 +18,12 @@ from model.geometry.voxels import Runs, divided, runs_inside
 
 CLOSEST = 0.9  # spacings: over sqrt(3)/2, the farthest from a full lattice's points, so that none is added within it
 REACH = 3**0.5 / 2  # spacings: what lies so near to a particle counts as covered, as all does in a full lattice
-MOST_PARTICLES = 5_000_000
-MOST_ALONG = 2**16  # spacings along an axis: three of them number a lattice's points
-MOST_SAMPLES = 2**25  # tried on a surface, 100 B each
+MAX_PARTICLES = 5_000_000
+MAX_ALONG = 2**16  # spacings along an axis: three of them number a lattice's points
+MAX_SAMPLES = 2**25  # tried on a surface, 100 B each
 MEASURED = 3  # lattice points a spacing, along an axis, with which volumes are measured: odd, see `divided`
-MOST_MEASURED = 2**27  # or one a spacing
-LEAST_SHARE = 0.25  # of the mean mass: a particle in a part too thin for the measuring lattice has some, too
+MAX_MEASURED = 2**27  # or one a spacing
+MIN_SHARE = 0.25  # of the mean mass: a particle in a part too thin for the measuring lattice has some, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
     volume, covered, runs = _measure(body, position, spacing)
     overlapping = runs.most > 1 or runs.least < 0
     total = runs.count * runs.pitch**3 if overlapping and runs.count else body.volume
-    share = np.maximum(volume, LEAST_SHARE * volume.mean()) if volume.any() else np.ones(len(volume))
+    share = np.maximum(volume, MIN_SHARE * volume.mean()) if volume.any() else np.ones(len(volume))
     return Samples(position, len(inner), len(outer), share * (total / share.sum()), total, covered, overlapping, filled)
 
 
@@ -86,31 +86,31 @@ def _check_size(body: Solid, spacing: float, volume_sampling: float, surface_sam
         raise SceneError(
             "particle_spacing", spacing, f"larger than the mesh, {size:.4g} m; at most {size / 4:.3g} gives it a shape"
         )
-    if size > MOST_ALONG * spacing:
+    if size > MAX_ALONG * spacing:
         raise SceneError(
-            "particle_spacing", spacing, f"the mesh is {size:.4g} m; use at least {1.01 * size / MOST_ALONG:.3g}"
+            "particle_spacing", spacing, f"the mesh is {size:.4g} m; use at least {1.01 * size / MAX_ALONG:.3g}"
         )
     count = _expected(body, spacing, volume_sampling, surface_sampling)
-    if count > MOST_PARTICLES:
+    if count > MAX_PARTICLES:
         least, most = spacing, size
         while most / least > 1.001:
             middle = (least * most) ** 0.5
-            enough = _expected(body, middle, volume_sampling, surface_sampling) > MOST_PARTICLES
+            enough = _expected(body, middle, volume_sampling, surface_sampling) > MAX_PARTICLES
             least, most = (middle, most) if enough else (least, middle)
         raise SceneError(
             "particle_spacing",
             spacing,
-            f"gives about {count:.3g} particles, of which a body has {MOST_PARTICLES} at most; use at least "
+            f"gives about {count:.3g} particles, of which a body has {MAX_PARTICLES} at most; use at least "
             f"{1.01 * most:.3g} for this mesh, or another scale of it",
         )
     if surface_sampling:
         tried = float(_weights(body, spacing).sum()) * surface_sampling
-        if tried > MOST_SAMPLES:
+        if tried > MAX_SAMPLES:
             raise SceneError(
                 "surface_sampling",
                 surface_sampling,
-                f"tries {tried:.3g} places, at most {MOST_SAMPLES}; use at most "
-                f"{0.99 * surface_sampling * MOST_SAMPLES / tried:.3g}",
+                f"tries {tried:.3g} places, at most {MAX_SAMPLES}; use at most "
+                f"{0.99 * surface_sampling * MAX_SAMPLES / tried:.3g}",
             )
 
 
@@ -170,7 +170,7 @@ def _surface(body: Solid, spacing: float, sampling: float) -> np.ndarray:
 
 def _measure(body: Solid, position: np.ndarray, spacing: float) -> tuple[np.ndarray, float, Runs]:
     """(volume (particles,) [m^3] of the points nearest to each, the part within REACH spacings of one, the lattice)."""
-    parts = MEASURED if MEASURED**3 * body.volume / spacing**3 < MOST_MEASURED else 1
+    parts = MEASURED if MEASURED**3 * body.volume / spacing**3 < MAX_MEASURED else 1
     runs = runs_inside(body.position, body.triangles, spacing / parts, divided(body.position, spacing, parts))
     count, covered = np.zeros(len(position)), 0
     for _, place in runs.points():

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import model_validator
 
-from model.assets.sampling import MOST_PARTICLES
+from model.assets.sampling import MAX_PARTICLES
 from model.assets.skin import make_skin
 from model.assets.soft_body import BakedBody, Meshes, Report, SoftBody, check_masses
 from model.core.errors import InputError, SceneError
@@ -23,7 +23,7 @@ NOT_OF_LATTICES = (
 )  # fmt: skip
 OFF = 1e-6  # of a box's longest side: how far a corner of the mesh may be off its sides
 ENTRY_BYTES = 100  # of a window's member while clusters are made
-MOST_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
+MAX_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
 
 
 class SoftLattice(SoftBody):
@@ -48,18 +48,18 @@ class SoftLattice(SoftBody):
         low, high = _box(made.position, made.triangles)
         with np.errstate(all="ignore"):
             along = (high - low) / self.particle_spacing
-        if not np.prod(along) <= MOST_PARTICLES:
+        if not np.prod(along) <= MAX_PARTICLES:
             raise SceneError(
                 "particle_spacing",
                 self.particle_spacing,
-                f"gives more than {MOST_PARTICLES} particles; use a larger one",
+                f"gives more than {MAX_PARTICLES} particles; use a larger one",
             )
         counts = [max(1, round(float(side))) for side in along]
         lattice = Lattice((counts[0], counts[1], counts[2]), self.region, self.particle_spacing)
         entries = float(np.prod([axis.count.sum() for axis in lattice.axes]))
-        if entries > MOST_ENTRIES:
+        if entries > MAX_ENTRIES:
             raise SceneError(
-                "region", self.region, f"at most {MOST_ENTRIES} members of windows together; these have {entries:.3g}"
+                "region", self.region, f"at most {MAX_ENTRIES} members of windows together; these have {entries:.3g}"
             )
         require(int(entries) * ENTRY_BYTES, available_bytes(), "region", self.region, "main memory")
         position = lattice.positions() + 0.5 * (low + high)

@@ -15,7 +15,7 @@ from model.geometry.mesh_files import read_arrays
 from model.geometry.topology import mesh_path
 from model.geometry.triangle_tree import order_of, tree_numbers
 
-LEAST_AREA = 5e-18  # m^2: the square of a smaller one is nothing in float32
+MIN_AREA = 5e-18  # m^2: the square of a smaller one is nothing in float32
 
 
 class MeshCollider(SurfaceCollider):
@@ -67,7 +67,7 @@ class MeshCollider(SurfaceCollider):
 def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
     """Without triangles that are nothing in float32; how many is added to `told`. Raises InputError where none is left."""
     a, b, c = (position[corner] for corner in triangles.T)
-    large = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * LEAST_AREA
+    large = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * MIN_AREA
     if not large.any():
         raise InputError(
             "a mesh_collider whose triangles are all too small: give a scale that turns the file's unit to m"

@@ -7,12 +7,12 @@ import numpy as np
 from model.core.parameters import rounded_record
 from model.scene.scene import Scene
 
-MOST_NEIGHBOURS = 32  # of one particle; those beyond are counted as lost
+MAX_NEIGHBOURS = 32  # of one particle; those beyond are counted as lost
 MARGIN = 0.2  # of the distance: how much farther neighbours are searched, as iterations may bring them near
 FARTHEST = 2**30  # cells from the origin, along an axis: what is beyond has left the world, and meets nobody
 REST = 1.25  # distances: particles of a body nearer than that at rest are neighbours, and do not meet
 
-CONTACT_PARAMETERS = (
+PARTICLE_CONTACT_PARAMETERS = (
     "inverse_cell",  # 1/m, of the cells of space
     "push",  # m: how far an overlap is reduced within a substep
     "static_friction",
@@ -24,9 +24,9 @@ CONTACT_PARAMETERS = (
 )
 (
     H_INVERSE_CELL, H_PUSH, H_STATIC, H_DYNAMIC, H_FASTEST, H_ASLEEP, H_RESTITUTION, H_SETTLING,
-) = range(len(CONTACT_PARAMETERS))  # fmt: skip
+) = range(len(PARTICLE_CONTACT_PARAMETERS))  # fmt: skip
 # After them a row for each pair of kinds of bodies, kind i's with kind j in place i * kinds + j:
-PAIRS = len(CONTACT_PARAMETERS)  # where the first one begins
+PAIRS = len(PARTICLE_CONTACT_PARAMETERS)  # where the first one begins
 PAIR_FIELDS = 6
 (
     G_DISTANCE,  # m, between two bodies; 0: they do not meet
@@ -73,7 +73,7 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
         "restitution": part.restitution,
         "settling": 2 * scene.gravity.acceleration * h if scene.gravity and scene.gravity.enabled else 0.0,
     }
-    assert tuple(values) == CONTACT_PARAMETERS
+    assert tuple(values) == PARTICLE_CONTACT_PARAMETERS
     fields = {
         "push": "contact.separation_speed",
         "fastest": "contact.maximum_speed",
@@ -85,27 +85,27 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
 
 
 def kinds_of_particles(scene: Scene) -> np.ndarray:
-    """(particles,) int32: of which of the scene's bodies each is, copies not told apart; `crowd.body` tells copies."""
+    """(particles,) int32: of which of the scene's bodies each is, copies not told apart; `body_set.body` tells copies."""
     names = list(scene.bodies)
-    kind = np.array([names.index(copy.name) for copy in scene.crowd.copies], np.int32)
-    return kind[scene.crowd.body]
+    kind = np.array([names.index(copy.name) for copy in scene.body_set.copies], np.int32)
+    return kind[scene.body_set.body]
 
 
 def contact_parts(scene: Scene) -> frozenset[str]:
-    """What of contacts needs code: `contacts`; `rubbing`, friction; `sticking`, adhesion; `speed-limit`; `sleeping`;
-    `bouncing`, restitution."""
+    """What of contacts needs code: `contacts`; `friction`, friction; `adhesion`, adhesion; `speed-limit`; `sleeping`;
+    `restitution`, restitution."""
     part = scene.contact
     if part is None:
         return frozenset()
     found = {"contacts"}
     if part.static_friction > 0:
-        found.add("rubbing")
+        found.add("friction")
     if any(body.adhesion > 0 for body in scene.bodies.values()):
-        found.add("sticking")
+        found.add("adhesion")
     if part.maximum_speed is not None:
         found.add("speed-limit")
     if part.sleeping_speed > 0:
         found.add("sleeping")
     if part.restitution > 0:
-        found.add("bouncing")
+        found.add("restitution")
     return frozenset(found)

@@ -6,9 +6,9 @@ import numpy as np
 
 from model.core.parameters import rounded_record
 from model.scene.scene import Scene
-from model.scene.self_collision import MOST_CONTACTS as MOST_CONTACTS
+from model.scene.self_collision import MAX_CONTACTS as MAX_CONTACTS
 
-CONTACT_PARAMETERS = (
+SELF_CONTACT_PARAMETERS = (
     "thickness",  # m
     "margin",  # m: how much nearer than predicted a mass may come within a substep, through constraints
     "reach",  # m: the farthest that is searched, beside the extent of the sheet's cells
@@ -31,7 +31,7 @@ CONTACT_PARAMETERS = (
     S_PUSH,
     S_STATIC,
     S_DYNAMIC,
-) = range(len(CONTACT_PARAMETERS))
+) = range(len(SELF_CONTACT_PARAMETERS))
 MARGIN = 0.1  # thicknesses
 FLAT = 0.0625  # thicknesses: there an ulp of a coordinate is still small beside a distance in float32
 COINCIDENT = 1e-3  # thicknesses
@@ -47,7 +47,7 @@ def cell_size(scene: Scene) -> float:
 
 
 def contact_record(scene: Scene, real: type) -> np.ndarray:
-    """(len(CONTACT_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """(len(SELF_CONTACT_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
     part = scene.self_collision
     assert part is not None
     h, size = scene.method.dt / scene.method.substeps, cell_size(scene)
@@ -63,7 +63,7 @@ def contact_record(scene: Scene, real: type) -> np.ndarray:
         "static_friction": part.static_friction,
         "dynamic_friction": part.dynamic_friction,
     }
-    assert tuple(values) == CONTACT_PARAMETERS
+    assert tuple(values) == SELF_CONTACT_PARAMETERS
     return rounded_record(scene, values, {name: f"self_collision.{name}" for name in values}, real)
 
 

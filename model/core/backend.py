@@ -33,7 +33,7 @@ class Backend(ABC):
         """Take the state put aside by `_keep` back."""
 
     @abstractmethod
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         """The lowest index of a particle with a non-finite value or a coordinate beyond `self._bound`, or -1."""
 
     @abstractmethod

@@ -16,7 +16,7 @@ from model.scene.parts import Grid
 from model.scene.scene import Scene
 from model.scene.scene_parts import SHEETS
 from model.scene.self_collision import CONTACT_BYTES
-from model.shape_matching.crowd import Crowd
+from model.shape_matching.body_set import BodySet
 
 MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
 
@@ -43,17 +43,17 @@ def sheet_name(scene: Scene) -> str:
     return next((name for name, kind in scene.kinds.items() if kind in SHEETS), "bodies")
 
 
-def pinned_indices(grid: Grid | Crowd) -> np.ndarray:
+def pinned_indices(grid: Grid | BodySet) -> np.ndarray:
     """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
     if isinstance(grid, Mesh) and grid.file is not None:
         return pinned_vertices(grid)
     return pin_indices(grid.pinned, grid.rows, grid.columns)
 
 
-def rest_positions(grid: Grid | Crowd) -> np.ndarray:
+def rest_positions(grid: Grid | BodySet) -> np.ndarray:
     """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
     z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
-    if isinstance(grid, Crowd):
+    if isinstance(grid, BodySet):
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
@@ -114,7 +114,7 @@ def _build(scene: Scene) -> Body:
     count = grid.particle_count
     needed = MASS_BYTES + (CONTACT_BYTES if scene.self_collision else 0)
     require_sheet(grid.rows, grid.columns, needed, sheet_name(scene))
-    if isinstance(grid, Crowd):
+    if isinstance(grid, BodySet):
         waiting = grid.waiting
         inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
@@ -145,7 +145,7 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
     """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same. Those `waiting`
     (particles,) bool, of bodies that are not there, weigh nothing."""
     if scene.bodies:
-        mass = scene.crowd.clusters.mass
+        mass = scene.body_set.clusters.mass
         return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]

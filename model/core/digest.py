@@ -162,11 +162,11 @@ def _imported(file: Path) -> Iterator[str]:
             yield from (f"{node.module}.{name.name}" for name in node.names)
 
 
-MOST_NAME = 150  # characters: with a module, a hash and a suffix still a file's name, which may have 255
+MAX_NAME = 150  # characters: with a module, a hash and a suffix still a file's name, which may have 255
 
 
 def file_name(name: str) -> str:
     """The name, its end replaced by a hash where it is too long for a file: as different as before."""
-    if len(name) <= MOST_NAME:
+    if len(name) <= MAX_NAME:
         return name
-    return f"{name[: MOST_NAME - 17]}_{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    return f"{name[: MAX_NAME - 17]}_{hashlib.sha256(name.encode()).hexdigest()[:16]}"

@@ -178,7 +178,7 @@ def frequency_bound(scene: Scene) -> float:
 def lightest_mass(scene: Scene) -> float:
     """The least mass [kg] that moves, or may, of spare bodies; the sheet's where nothing does."""
     if scene.bodies:
-        return float(scene.crowd.clusters.mass.min())
+        return float(scene.body_set.clusters.mass.min())
     sheet = scene.grid
     by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
     if not scene.loads and not by_area:

@@ -26,7 +26,7 @@ from model.core.disk_cache import user_cache
 from model.core.errors import InputError
 from model.core.files import replacing
 
-MOST_BYTES = 1 << 30  # of kept machine code; beyond it the longest unused half goes
+MAX_BYTES = 1 << 30  # of kept machine code; beyond it the longest unused half goes
 SECONDS = "seconds.json"  # of each kernel's last compilation, by label
 Watcher = Callable[["str", "float | None"], None]
 _watchers: list[Watcher] = []
@@ -103,12 +103,12 @@ def _unwritable(reason: object) -> None:
 
 @cache
 def _make_room() -> None:
-    """Once a process: of more than MOST_BYTES, what was not used for longest goes, until half is free."""
+    """Once a process: of more than MAX_BYTES, what was not used for longest goes, until half is free."""
     place = folder()
     with suppress(OSError):
         files = list(place.glob("*.nb?")) if place else []
         held = sum(file.stat().st_size for file in files)
-        if held <= MOST_BYTES:
+        if held <= MAX_BYTES:
             return
         used: dict[str, float] = {}  # when a kernel was last used: its index is touched then, its code is not
         for file in files:
@@ -117,7 +117,7 @@ def _make_room() -> None:
         for file in sorted(files, key=lambda file: used[file.name.split(".")[0]]):
             held -= file.stat().st_size
             file.unlink(missing_ok=True)
-            if held < MOST_BYTES // 2:
+            if held < MAX_BYTES // 2:
                 break
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from model.core.errors import SceneError
 
-MOST_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
+MAX_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
 
 def available_bytes() -> int | None:
@@ -77,8 +77,8 @@ def require_sheet(rows: int, columns: int, bytes_each: int, name: str) -> None:
     """Raise SceneError if `rows` x `columns` masses of `bytes_each` do not fit into main memory, or into 32-bit indices."""
     field, shape = f"{name}.rows x {name}.columns", f"{rows} x {columns}"
     require(rows * columns * bytes_each, available_bytes(), field, shape, "main memory")
-    if rows * columns > MOST_PARTICLES:
-        raise SceneError(field, shape, f"at most {MOST_PARTICLES} masses (32-bit indices)")
+    if rows * columns > MAX_PARTICLES:
+        raise SceneError(field, shape, f"at most {MAX_PARTICLES} masses (32-bit indices)")
 
 
 def require(needed: int, available: int | None, field: str, value: object, where: str) -> None:

@@ -109,7 +109,7 @@ class Simulation(Backend):
         """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one (if `keep`)."""
         if self.step == self._kept_step:
             return
-        if self._first_bad() < 0:
+        if self._first_diverged() < 0:
             if keep:
                 self._put_aside()
             return
@@ -134,7 +134,7 @@ class Simulation(Backend):
             batch = min(interval, last - begin)
             self._run(batch)
             self._count(batch)
-            bad = self._first_bad()
+            bad = self._first_diverged()
         return begin, bad
 
     def _put_aside(self) -> None:
@@ -190,7 +190,7 @@ class Simulation(Backend):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._upload(arrays["position"], arrays["velocity"])
-        self._upload_plastic(None if plastic is None else plastic[: self.scene.crowd.loose.count])
+        self._upload_plastic(None if plastic is None else plastic[: self.scene.body_set.loose.count])
         self._upload_rotation(rotation)
         self.step, self.time = int(state.step), self._clock.at(int(state.step), self.scene.method.dt)
         self._put_aside()
@@ -206,12 +206,12 @@ class Simulation(Backend):
         waits = spare.waiting(self.scene, inverse_mass) if "spare" in self.plan.parts else None
         if waits is None:
             raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
-        weights = np.where(waits, 0.0, 1 / self.scene.crowd.clusters.mass)
+        weights = np.where(waits, 0.0, 1 / self.scene.body_set.clusters.mass)
         self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(waits))
         self._weights_changed()
 
     def _cluster_count(self) -> int:
-        return self.scene.crowd.clusters.count if self.scene.bodies else 0
+        return self.scene.body_set.clusters.count if self.scene.bodies else 0
 
     def reset(self) -> None:
         """Back to the scene's start."""
@@ -222,7 +222,7 @@ class Simulation(Backend):
         self, name: str, origin: Sequence[float] | None = None, velocity: Sequence[float] = spare.STILL
     ) -> int:
         """Bring in a spare copy of the body `name`: its mesh's origin at `origin` (that of the part) [m], turned as the part
-        says, moving at `velocity` [m/s]. The number of the copy (in `scene.crowd.copies`).
+        says, moving at `velocity` [m/s]. The number of the copy (in `scene.body_set.copies`).
 
         Raises SceneError: no such body, or none left (its `spare` says how many there are).
         """

@@ -30,9 +30,9 @@ from model.scene.parts import Grid
 from model.scene.scene import Scene
 
 TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
-MOST_ITERATIONS = 5000
-MOST_MASSES = 2**14  # of a grid that is iterated on, about a second; larger ones are bounded by the closed form
-LEAST_SHARE = 1e-12  # of Collatz's vector, so that it is positive everywhere
+MAX_ITERATIONS = 5000
+MAX_MASSES = 2**14  # of a grid that is iterated on, about a second; larger ones are bounded by the closed form
+MIN_SHARE = 1e-12  # of Collatz's vector, so that it is positive everywhere
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Net:
         return float((self.inverse_mass * row).max(initial=0.0))
 
 
-def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MOST_ITERATIONS) -> Frequency:
+def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MAX_ITERATIONS) -> Frequency:
     """The largest frequency of any net by accelerated power iteration from a fixed start.
 
     Ends when the residual is under `tolerance` (then an eigenvalue lies that near), or after `most` iterations, not
@@ -117,7 +117,7 @@ def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MOST_I
         moved = images @ best / np.linalg.norm(new)
         value = float(x @ moved)
         iterations += 1
-    positive = np.where(free, np.abs(x) + LEAST_SHARE, 0.0)
+    positive = np.where(free, np.abs(x) + MIN_SHARE, 0.0)
     collatz = float((net.apply(positive, 1.0)[free] / positive[free]).max())
     upper = sqrt(max(min(gershgorin, collatz), value))
     shape = np.sqrt(net.inverse_mass) * x
@@ -233,7 +233,7 @@ def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
         w = sqrt(scene.springs.stiffness / grid.mass * closed[0])
         return Frequency(w, w, "closed form", mode=closed[1])
     bound = _free_bound(scene)
-    if grid.particle_count > MOST_MASSES:
+    if grid.particle_count > MAX_MASSES:
         return Frequency(bound, bound, "bounded")
     found = largest_frequency(scene_net(scene))
     return replace(found, upper=min(found.upper, bound))

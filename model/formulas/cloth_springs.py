@@ -12,12 +12,12 @@ OPERATIONS_DAMPER = 12  # 3 differences, 5 for the product of speed and way, 4 f
 
 
 def make(real, compiled=plain):
-    """`spring_pull_3d` and `damped_pull_3d` in the arithmetic `real`."""
+    """`spring_acceleration_3d` and `damped_pull_3d` in the arithmetic `real`."""
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
     @compiled
-    def spring_pull_3d(dx, dy, dz, stiffness, stiffness_rest):
+    def spring_acceleration_3d(dx, dy, dz, stiffness, stiffness_rest):
         """Pull over mass [m/s^2] on a mass whose neighbour lies at d [m]: (k - k L0 / |d|) d, k stiffness over mass.
 
         `stiffness_rest` is k L0. Zero for coincident masses; exactly antisymmetric in any rounding.
@@ -36,4 +36,4 @@ def make(real, compiled=plain):
         scale = (stiffness - stiffness_rest * inverse) + damping * speed * inverse
         return scale * dx, scale * dy, scale * dz
 
-    return SimpleNamespace(spring_pull_3d=spring_pull_3d, damped_pull_3d=damped_pull_3d)
+    return SimpleNamespace(spring_acceleration_3d=spring_acceleration_3d, damped_pull_3d=damped_pull_3d)

@@ -16,7 +16,7 @@ from model.formulas import plain
 
 # Of the volume at rest, below which the linear map's part falls to 0 with the volume: 1 / cbrt(det F) lengthens what is long
 # already, and what is crushed and cannot get its volume back would flee sideways, ever faster.
-LEAST_VOLUME = 0.5
+MIN_VOLUME = 0.5
 # a cluster's constants: see model/shape_matching/cluster_tables.py, `shape_table`
 SHAPE = 12  # numbers: three quads
 S_INVERSE, S_LINEAR, S_THRESHOLD, S_CREEP, S_LIMIT = 0, 6, 7, 8, 9
@@ -32,7 +32,7 @@ SMALLEST, LARGEST = 1e-12, 1e12  # volumes between which the cube root is right 
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`."""
     zero, one, two = real(0), real(1), real(2)
-    half, fuller = real(0.5), real(1 / LEAST_VOLUME)
+    half, fuller = real(0.5), real(1 / MIN_VOLUME)
     smallest, largest = real(SMALLEST), real(LARGEST)
     least = real(64 * np.finfo(real).eps)  # a volume that is not rounding
 
@@ -100,7 +100,7 @@ def make(real, compiled=plain):
 
     @compiled
     def blended(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz, linear):
-        """T = b F / cbrt(det F) + (1 - b) R, b = `linear`, which falls to 0 with a volume below LEAST_VOLUME; R itself
+        """T = b F / cbrt(det F) + (1 - b) R, b = `linear`, which falls to 0 with a volume below MIN_VOLUME; R itself
         where F is flat or mirrored."""
         volume = determinant(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz)
         part = linear * min(one, fuller * volume) if volume > zero else zero

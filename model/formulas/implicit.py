@@ -32,9 +32,9 @@ MOVE = 4  # u + s, x
 RETREAT = 5  # s / 2; u - s, x
 FINISH = 6  # p, v from x, u; colliders
 
-MOST_NEWTON = 50  # matrices a step
-MOST_ITERATIONS = 5000  # of conjugate gradients, for one matrix
-MOST_HALVINGS = 10  # of a Newton step
+MAX_NEWTON = 50  # matrices a step
+MAX_ITERATIONS = 5000  # of conjugate gradients, for one matrix
+MAX_HALVINGS = 10  # of a Newton step
 NEWTON_TOLERANCE = 1e-8  # of the step's first residual
 LINEAR_TOLERANCE = 1e-6  # of the residual, where one matrix is all
 LOOSEST = 1e-2  # part of a residual that conjugate gradients may leave to the next Newton step
@@ -47,7 +47,7 @@ def make(real, compiled=plain, linear=False):
     zero, half = real(0), real(0.5)
     tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
     least_left, forcing, of_noise, turned = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(TURNED)
-    newton_steps = 1 if linear else MOST_NEWTON
+    newton_steps = 1 if linear else MAX_NEWTON
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
@@ -113,7 +113,7 @@ def make(real, compiled=plain, linear=False):
         newton, halvings, _ = counts
         first, before, limit, slope, gamma, alpha, beta = values
         squared, along, velocity_squared = sums
-        if newton > 0 and halvings < MOST_HALVINGS and along < -(turned * slope):
+        if newton > 0 and halvings < MAX_HALVINGS and along < -(turned * slope):
             return RETREAT, (newton, halvings + 1, 0), (first, before, limit, half * slope, gamma, alpha, beta)
         left = most_left
         if newton == 0:
@@ -136,7 +136,7 @@ def make(real, compiled=plain, linear=False):
         if iterations > 0:
             beta = squared / gamma
             divisor = curvature - beta * squared / alpha
-        if squared > limit and divisor > zero and iterations < MOST_ITERATIONS:
+        if squared > limit and divisor > zero and iterations < MAX_ITERATIONS:
             alpha = squared / divisor
             slope = slope + alpha * squared  # r.s of the residual that they began with
             return UPDATE, (newton, halvings, iterations + 1), (first, before, limit, slope, squared, alpha, beta)

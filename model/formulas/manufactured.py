@@ -18,7 +18,7 @@ def make(real, compiled=plain):
     """`manufactured_acceleration(i, j, rows, columns, t, ...) -> (ax, ay)` and `stage_time`, in the arithmetic `real`."""
     two, three, four, nine = real(2), real(3), real(4), real(9)
     p_row, p_column, q_row, q_column = real(1.7), real(0.9), real(0.6), real(1.3)
-    spring_pull_2d, _ = make_springs(real, compiled)
+    spring_acceleration_2d, _ = make_springs(real, compiled)
 
     @compiled
     def displacement(i, j, t, amplitude):
@@ -47,7 +47,7 @@ def make(real, compiled=plain):
                 nx, ny = displacement(row, column, t, amplitude)
                 dx = spacing * real(column - j) + (nx - x)
                 dy = (ny - y) - spacing * real(row - i)
-                fx, fy = spring_pull_2d(dx, dy, stiffness, stiffness_rest)
+                fx, fy = spring_acceleration_2d(dx, dy, stiffness, stiffness_rest)
                 ax -= fx
                 ay -= fy
         return ax, ay

@@ -96,7 +96,7 @@ def make(real, compiled=plain):
         return total + share * (depth * n)
 
     @compiled
-    def added_rubbing(total, share, depth, n, gripped, s):
+    def added_friction(total, share, depth, n, gripped, s):
         """The same with friction."""
         return total + share * (depth * n - gripped * s)
 
@@ -136,6 +136,6 @@ def make(real, compiled=plain):
 
     return SimpleNamespace(
         squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
-        grip=grip, added=added, added_rubbing=added_rubbing, moved=moved, touching=touching, lacking=lacking, far=far,
+        grip=grip, added=added, added_friction=added_friction, moved=moved, touching=touching, lacking=lacking, far=far,
         shortened=shortened, rested=rested,
     )  # fmt: skip

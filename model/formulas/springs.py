@@ -9,12 +9,12 @@ OPERATIONS_SPRING_2D = 12  # 2 differences, 3 for the square, 2 for 1/length, 2 
 
 
 def make(real, compiled=plain):
-    """Formulas of a spring in the arithmetic `real`: spring_pull_2d(dx, dy, stiffness, stiffness_rest) -> (x, y)."""
+    """Formulas of a spring in the arithmetic `real`: spring_acceleration_2d(dx, dy, stiffness, stiffness_rest) -> (x, y)."""
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length, lengths.inverse_length
 
     @compiled
-    def spring_pull_2d(dx, dy, stiffness, stiffness_rest):
+    def spring_acceleration_2d(dx, dy, stiffness, stiffness_rest):
         """Pull on a mass whose neighbour lies at (dx, dy) [m]: Hooke's law, stiffness * (length - rest) along (dx, dy).
 
         `stiffness_rest` is stiffness * rest_length. With stiffness in N/m the result is a force [N]; with stiffness
@@ -32,4 +32,4 @@ def make(real, compiled=plain):
         """Acceleration with a damper of rate = coefficient / mass [1/s] on the mass: a - rate * v."""
         return acceleration - rate * velocity
 
-    return spring_pull_2d, damped
+    return spring_acceleration_2d, damped

@@ -18,9 +18,9 @@ from model.geometry.solid import solid
 from model.geometry.topology import mesh_path
 from model.scene.parts import Positive
 
-MOST_SAMPLES = 2**24 - 2**12  # 256 along each side, which takes minutes to sample; float32 counts to 2^24
+MAX_SAMPLES = 2**24 - 2**12  # 256 along each side, which takes minutes to sample; float32 counts to 2^24
 ALONG, ACROSS = 64, 4  # cells along a mesh's longest side, and at least across its shortest, where none are told
-LEAST_ACROSS = 2  # without a point well inside there is no inside
+MIN_ACROSS = 2  # without a point well inside there is no inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +78,18 @@ class DistanceField(SurfaceCollider):
         size = high - low
         longest, shortest = float(size.max()), float(size.min())
         spacing = self.spacing or min(longest / ALONG, shortest / ACROSS)
-        if spacing * LEAST_ACROSS > shortest:
+        if spacing * MIN_ACROSS > shortest:
             raise SceneError(
                 "spacing", spacing, f"the mesh is {shortest:.4g} m across where it is thinnest; use at most "
                 f"{shortest / ACROSS:.3g}, which gives it an inside",
             )  # fmt: skip
         points, padding, count = self._points(spacing)
-        if count > MOST_SAMPLES:
+        if count > MAX_SAMPLES:
             enough = spacing
-            while self._points(enough)[2] > MOST_SAMPLES:
+            while self._points(enough)[2] > MAX_SAMPLES:
                 enough *= 1.02
-            remedy = f"use at least {enough:.3g}" if enough * LEAST_ACROSS <= shortest else "make it a mesh_collider"
-            allowed = f"gives a grid of {count:.3g} points, at most {MOST_SAMPLES}; {remedy}"
+            remedy = f"use at least {enough:.3g}" if enough * MIN_ACROSS <= shortest else "make it a mesh_collider"
+            allowed = f"gives a grid of {count:.3g} points, at most {MAX_SAMPLES}; {remedy}"
             raise SceneError("spacing", spacing, allowed)
         return (low + high) / 2 - (points - 1) / 2 * spacing, points.astype(np.int64), spacing, padding * spacing
 

@@ -18,7 +18,7 @@ from model.geometry.edges import Lists, MeshEdges
 CHUNK = 2**20  # distances at once: some 50 MB
 SMALL = 512  # particles that are not worth halving
 KEY_BITS = 31  # of a distance over the largest: what is nearer together than that counts as equal
-MOST_COUNT = 64
+MAX_COUNT = 64
 
 Attachments = tuple[np.ndarray, np.ndarray]
 
@@ -125,8 +125,8 @@ def _first(*columns: np.ndarray) -> np.ndarray:
 
 
 def _empty(particles: int, count: int) -> Attachments:
-    if not 1 <= count <= MOST_COUNT:
-        raise SceneError("count", count, f"must be 1 to {MOST_COUNT} anchors for each particle")
+    if not 1 <= count <= MAX_COUNT:
+        raise SceneError("count", count, f"must be 1 to {MAX_COUNT} anchors for each particle")
     return np.full((particles, count), -1, dtype=np.int32), np.full((particles, count), np.inf)
 
 

@@ -21,7 +21,7 @@ FLAT = (
     2.0**-20
 )  # height over longest side below which a triangle has no area: what float32, as in STL, cannot tell from 0
 LARGEST = 1e9  # m: products of four lengths, as in squared areas, stay inside float32
-MOST_VERTICES = 2**31 // 6  # indices of half edges are 32-bit
+MAX_VERTICES = 2**31 // 6  # indices of half edges are 32-bit
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def _tell(told: list[str], count: int, one: str, many: str) -> None:
 
 
 def check_vertices(position: np.ndarray) -> None:
-    """Raises InputError for coordinates (vertices, 3) that are not finite or over LARGEST, or more than MOST_VERTICES."""
+    """Raises InputError for coordinates (vertices, 3) that are not finite or over LARGEST, or more than MAX_VERTICES."""
     wrong = ~np.isfinite(position).all(axis=1)
     if wrong.any():
         vertex, many = int(np.argmax(wrong)), _many(int(wrong.sum()), "vertex", "vertices")
@@ -123,8 +123,8 @@ def check_vertices(position: np.ndarray) -> None:
             f"{many} without finite coordinates, first vertex {vertex} (counted from 0), {position[vertex].tolist()}; export "
             "the mesh again"
         )
-    if len(position) > MOST_VERTICES:
-        raise InputError(f"{len(position)} vertices; at most {MOST_VERTICES} (32-bit indices): decimate the mesh")
+    if len(position) > MAX_VERTICES:
+        raise InputError(f"{len(position)} vertices; at most {MAX_VERTICES} (32-bit indices): decimate the mesh")
     size = float(np.abs(position).max(initial=0.0))
     if size > LARGEST:
         raise InputError(

@@ -11,7 +11,7 @@ import numpy as np
 
 from model.core.errors import InputError
 
-MOST_PAIRS = 2**26  # kept together: 2 GiB
+MAX_PAIRS = 2**26  # kept together: 2 GiB
 SLACK = 1 + 2.0**-20  # of the radius that the tree is asked for: more than its rounding can differ from ours
 
 
@@ -26,8 +26,8 @@ def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tupl
         empty = np.zeros(0, np.int64)
         return empty, empty, np.zeros(0)
     asked, tree = _tree(queries), _tree(points)
-    if asked.count_neighbors(tree, radius) > MOST_PAIRS:
-        raise TooMany(f"more than {MOST_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
+    if asked.count_neighbors(tree, radius) > MAX_PAIRS:
+        raise TooMany(f"more than {MAX_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
     found = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
     query, point = found["i"].astype(np.int64), found["j"].astype(np.int64)
     distance = np.linalg.norm(queries[query] - points[point], axis=1)

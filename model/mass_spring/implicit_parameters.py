@@ -1,7 +1,7 @@
-"""The constants of implicit Euler's matrix: a record like the cloth's, with every entry as the matrix has it.
+"""The constants of implicit Euler's matrix: the cloth's record with a spring's constants as the matrix has them, and more.
 
 A spring's three constants lie where `model/mass_spring/cloth_parameters.py` has them, times dt^2 (stiffness) or dt
-(damping); some entries that the matrix has no use for hold what it needs besides.
+(damping), so that the formulas of springs read either record.
 """
 
 from __future__ import annotations
@@ -9,42 +9,37 @@ from __future__ import annotations
 import numpy as np
 
 from model.core.parameters import rounded_record
-from model.mass_spring.cloth_parameters import (
-    C_DAMPING,
-    C_DT,
-    C_GUST,
-    C_GUST_TIME,
-    C_INVERSE_DAMPING,
-    CLOTH_PARAMETERS,
-    FIELDS,
-    cloth_values,
-)  # fmt: skip
+from model.mass_spring.cloth_parameters import C_DT, CLOTH_PARAMETERS, FIELDS, cloth_values
 from model.scene.cloth import SPRING_KINDS
 from model.scene.scene import Scene
 
+OWN = ("damping_of_step", "diagonal", "speed_squared", "roundoff")  # what only the matrix has
+SYSTEM_PARAMETERS = (*CLOTH_PARAMETERS, *OWN)
 S_DT = C_DT  # s
-S_OWN = C_INVERSE_DAMPING  # 1 + dt rate: a mass's entry without springs
-S_RATE = C_DAMPING  # dt rate
-S_SPRINGS = C_GUST  # of all masses, squared: the speed [m/s] that springs of twice their length would give in a step
-S_ROUNDOFF = C_GUST_TIME  # half of the distance from 1 to the next number
+(
+    S_RATE,  # dt rate
+    S_OWN,  # 1 + dt rate: a mass's entry without springs
+    S_SPRINGS,  # of all masses, squared: the speed [m/s] that springs of twice their length would give in a step
+    S_ROUNDOFF,  # half of the distance from 1 to the next number
+) = range(len(CLOTH_PARAMETERS), len(SYSTEM_PARAMETERS))
 
 
 def system_record(scene: Scene, real: type) -> np.ndarray:
-    """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """(len(SYSTEM_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
     dt = scene.method.dt
     given = cloth_values(scene, 1, (0.0, 0.0, 0.0))
-    values = dict.fromkeys(CLOTH_PARAMETERS, 0.0)
+    values = dict.fromkeys(SYSTEM_PARAMETERS, 0.0)
     values["dt"] = dt
     for kind in SPRING_KINDS:
         values[kind] = dt * dt * given[kind]
         values[f"{kind}_rest"] = dt * dt * given[f"{kind}_rest"]
         values[f"{kind}_damping"] = dt * given[f"{kind}_damping"]
-    values[CLOTH_PARAMETERS[S_RATE]] = dt * given["damping"]
-    values[CLOTH_PARAMETERS[S_OWN]] = 1 + dt * given["damping"]
     speed = dt * 4 * sum(given[f"{kind}_rest"] for kind in SPRING_KINDS)
-    values[CLOTH_PARAMETERS[S_SPRINGS]] = scene.grid.particle_count * speed**2
-    values[CLOTH_PARAMETERS[S_ROUNDOFF]] = float(np.finfo(real).eps) / 2
-    return rounded_record(scene, values, FIELDS, real)
+    values["damping_of_step"] = dt * given["damping"]
+    values["diagonal"] = 1 + dt * given["damping"]
+    values["speed_squared"] = scene.grid.particle_count * speed**2
+    values["roundoff"] = float(np.finfo(real).eps) / 2
+    return rounded_record(scene, values, FIELDS | {"damping_of_step": FIELDS["damping"]}, real)
 
 
 # How sums over all masses are taken, so that both backends round them alike (see cpu_backend/mass_spring/cloth/sums.py):

@@ -17,9 +17,9 @@ from model.geometry.topology import mesh_path
 from model.scene.cloth import ZERO, Number, Vector
 from model.scene.parts import Count, NotNegative, Part, Positive
 
-MOST_COPIES = 1_000_000
+MAX_COPIES = 1_000_000
 Copies = tuple[Count, Count, Count]
-Spare = Annotated[int, Field(ge=0, le=MOST_COPIES, strict=True)]
+Spare = Annotated[int, Field(ge=0, le=MAX_COPIES, strict=True)]
 Group = Annotated[int, Field(ge=0, le=31, strict=True)]
 
 
@@ -57,8 +57,8 @@ class Placed(Part):
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
         if self.angle != 0 and not any(self.axis):
             raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
-        if self.count > MOST_COPIES:
-            raise ValueError(f"copies: at most {MOST_COPIES} together")
+        if self.count > MAX_COPIES:
+            raise ValueError(f"copies: at most {MAX_COPIES} together")
         if self.file is not None:
             digest = file_digest(self.file)
             if self.digest not in (None, digest):

@@ -6,7 +6,7 @@ from model.core.errors import SceneError
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
 from model.scene.motion import motions_of_pins
-from model.scene.particle_contact import MOST_KINDS
+from model.scene.particle_contact import MAX_KINDS
 from model.scene.parts import Elastic, Method
 from model.scene.scene_parts import SceneParts
 from model.scene.xpbd import XPBD_KINDS
@@ -130,8 +130,8 @@ def _check_mesh(scene: SceneParts) -> None:
 
 def _check_contact(scene: SceneParts) -> None:
     """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
-    if scene.contact is not None and len(scene.bodies) > MOST_KINDS:
-        raise SceneError("contact", len(scene.bodies), f"at most {MOST_KINDS} kinds of bodies; use copies")
+    if scene.contact is not None and len(scene.bodies) > MAX_KINDS:
+        raise SceneError("contact", len(scene.bodies), f"at most {MAX_KINDS} kinds of bodies; use copies")
     for name, body in scene.bodies.items():
         if scene.contact is None:
             for field in ("group", "avoids", "adhesion", "self_collision", "radius"):

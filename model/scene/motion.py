@@ -15,7 +15,7 @@ from model.scene.parts import Grid, NotNegative, Part, Positive
 
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z
-MOST_RADIANS = 1e9  # of a motion in all: quarter turns are counted in whole numbers
+MAX_RADIANS = 1e9  # of a motion in all: quarter turns are counted in whole numbers
 
 
 class Motion(Part):
@@ -46,8 +46,8 @@ class Motion(Part):
         if not 0 < hypot(*self.axis) < inf:
             raise ValueError("axis: must not be zero")
         radians = abs(self.angular_velocity) * self.duration
-        if radians > MOST_RADIANS:
-            raise ValueError(f"angular_velocity: turns by {radians:.3g} rad in all, at most {MOST_RADIANS:g}")
+        if radians > MAX_RADIANS:
+            raise ValueError(f"angular_velocity: turns by {radians:.3g} rad in all, at most {MAX_RADIANS:g}")
         return self
 
     @property

@@ -8,7 +8,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from model.scene.parts import NotNegative, Part, Positive, Sweeps
 
-MOST_KINDS = 64  # bodies of a scene, copies not counted: their table is of all pairs
+MAX_KINDS = 64  # bodies of a scene, copies not counted: their table is of all pairs
 
 
 class Contact(Part):

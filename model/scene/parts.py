@@ -28,15 +28,15 @@ POSITION_BASED = ("xpbd", "pbd", "shape-matching")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
-MOST_COUNTED = 2**31 - 1  # masses along a side: their indices are 32-bit
-MOST_ROUNDS = (
+MAX_COUNTED = 2**31 - 1  # masses along a side: their indices are 32-bit
+MAX_ROUNDS = (
     1_000_000  # sweeps over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
 )
-Count = Annotated[int, Field(ge=1, le=MOST_COUNTED, strict=True)]
-Rounds = Annotated[int, Field(ge=1, le=MOST_ROUNDS, strict=True)]
+Count = Annotated[int, Field(ge=1, le=MAX_COUNTED, strict=True)]
+Rounds = Annotated[int, Field(ge=1, le=MAX_ROUNDS, strict=True)]
 Sweeps = Annotated[int, Field(ge=1, le=1000, strict=True)]  # over contacts, after each iteration
 Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
-MOST_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
+MAX_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
 
 
 class Part(BaseModel):
@@ -217,16 +217,16 @@ class Method(Part):
     iterations: Rounds = 1
     ordering: OrderingName = "gauss-seidel"
     pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
-    region: Annotated[int, Field(ge=1, le=MOST_REGION, strict=True)] = 1  # masses to either side
+    region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to either side
 
     @model_validator(mode="after")
     def _fields_belong_to_the_solver(self) -> Method:
         for name in self.model_fields_set - set(FIELDS_OF_SOLVER[self.solver]):
             owners = [solver for solver, fields in FIELDS_OF_SOLVER.items() if name in fields]
             raise ValueError(f"{name}: belongs to the solver {' or '.join(owners)}, not to {self.solver}")
-        if self.substeps * self.iterations > MOST_ROUNDS:
+        if self.substeps * self.iterations > MAX_ROUNDS:
             raise ValueError(
-                f"iterations: times {self.substeps} substeps they are more than {MOST_ROUNDS} a step; use fewer"
+                f"iterations: times {self.substeps} substeps they are more than {MAX_ROUNDS} a step; use fewer"
             )
         return self
 

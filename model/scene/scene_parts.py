@@ -44,7 +44,7 @@ from model.scene.parts import (
 from model.scene.self_collision import SelfCollision
 from model.scene.words import scene_error, suggestion
 from model.scene.xpbd import XPBD_KINDS, Attachments, Load
-from model.shape_matching.crowd import Crowd, make_crowd
+from model.shape_matching.body_set import BodySet, make_body_set
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS
@@ -108,9 +108,9 @@ class SceneParts:
 
     @property
     def grid(self) -> Grid:
-        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the crowd of a
-        scene's bodies, which is a row of masses to whoever asks no more than that."""
-        return self.cloth or self.one("grid") or self.crowd  # type: ignore[return-value]
+        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
+        of a scene's bodies, which is a row of masses to whoever asks no more than that."""
+        return self.cloth or self.one("grid") or self.body_set  # type: ignore[return-value]
 
     @property
     def bodies(self) -> dict[str, Placed]:
@@ -118,9 +118,9 @@ class SceneParts:
         return {name: self.parts[name] for name, kind in self.kinds.items() if kind in BODY_KINDS}  # type: ignore[misc]
 
     @cached_property
-    def crowd(self) -> Crowd:
+    def body_set(self) -> BodySet:
         """All particles of the scene's bodies, made when first asked for. Raises SceneError, InputError (a body)."""
-        return make_crowd(self.bodies)
+        return make_body_set(self.bodies)
 
     @property
     def cloth(self) -> Cloth | None:

@@ -6,9 +6,9 @@ from pydantic import model_validator
 
 from model.scene.parts import NotNegative, Part, Positive, Sweeps
 
-MOST_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
+MAX_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
 # On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
-CONTACT_BYTES = MOST_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
+CONTACT_BYTES = MAX_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
 
 
 class SelfCollision(Part):

@@ -17,7 +17,7 @@ import numpy as np
 
 from model.assets.material import Material
 from model.core.errors import InputError
-from model.formulas.deformation import LEAST_VOLUME
+from model.formulas.deformation import MIN_VOLUME
 
 FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long
 
@@ -139,7 +139,7 @@ class Clusters:
 
     def deformations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
         """(clusters, d, d) float64: what takes rest offsets to goals, T Sp: T = R, or with `linear` b > 0, of the map F of
-        `strained`, b F / cbrt(det F) + (1 - b) R (M. Mueller et al. 2005, 4.3); below LEAST_VOLUME b falls with det F, to 0
+        `strained`, b F / cbrt(det F) + (1 - b) R (M. Mueller et al. 2005, 4.3); below MIN_VOLUME b falls with det F, to 0
         where F is flat or mirrored.
 
         Momentum is kept: sum m (goal - x) = 0 as sum m rest = 0; and the moment of what moves particles about the centre is
@@ -150,7 +150,7 @@ class Clusters:
         if "linear" in self.parts and self.material is not None:
             map_ = self.strained(position, plastic)
             volume = np.maximum(np.linalg.det(map_), 0.0)
-            part = self.material.linear * np.minimum(1.0, volume / LEAST_VOLUME)
+            part = self.material.linear * np.minimum(1.0, volume / MIN_VOLUME)
             scale = part / np.cbrt(np.where(volume > 0, volume, 1.0))
             turned = scale[:, None, None] * map_ + (1 - part)[:, None, None] * turned
         return turned if plastic is None else turned @ plastic
@@ -197,7 +197,7 @@ def stiffness_of_coefficient(coefficient: float, step: float) -> float:
     return np.inf if coefficient == 1 else coefficient / ((1 - coefficient) * step**2)
 
 
-MOST_SUBSTEP = 1e150  # s: Python refuses the square of much more
+MAX_SUBSTEP = 1e150  # s: Python refuses the square of much more
 
 
 def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
@@ -211,7 +211,7 @@ def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
     [0.5, 1.0]
     """
     with np.errstate(over="ignore"):
-        square = substep**2 if substep < MOST_SUBSTEP else np.inf
+        square = substep**2 if substep < MAX_SUBSTEP else np.inf
         return -np.expm1(-np.log1p(stiffness * square) / iterations)
 
 

@@ -50,9 +50,9 @@ def window_energy(scene: Scene, position: np.ndarray) -> float:
 def goal_strain(scene: Scene, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
     """(entries,) float64: how far each particle of `position` (particles, 3) [m] is from where each of its clusters wants it,
     over its body's particle spacing; `plastic` as in State. NaN where positions are not finite."""
-    crowd, clusters = scene.crowd, scene.crowd.clusters
+    body_set, clusters = scene.body_set, scene.body_set.clusters
     p = np.asarray(position, dtype=np.float64)
     if not np.isfinite(p).all():
         return np.full(len(clusters.indices), np.nan)
-    spacing = np.array([copy.baked.spacing for copy in crowd.copies])[crowd.body[clusters.indices]]
+    spacing = np.array([copy.baked.spacing for copy in body_set.copies])[body_set.body[clusters.indices]]
     return np.linalg.norm(clusters.goals(p, plastic) - p[clusters.indices], axis=1) / spacing

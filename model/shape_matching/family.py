@@ -20,7 +20,7 @@ def _stored_in_windows(
 
 
 def _stored_in_bodies(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
-    return scene.crowd.clusters.energy(position, plastic), {}
+    return scene.body_set.clusters.energy(position, plastic), {}
 
 
 WINDOWS = SolverFamily(

@@ -1,4 +1,4 @@
-"""Links of a crowd's bodies: constraints of distance between two particles, in colours that share no particle."""
+"""Links of a body set's bodies: constraints of distance between two particles, in colours that share no particle."""
 
 from __future__ import annotations
 

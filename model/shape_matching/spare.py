@@ -10,7 +10,7 @@ import numpy as np
 from model.core.errors import SceneError
 from model.core.state import State
 from model.scene.scene import Scene
-from model.shape_matching.crowd import Copy
+from model.shape_matching.body_set import Copy
 
 STILL = (0.0, 0.0, 0.0)  # m/s
 
@@ -18,9 +18,9 @@ STILL = (0.0, 0.0, 0.0)  # m/s
 def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
     """(particles,) bool: whose copies wait by these inverse masses [1/kg], (particles,); None where they are not those of
     the scene's particles, all or none of a copy's being 0."""
-    crowd, waits = scene.crowd, inverse_mass == 0
-    known = np.where(waits, 0.0, 1 / crowd.clusters.mass)
-    share = np.bincount(crowd.body, waits) / np.bincount(crowd.body)
+    body_set, waits = scene.body_set, inverse_mass == 0
+    known = np.where(waits, 0.0, 1 / body_set.clusters.mass)
+    share = np.bincount(body_set.body, waits) / np.bincount(body_set.body)
     return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(share, (0, 1)).all() else None
 
 
@@ -29,7 +29,7 @@ def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray |
     no body does."""
     if not scene.bodies:
         return None
-    waits = scene.crowd.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
+    waits = scene.body_set.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
     return waits if waits.any() else None
 
 
@@ -42,7 +42,7 @@ def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None 
 def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray:
     """(copies,) bool: which copies of a scene's bodies are there by `absent`."""
     waits = absent(scene, inverse_mass)
-    copies = scene.crowd.copies
+    copies = scene.body_set.copies
     return np.array([waits is None or not waits[copy.first_particle] for copy in copies])
 
 
@@ -63,8 +63,8 @@ def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
     if not scene.bodies:
         return Counts(scene.grid.particle_count)
     is_there = copies_there(scene, inverse_mass)
-    there = [copy.baked for copy in scene.crowd.copies if is_there[copy.number]]
-    waiting = [copy.baked for copy in scene.crowd.copies if not is_there[copy.number]]
+    there = [copy.baked for copy in scene.body_set.copies if is_there[copy.number]]
+    waiting = [copy.baked for copy in scene.body_set.copies if not is_there[copy.number]]
     return Counts(
         sum(len(body.position) for body in there), sum(body.clusters.count for body in there), len(there), len(waiting),
         sum(len(body.position) for body in waiting),
@@ -78,7 +78,7 @@ def added(
     weights = state.inverse_mass
     if name not in scene.bodies:
         raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
-    part, mine = scene.bodies[name], [copy for copy in scene.crowd.copies if copy.name == name]
+    part, mine = scene.bodies[name], [copy for copy in scene.body_set.copies if copy.name == name]
     copy = next((one for one in mine if not weights[one.first_particle]), None)
     if copy is None:
         raise SceneError(f"{name}.spare", part.spare, "no copy is left; more of them, or remove_body, would do")
@@ -87,13 +87,13 @@ def added(
         if array.shape != (3,) or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
             raise SceneError(field, value, "must be three finite numbers, x first")
     moved = np.subtract(part.places()[0] if origin is None else origin, part.places()[0])
-    return copy.number, _put(scene, state, copy, scene.crowd.position[mine[0].particles] + moved, velocity, True)
+    return copy.number, _put(scene, state, copy, scene.body_set.position[mine[0].particles] + moved, velocity, True)
 
 
 def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:
     """See Simulation.remove_body: the state without it; `parts`: of the plan."""
     weights = state.inverse_mass
-    copies = scene.crowd.copies if scene.bodies else ()
+    copies = scene.body_set.copies if scene.bodies else ()
     if (
         not isinstance(number, int | np.integer)
         or not 0 <= number < len(copies)
@@ -103,15 +103,15 @@ def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> 
     copy = copies[number]
     if "spare" not in parts:
         raise SceneError(f"{copy.name}.spare", 0, "must be at least 1 in a scene that bodies leave")
-    return _put(scene, state, copy, scene.crowd.position[copy.particles], STILL, False)
+    return _put(scene, state, copy, scene.body_set.position[copy.particles], STILL, False)
 
 
 def _put(scene: Scene, state: State, copy: Copy, position: np.ndarray, velocity: Sequence[float], there: bool) -> State:
     """The state, changed: with a copy in its rest shape at `position`, as a body that is there, or that waits."""
-    crowd = scene.crowd
+    body_set = scene.body_set
     clusters = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
     state.position[copy.particles], state.velocity[copy.particles] = position, velocity
-    state.inverse_mass[copy.particles] = 1 / crowd.clusters.mass[copy.particles] if there else 0.0
+    state.inverse_mass[copy.particles] = 1 / body_set.clusters.mass[copy.particles] if there else 0.0
     if state.rotation is not None:
         state.rotation[clusters] = (1.0, 0.0, 0.0, 0.0)
     if state.plastic is not None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from model.core.errors import SceneError
 
-MOST_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that needs another solver
+MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that needs another solver
 PASSES = 32  # of saving colours; later ones were seen to save none
 WORD = 63  # colours that fit one signed word of used colours
 
@@ -38,16 +38,16 @@ class Colouring:
 def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouring:
     """Colours for `constraints` (n, k): the k different vertices 0 ... vertex_count - 1 of each.
 
-    The same for the same arguments. Raises SceneError where a vertex has more than MOST_COLOURS constraints.
+    The same for the same arguments. Raises SceneError where a vertex has more than MAX_COLOURS constraints.
     """
     vertices = np.asarray(constraints, dtype=np.int64)
     valence = np.bincount(vertices.ravel(), minlength=vertex_count)
     least = int(valence.max(initial=0))
-    if least > MOST_COLOURS:
+    if least > MAX_COLOURS:
         raise SceneError(
             "constraints",
             least,
-            f"meet at vertex {int(np.argmax(valence))}; at most {MOST_COLOURS} at a vertex can be coloured: refine the mesh "
+            f"meet at vertex {int(np.argmax(valence))}; at most {MAX_COLOURS} at a vertex can be coloured: refine the mesh "
             "there, or solve without colours",
         )
     generator = np.random.default_rng(seed)

@@ -64,7 +64,7 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     `structural-compliance` (and so on): the constraints have multipliers, or may get them, where the stiffness is live;
     `structural-damping`: dampers along them;
     `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
-    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `rubbing` where that has friction. Of the
+    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `friction` where that has friction. Of the
     solver shape-matching `clusters` instead of constraints.
     """
     parts = set(cloth_parts(scene, live))
@@ -95,7 +95,7 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     if scene.self_collision:
         parts.add("self_collision")
         if scene.self_collision.static_friction > 0:
-            parts.add("rubbing")
+            parts.add("friction")
     parts.add(method.ordering)
     return frozenset(parts)
 
@@ -104,10 +104,10 @@ def body_parts(scene: Scene) -> frozenset[str]:
     """What of bodies needs code beside their clusters: `links`, what their clusters do beside turning, contacts."""
     if not scene.bodies:
         return frozenset()
-    links = {"links"} if scene.crowd.links.count else set()
-    spare = {"spare"} if any(copy.waits for copy in scene.crowd.copies) else set()
-    lattices = {"lattices"} if scene.crowd.lattices else set()
-    return scene.crowd.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
+    links = {"links"} if scene.body_set.links.count else set()
+    spare = {"spare"} if any(copy.waits for copy in scene.body_set.copies) else set()
+    lattices = {"lattices"} if scene.body_set.lattices else set()
+    return scene.body_set.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
@@ -139,7 +139,7 @@ def lattice_stages(region: int) -> tuple[Stage, ...]:
 
 def link_stages(scene: Scene) -> tuple[Stage, ...]:
     """The links of bodies, a stage a colour: no two of a colour share a particle."""
-    starts, particles = scene.crowd.links.starts, scene.crowd.particle_count
+    starts, particles = scene.body_set.links.starts, scene.body_set.particle_count
     each = (starts[1:] - starts[:-1]) * distance.OPERATIONS_SOFT / particles
     return tuple(Stage(f"project links {number}", 1, 1, round(float(count))) for number, count in enumerate(each))
 
@@ -151,7 +151,7 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
     reads a position, and moved, the cluster's rotation and centre, 12 scalars. Of a lattice each mass has sums of a slice,
     nine scalars, which are written and read twice, and a rotation, four.
     """
-    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
+    clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     shaped = cluster.OPERATIONS_TURN
     if clusters.parts & {"linear", "plastic"}:
@@ -162,7 +162,7 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
     moved = overlap * cluster.OPERATIONS_GOAL + cluster.OPERATIONS_MOVE
     table = 3 + 1 + 1  # scalars
     regular = 0.0  # the part of particles in lattices
-    for one in scene.crowd.lattices:
+    for one in scene.body_set.lattices:
         part = one.copies * one.lattice.size / particles
         regular += part
         matched += part * (lattice.OPERATIONS_MOMENTS + 2 * one.lattice.region * lattice.OPERATIONS_MEMBER)
@@ -179,7 +179,7 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
 
 def damping_stage(scene: Scene) -> Stage:
     """Clusters gather the momenta of their particles, particles the rigid motions of their clusters, 9 scalars."""
-    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
+    clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     table = 1 + 1  # scalars: a mass or a factor, and an index
     reads = overlap * (6 + table) + overlap * (9 + table) + 6
@@ -189,7 +189,7 @@ def damping_stage(scene: Scene) -> Stage:
 
 def rebound_stage(scene: Scene) -> Stage:
     """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
-    clusters, particles = scene.crowd.loose, scene.crowd.particle_count
+    clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     reads = overlap * (2 * 7 + 9 + 2) + 9  # twice a place, a velocity and a mass; a motion, a factor and an index
     member = pace.OPERATIONS_MEMBER + rebound.OPERATIONS_MEMBER + rebound.OPERATIONS_REBOUND
@@ -243,7 +243,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
-    bounce = (bounces,) if "bouncing" in parts else ()
+    bounce = (bounces,) if "restitution" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()

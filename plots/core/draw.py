@@ -25,6 +25,7 @@ from plots.figures import (
     bandwidth,
     bar,
     convergence,
+    crossover,
     crowds,
     graphics,
     hard,
@@ -32,7 +33,6 @@ from plots.figures import (
     joules,
     kernels,
     lab_step,
-    overtaking,
     peers,
     precisions,
     projections,
@@ -52,7 +52,7 @@ from plots.findings import looks as findings_looks
 FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "time-per-step": time_per_step.draw,
     "thread-scaling": thread_scaling.draw,
-    "overtaking": overtaking.draw,
+    "crossover": crossover.draw,
     "graphics": graphics.draw,
     "bandwidth": bandwidth.draw,
     "precisions": precisions.draw,
@@ -86,7 +86,7 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
 TITLES = {
     "time-per-step": time_per_step.TITLE,
     "thread-scaling": thread_scaling.TITLE,
-    "overtaking": overtaking.TITLE,
+    "crossover": crossover.TITLE,
     "graphics": graphics.TITLE,
     "bandwidth": bandwidth.TITLE,
     "precisions": precisions.TITLE,

@@ -22,7 +22,7 @@ from model.core.disk_cache import user_cache
 from model.core.errors import InputError
 from model.core.files import replacing
 
-MOST_FILES = 400  # six sets of figures; beyond it those not used for longest go
+MAX_FILES = 400  # six sets of figures; beyond it those not used for longest go
 
 
 def key_of(figure: Any, *more: Any) -> str:
@@ -109,5 +109,5 @@ def keep(key: str, suffix: str, made: Path) -> None:
         with replacing(folder / f"{key}.{suffix}") as part:
             shutil.copyfile(made, part)
         files = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
-        for old in files[:-MOST_FILES]:
+        for old in files[:-MAX_FILES]:
             old.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What the figures of kernels have in common: which machine stands for a backend, how a rung is drawn, its roofs."""
+"""What the figures of kernels have in common: which machine stands for a backend, how a rung is drawn, its ceilings."""
 
 from __future__ import annotations
 

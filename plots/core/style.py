@@ -29,7 +29,7 @@ WIDTH = 6.3  # inch: the text's width on A4
 HEIGHT = 3.6  # inch
 PNG_DPI = 160
 SUFFIXES = ("svg", "png")  # for books and for screens
-MOST_PANELS = 3
+MAX_PANELS = 3
 FOOTER_SIZE = 6  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 RAISED = str.maketrans(
@@ -127,7 +127,7 @@ def panels(
     results: Results, holds: Callable[[Source], bool], height: float = HEIGHT
 ) -> tuple[Any, list[tuple[Any, Source]]]:
     """A panel for each featured source that `holds` what is drawn; no figure (None) where none does."""
-    chosen = [source for source in results.featured if holds(source)][:MOST_PANELS]
+    chosen = [source for source in results.featured if holds(source)][:MAX_PANELS]
     if not chosen:
         return None, []
     figure, axes = new_figure(len(chosen), height)

@@ -24,7 +24,7 @@ TITLE = "Roofline"
 
 
 @dataclass(frozen=True)
-class Roofs:
+class Ceilings:
     """Of one backend, machine, scene and precision: `bytes`, `operations` per mass and step; `bandwidth` [B/s]; `rate`
     [operations/s], None where it was not measured."""
 
@@ -53,8 +53,8 @@ class Roofs:
         return self.pass_seconds * timing.particles / (timing.median if seconds is None else seconds)
 
 
-def roofs(source: Source, backend: str, precision: str = "float32") -> Roofs | None:
-    """The roofs over a machine's kernels, or None where bandwidth or scene are not known."""
+def ceilings(source: Source, backend: str, precision: str = "float32") -> Ceilings | None:
+    """The ceilings over a machine's kernels, or None where bandwidth or scene are not known."""
     bandwidth = copy_bandwidth(source, backend)
     sample = next(
         (t for t in source.kernels if (t.backend, t.precision) == (backend, precision) and t.bytes_per_step), None
@@ -68,18 +68,18 @@ def roofs(source: Source, backend: str, precision: str = "float32") -> Roofs | N
     except SoftlabError:  # a scene of another lab version
         return None
     rates = source.machine.record.get("gpu_arithmetic" if backend == "gpu" else "arithmetic") or {}
-    return Roofs(sample.bytes_per_step / sample.particles, operations, bandwidth, rates.get(precision))
+    return Ceilings(sample.bytes_per_step / sample.particles, operations, bandwidth, rates.get(precision))
 
 
 def draw(results: Results) -> Drawing | str:
     """The figure, or why there is none."""
-    figure, chosen = backend_panels(results, lambda source, backend: roofs(source, backend) is not None)
+    figure, chosen = backend_panels(results, lambda source, backend: ceilings(source, backend) is not None)
     if figure is None:
         return "the kernels were not timed one by one, or no copy bandwidth was measured"
     times: list[Timing] = []
     words = []
     for ax, backend, source in chosen:
-        found = roofs(source, backend)
+        found = ceilings(source, backend)
         assert found is not None
         for kernel, mine in in_order(source.ladder(backend)):
             draw_times(ax, mine, rung(kernel), _percent(found))
@@ -107,5 +107,5 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _percent(found: Roofs) -> Callable[[Timing, float], float]:
+def _percent(found: Ceilings) -> Callable[[Timing, float], float]:
     return lambda timing, seconds: 100 * found.share(timing, seconds)

@@ -36,7 +36,7 @@ from model.scene.scene import Scene
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 
 SCENE = beams_and_torus()
-CROWD = SCENE.crowd
+CROWD = SCENE.body_set
 RANDOM = np.random.default_rng(6)
 BENT = CROWD.position + 0.05 * np.sin(3 * CROWD.position[:, ::-1])  # m: no copy is rigid any more
 
@@ -137,7 +137,7 @@ def test_the_view_of_what_falls_stays_where_it_is() -> None:
     """It holds the places below at once: what is on its way there, or lies there, changes nothing. Outermost points that are
     kept stand for all, so that the eye is the same to rounding."""
     scene = Scene({"torus": TORUS, "plane": {}, "method": METHOD})
-    start = scene.crowd.position - (0.0, scene.crowd.position[:, 1].min() - 0.3, 0.0)
+    start = scene.body_set.position - (0.0, scene.body_set.position[:, 1].min() - 0.3, 0.0)
     with renderer_of(scene) as renderer:
         renderer.fit(start)
         eye = renderer.camera.eye
@@ -152,7 +152,7 @@ def test_the_view_of_what_falls_stays_where_it_is() -> None:
 def test_particles_are_spheres_of_half_a_spacing() -> None:
     """The topmost particle against what is behind it: coloured up to its radius, and nothing beyond."""
     scene = Scene({"torus": TORUS | {"particle_spacing": 0.3}, "method": METHOD})
-    position = scene.crowd.position
+    position = scene.body_set.position
     top = position[np.argmax(position[:, 1])]
     with renderer_of(scene, lines=True) as renderer:
         renderer.camera.pitch = 0.0
@@ -172,13 +172,13 @@ def test_particles_are_spheres_of_half_a_spacing() -> None:
 def test_a_nearer_sphere_hides_a_farther_one() -> None:
     """Whichever is drawn first: two tori, one behind the other, from both sides."""
     scene = Scene({"one": TORUS, "other": TORUS | {"origin": [0.0, 2.2, -0.4]}, "method": METHOD})
-    position = scene.crowd.position
+    position = scene.body_set.position
     with renderer_of(scene, lines=True) as renderer:
         for yaw, seen in ((0.0, 0), (np.pi, 1)):
             renderer.camera.yaw, renderer.camera.pitch = yaw, 0.0
             renderer.fit(position)
             renderer.draw(position)
-            own = scene.crowd.body == seen
+            own = scene.body_set.body == seen
             places = renderer.camera.to_window(position)
             away = np.hypot(*(places[own][:, None] - places[~own]).transpose(2, 0, 1)).min(axis=1)
             place = position[own][np.argmin(away)]
@@ -190,7 +190,7 @@ def test_a_nearer_sphere_hides_a_farther_one() -> None:
 @pytest.mark.parametrize("lines", [False, True])
 def test_bodies_throw_shadows(lines: bool) -> None:
     scene = Scene({"torus": TORUS | {"angle": 0.0, "origin": [0.0, 0.5, 0.0]}, "method": METHOD} | PLANE)
-    position = scene.crowd.position
+    position = scene.body_set.position
     (ground,) = grounds(scene, 0.0, 0.0)
     flatten = shadow_matrix(ground, KEY)
     with renderer_of(scene, lines) as renderer:
@@ -274,7 +274,7 @@ def test_clusters_are_spheres_at_their_middles_seen_through_the_skin() -> None:
 @pytest.mark.usefixtures("drawing")
 def test_links_are_lines_between_their_particles() -> None:
     scene = Scene({"beam": BEAM | {"link_radius": 0.25, "link_stiffness": 10.0, "copies": [1, 1, 1]}, "method": METHOD})
-    position, links = scene.crowd.position, scene.crowd.copies[0].baked.links
+    position, links = scene.body_set.position, scene.body_set.copies[0].baked.links
     with renderer_of(scene, lines=True) as renderer:
         view: Any = renderer._view
         renderer.fit(position)

@@ -155,7 +155,7 @@ def test_a_cache_that_cannot_be_written_costs_time_alone(
 def test_the_longest_unused_go_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import os
 
-    monkeypatch.setattr(kept, "MOST_FILES", 2)
+    monkeypatch.setattr(kept, "MAX_FILES", 2)
     for age, key in enumerate(("c", "b", "a")):  # a is the oldest
         (tmp_path / key).write_text(key)
         kept.keep(key, "svg", tmp_path / key)

@@ -26,7 +26,7 @@ from model.scene.sheets import scene_normals
 
 BALL = {"kind": "sphere", "center": [0.0, 0.2, 0.0], "radius": 0.2, "velocity": [0.5, 0.0, 0.0]}
 SCENE = beams_and_torus(**PLANE, ball=BALL)
-CROWD = SCENE.crowd
+CROWD = SCENE.body_set
 BENT = CROWD.position + 0.05 * np.sin(3 * CROWD.position[:, ::-1])  # m: no copy is rigid any more
 MATRICES = ClusterFrames(SCENE).of_state(BENT)
 PIECES = pieces_of(SCENE, BENT, MATRICES)
@@ -62,22 +62,22 @@ def test_normals_that_cancel_are_zero() -> None:
 
 
 def test_a_body_without_a_skin_is_its_particles(tmp_path: Path) -> None:
-    crowd = CROWD
+    body_set = CROWD
     bare = replace(
-        crowd.copies[0].baked, skin=replace(crowd.copies[0].baked.skin, triangles=np.zeros((0, 3), np.int32))
+        body_set.copies[0].baked, skin=replace(body_set.copies[0].baked.skin, triangles=np.zeros((0, 3), np.int32))
     )
-    copies = (*(replace(copy, baked=bare) if copy.name == "beam" else copy for copy in crowd.copies),)
+    copies = (*(replace(copy, baked=bare) if copy.name == "beam" else copy for copy in body_set.copies),)
     scene = beams_and_torus()
-    scene.__dict__["crowd"] = replace(crowd, copies=copies)
+    scene.__dict__["body_set"] = replace(body_set, copies=copies)
     pieces = pieces_of(scene, BENT, MATRICES)
     for number in (0, 1):
         assert pieces[number].triangles is None
-        np.testing.assert_array_equal(pieces[number].vertices, BENT[crowd.body == number])
+        np.testing.assert_array_equal(pieces[number].vertices, BENT[body_set.body == number])
     loose = read(write_pieces(tmp_path / "mixed.ply", pieces))
     assert len(loose.vertices) == sum(len(piece.vertices) for piece in pieces)
     assert len(loose.faces) == len(pieces[2].triangles) and loose.faces.min() == 2 * len(bare.position)
     found = read(write_pieces(tmp_path / "mixed.glb", pieces)).geometry
-    np.testing.assert_allclose(found["beam-2"].vertices, BENT[crowd.body == 1], atol=ROUNDING)
+    np.testing.assert_allclose(found["beam-2"].vertices, BENT[body_set.body == 1], atol=ROUNDING)
     assert isinstance(found["beam-1"], trimesh.PointCloud) and isinstance(found["torus"], trimesh.Trimesh)
 
 

@@ -21,7 +21,7 @@ from model.shape_matching.cluster_tables import matching_factors
 SOFT = BAR | {"spin": [0.0, 0.0, 0.0], "cluster_stiffness": 4000.0}  # 24 particles, 3 clusters
 HARD = BRICK | {"spin": [0.0, 0.0, 0.0], "origin": [0.0, 2.0, 0.0]}
 SCENE = bodies_scene(bar=SOFT, brick=HARD)
-CROWD = SCENE.crowd
+CROWD = SCENE.body_set
 DT = SCENE.method.dt
 
 
@@ -30,7 +30,7 @@ class Jellies(FakeCloth):
     compile."""
 
     def _run(self, steps: int) -> None:
-        clusters, dt = self.scene.crowd.clusters, self.scene.method.dt
+        clusters, dt = self.scene.body_set.clusters, self.scene.method.dt
         factor = matching_factors(clusters, dt, 1)  # of each entry, its share in it
         gravity = self.scene.gravity
         fall = gravity.acceleration if gravity is not None and gravity.enabled else 0.0
@@ -166,21 +166,21 @@ def test_the_hand_is_as_strong_as_the_manual_says() -> None:
 def test_a_pull_is_shared_by_mass_and_distance(particle: int) -> None:
     """By (1 - d^2 / r^2)^2, r half of the body's longest side, or two and a half spacings where that is more; what it moves
     before the rest of the body helps it is the mass whose velocity, as the hand sees it, is F / m."""
-    crowd, grip = CROWD, Grip(opened(SCENE), particle)
-    own = np.flatnonzero(crowd.body == crowd.body[particle])
-    rest, mass = crowd.position[own], crowd.clusters.mass[own]
-    longest, spacing = np.ptp(rest, axis=0).max(), crowd.copies[crowd.body[particle]].baked.spacing
-    away = np.linalg.norm(rest - crowd.position[particle], axis=1) / max(longest / 2, 2.5 * spacing)
+    body_set, grip = CROWD, Grip(opened(SCENE), particle)
+    own = np.flatnonzero(body_set.body == body_set.body[particle])
+    rest, mass = body_set.position[own], body_set.clusters.mass[own]
+    longest, spacing = np.ptp(rest, axis=0).max(), body_set.copies[body_set.body[particle]].baked.spacing
+    away = np.linalg.norm(rest - body_set.position[particle], axis=1) / max(longest / 2, 2.5 * spacing)
     expected = np.where(away < 1, mass * (1 - away**2) ** 2, 0)
     expected /= expected.sum()
-    share = np.zeros(len(crowd.position))
+    share = np.zeros(len(body_set.position))
     share[grip.particles] = grip.share
     np.testing.assert_allclose(share[own], expected, atol=1e-15)
     assert grip.extent == pytest.approx(longest) and grip.mass == pytest.approx(mass.sum())
     simulation = opened(SCENE)
     grip.pull(simulation, None, (1.0, 0.0, 0.0), DT)
     seen = share[own] @ simulation.state().velocity[own]
-    force = grip.force(simulation, crowd.position[particle], None, (1.0, 0.0, 0.0), DT)
+    force = grip.force(simulation, body_set.position[particle], None, (1.0, 0.0, 0.0), DT)
     np.testing.assert_allclose(seen, DT * force / grip._part)
 
 

@@ -33,7 +33,7 @@ from model.shape_matching.spare import Counts, absent, counts, present
 
 SPARE = beams_and_torus(torus=TORUS | {"spare": 2})
 ALONE = beams_and_torus()
-CROWD, COUNT = SPARE.crowd, ALONE.crowd.particle_count
+CROWD, COUNT = SPARE.body_set, ALONE.body_set.particle_count
 HERE = (4.0, 3.0, 0.5)  # m, where nothing else is
 LINKED = BEAM | {"link_radius": 0.25, "link_stiffness": 10.0}
 
@@ -61,12 +61,14 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     weights = simulation.body.inverse_mass
     assert masses_text(SPARE) == f"{masses_text(ALONE)} + 2 waiting" and masses_text(ALONE).endswith("of 3 bodies")
     ring = ALONE.bodies["torus"].baked
-    more = f"{COUNT + len(ring.position)} particles in {ALONE.crowd.clusters.count + ring.clusters.count} clusters"
+    more = f"{COUNT + len(ring.position)} particles in {ALONE.body_set.clusters.count + ring.clusters.count} clusters"
     assert masses_text(SPARE, weights) == f"{more} of 4 bodies + 1 waiting"
     report = bodies_report(simulation, state)
     assert (report["bodies"], report["waiting"], report["waiting_particles"]) == (4, 1, len(ring.position))
     assert counts(SPARE) == replace(counts(ALONE), waiting=2, waiting_particles=2 * len(ring.position))
-    assert counts(ALONE) == Counts(COUNT, ALONE.crowd.clusters.count, 3) and counts(load_scene("lab-grid")).waiting == 0
+    assert (
+        counts(ALONE) == Counts(COUNT, ALONE.body_set.clusters.count, 3) and counts(load_scene("lab-grid")).waiting == 0
+    )
     assert absent(ALONE) is None and absent(ALONE, np.zeros(COUNT)) is not None
     assert len(present(SPARE, state.position)) == COUNT
     assert present(ALONE, alone.position, np.zeros(COUNT)) is alone.position  # none would be left
@@ -94,13 +96,13 @@ def test_a_picture_is_that_of_a_scene_without_what_waits(way: str) -> None:
         Scene({"torus": TORUS, "beam": LINKED | {"spare": spare}, "gravity": {}, "method": METHOD}) for spare in (0, 2)
     ]
     alone, spare = scenes
-    position = spare.crowd.position.copy()
-    position[alone.crowd.particle_count :] += (50.0, 0.0, 0.0)
-    without = image_of(alone, show, alone.crowd.position)
+    position = spare.body_set.position.copy()
+    position[alone.body_set.particle_count :] += (50.0, 0.0, 0.0)
+    without = image_of(alone, show, alone.body_set.position)
     assert np.array_equal(image_of(spare, show, position), without)
-    assert without.std() > 1 and (way != "toggle_links" or len(spare.crowd.copies[1].baked.links))
-    all_there = 1 / spare.crowd.clusters.mass
-    assert not np.array_equal(image_of(spare, show, spare.crowd.position + 0.0, all_there), without) or way == "draw"
+    assert without.std() > 1 and (way != "toggle_links" or len(spare.body_set.copies[1].baked.links))
+    all_there = 1 / spare.body_set.clusters.mass
+    assert not np.array_equal(image_of(spare, show, spare.body_set.position + 0.0, all_there), without) or way == "draw"
 
 
 @pytest.mark.usefixtures("drawing")

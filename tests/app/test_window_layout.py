@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.command.demo import NO_BODIES
-from app.render.camera3d import MOST_PITCH, NEAREST, Camera3D
+from app.render.camera3d import MAX_PITCH, NEAREST, Camera3D
 from app.window.controls import keys_text
 from app.window.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
 from app.window.looks import OF_PLANE, Looks
@@ -57,10 +57,10 @@ def test_the_eye_is_above_every_floor_wherever_it_looks(
 ) -> None:
     normal = np.array([np.sin(slope) * np.cos(turned), np.cos(slope), np.sin(slope) * np.sin(turned)])
     point = np.array([0.3, -0.2, 0.1])
-    camera = Camera3D(1200, 900, y=y, distance=3.0, yaw=yaw, pitch=min(max(pitch, -MOST_PITCH), MOST_PITCH))
+    camera = Camera3D(1200, 900, y=y, distance=3.0, yaw=yaw, pitch=min(max(pitch, -MAX_PITCH), MAX_PITCH))
     camera.keep_above(point, normal)
     assert height(camera, point, normal) >= NEAREST - 1e-9
-    assert abs(camera.pitch) <= MOST_PITCH
+    assert abs(camera.pitch) <= MAX_PITCH
 
 
 @pytest.mark.parametrize("normal", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.9, 0.43588989, 0.0]])

@@ -15,7 +15,7 @@ from bench.experiments.advise.ablate import ablate
 from bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
 from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
 from bench.experiments.held_force import held_converged
-from bench.measure.growth import MOST_GROWTH
+from bench.measure.growth import MAX_GROWTH
 from bench.measure.timing import Sample
 from bench.reference import cache
 from bench.reference.philox import random_directions
@@ -158,9 +158,9 @@ def table(full: AblationRow, *rows: AblationRow) -> Ablated:
         (row(error=1e-9, estimate=1e-8), row(kind=PART, change=11e-8), NEEDED),
         (row(error=1e-16, estimate=0.0), row(kind=COARSER, change=1e-15), NOT_NEEDED),  # rounding
         (row(error=1e-16, estimate=0.0), row(kind=FINER, error=1e-17, change=1e-16), NOT_NEEDED),
-        (row(error=math.inf, growth=2 * MOST_GROWTH), row(kind=PART, change=1e-9), UNTOLD),
+        (row(error=math.inf, growth=2 * MAX_GROWTH), row(kind=PART, change=1e-9), UNTOLD),
         (row(error=math.inf, growth=math.nan), row(kind=PART, change=1e-9), UNTOLD),
-        (row(error=math.inf, growth=2 * MOST_GROWTH), row(kind=PART, change=math.inf, error=math.inf), NEEDED),
+        (row(error=math.inf, growth=2 * MAX_GROWTH), row(kind=PART, change=math.inf, error=math.inf), NEEDED),
         (row(), row(kind=FINER, error=2.5e-4, change=7.5e-4), GAINS),
         (row(), row(kind=FINER, error=1e-3, change=1e-5), NOT_NEEDED),  # an error that no longer falls
     ],
@@ -291,7 +291,7 @@ def test_of_chaos_nothing_is_told(store, clockwork, monkeypatch, capsys):
     monkeypatch.setattr(ablation, "ENTRIES", (ablation._arithmetic,))
     scene = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10, "damping.coefficient": 0.0})
     (found,) = ablate(store, scene, time=4.0, **QUIET).tables
-    assert found.full.growth > MOST_GROWTH
+    assert found.full.growth > MAX_GROWTH
     assert {found.verdict(one) for one in found.rows} == {UNTOLD}
     assert all(math.isinf(one.error) for one in (found.full, *found.rows))
     assert all(math.isfinite(one.energy_off) and math.isfinite(one.mean_off) for one in found.rows)

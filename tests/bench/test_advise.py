@@ -15,7 +15,7 @@ from bench.experiments.advise import search as advise_search
 from bench.experiments.advise.check import brute_force, grid_steps
 from bench.experiments.advise.experiment import advise
 from bench.experiments.advise.search import TIGHT, next_steps
-from bench.measure.growth import MOST_GROWTH, kept_growth, measure_growth
+from bench.measure.growth import MAX_GROWTH, kept_growth, measure_growth
 from bench.measure.timing import Sample
 from bench.reference import cache
 from bench.store.database import Store
@@ -113,11 +113,11 @@ def test_chaos_forbids_an_answer(store):
     scene = load_scene("lab-grid").replace({"grid.rows": 10, "grid.columns": 10, "damping.coefficient": 0.0})
     advice = advise(store, scene, 1e-3, time=5.0, **ASKED)
     assert advice.best is None
-    assert advice.growth > MOST_GROWTH
+    assert advice.growth > MAX_GROWTH
     assert "chaos" in (advice.why or "")
     suggested = float(str(advice.why).rpartition("--time ")[2])
     assert 0.5 < suggested < 4
-    assert measure_growth(scene, suggested).factor < MOST_GROWTH
+    assert measure_growth(scene, suggested).factor < MAX_GROWTH
 
 
 @pytest.mark.parametrize(

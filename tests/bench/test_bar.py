@@ -112,7 +112,7 @@ def test_a_jelly_bar_swings_as_its_clusters_say(backend: str) -> None:
     """The eigenvalue e of what clusters pull back, by differences, in substeps of h: z^2 = (1 - b e)(2 z - 1). Of a rod's
     mode others of the bar's have 14 %, squared 2 %, which blurs it."""
     scene, layers, overlap = bar(FEW, 1.25, FINEST), FEW, 1.25
-    clusters, at = scene.crowd.clusters, scene.crowd.position
+    clusters, at = scene.body_set.clusters, scene.body_set.position
 
     def pull(position: np.ndarray) -> np.ndarray:
         found = np.zeros_like(position)

@@ -44,14 +44,16 @@ def test_the_scenes_are_what_they_are_called() -> None:
     ):
         assert kind_of(scene) == kind
         if scene.bodies and kind != "lattice":
-            assert len(scene.crowd.copies) == 50 and 13_900 < scene.crowd.particle_count < 14_200
-    assert bodies(50, True).crowd.clusters.count == 50
+            assert len(scene.body_set.copies) == 50 and 13_900 < scene.body_set.particle_count < 14_200
+    assert bodies(50, True).body_set.clusters.count == 50
     nx, ny, nz = crowds.BLOCKS[10000]
     assert nx * ny * nz == 10000
     assert heap(50).method.dt == pytest.approx(1 / 60) and heap(50).method.substeps == 2
     assert jelly(64, 2).method.region == 2 and jelly(64, 2).grid.particle_count == 4096
     assert (
-        cube(8, 2).crowd.particle_count == 512 and crowds.region_of(cube(8, 2)) == 2 and not crowds.region_of(heap(50))
+        cube(8, 2).body_set.particle_count == 512
+        and crowds.region_of(cube(8, 2)) == 2
+        and not crowds.region_of(heap(50))
     )
 
 

@@ -50,8 +50,8 @@ TINY = Effort(2, 1e-4, 1e-3)
 def short_intervals():
     """256 steps between two looks at a small grid: a sample with looks is at least so long."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(divergence, "LEAST_INTERVAL", 64)
-    patch.setattr(divergence, "MOST_INTERVAL", {"cpu": 256, "gpu": 256})
+    patch.setattr(divergence, "MIN_INTERVAL", 64)
+    patch.setattr(divergence, "MAX_INTERVAL", {"cpu": 256, "gpu": 256})
     yield
     patch.undo()
 
@@ -112,8 +112,8 @@ def test_a_sample_has_as_many_looks_as_intervals(monkeypatch):
     calls: list[int] = []
     from cpu_backend.mass_spring.grid.solver import MassSpring
 
-    look = MassSpring._first_bad
-    monkeypatch.setattr(MassSpring, "_first_bad", lambda self: calls.append(1) or look(self))
+    look = MassSpring._first_diverged
+    monkeypatch.setattr(MassSpring, "_first_diverged", lambda self: calls.append(1) or look(self))
     monkeypatch.setattr(findings_costs._Looking, "run", run)
     with Store(":memory:") as store:
         found = group.measure(Record(store, store.start_run(enter_machine(store), "test"), group.sources))

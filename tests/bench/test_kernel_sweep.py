@@ -43,7 +43,7 @@ def known_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for module in (kernel_sweep, sweep):
         monkeypatch.setattr(module, "enter_machine", enter)
-    monkeypatch.setattr(kernel_sweep, "MOST_CROWDED", 0)
+    monkeypatch.setattr(kernel_sweep, "MAX_CROWDED", 0)
 
 
 # ---------------------------------------------------------------------- the sweep
@@ -111,7 +111,7 @@ def test_a_kernel_that_breaks_is_skipped_with_its_reason(monkeypatch: pytest.Mon
             assert skipped.description["kernel"] == "stages"
         for module in (kernel_sweep, sweep):
             monkeypatch.setattr(module, "enter_machine", lambda s: s.add_machine("m1", "Some CPU", RECORD) or "m1")
-        monkeypatch.setattr(kernel_sweep, "MOST_CROWDED", 0)
+        monkeypatch.setattr(kernel_sweep, "MAX_CROWDED", 0)
 
 
 def test_a_wrong_kernel_is_flagged_and_never_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,7 +133,7 @@ def test_a_wrong_kernel_is_flagged_and_never_the_best(monkeypatch: pytest.Monkey
 
 
 def test_slow_kernels_get_fewer_samples_and_small_grids_more_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernel_sweep, "MOST_CROWDED", 64)
+    monkeypatch.setattr(kernel_sweep, "MAX_CROWDED", 64)
     scene = load_scene("lab-grid").replace({"grid.rows": 8, "grid.columns": 8})
     cases = kernel_cases(scene, ["cpu"], ("float32", "float64"), energy=True)
     assert {c.kernel for c in cases} == set(kernels_of("cpu")) and cases[0].kernel == "fused"

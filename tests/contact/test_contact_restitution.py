@@ -49,11 +49,11 @@ def kinetic(velocity: np.ndarray) -> float:
 
 
 def test_velocities_are_the_references_and_keep_momenta() -> None:
-    """Of a crowd whose particles weigh differently, some nothing in the scene's unit, moving anyhow: within the roundings of
-    up to 32 contacts of ten operations on 10 m/s. Every impulse lies on the line of its pair, so the angular momentum stays,
-    too."""
+    """Of a body set whose particles weigh differently, some nothing in the scene's unit, moving anyhow: within the
+    roundings of up to 32 contacts of ten operations on 10 m/s. Every impulse lies on the line of its pair, so the angular
+    momentum stays, too."""
     scene, random = meeting(restitution=0.6), np.random.default_rng(7)
-    place = scene.crowd.position + random.normal(0, 0.03, scene.crowd.position.shape) - [0.0, 0.03, 0.0]
+    place = scene.body_set.position + random.normal(0, 0.03, scene.body_set.position.shape) - [0.0, 0.03, 0.0]
     old, velocity = random.normal(0, 3, place.shape), random.normal(0, 1, place.shape)
     checked = judge.Contacts(scene)
     checked.weight = random.uniform(0.1, 3.0, len(place))
@@ -125,7 +125,7 @@ def test_a_glancing_pair_keeps_its_spin_about_each_other() -> None:
         dynamic_friction=0.0,
     )  # fmt: skip
     state = end_state(scene, steps=30)
-    before = np.cross(scene.crowd.position, scene.crowd.velocity).sum(axis=0)
+    before = np.cross(scene.body_set.position, scene.body_set.velocity).sum(axis=0)
     assert np.abs(state.velocity.sum(axis=0)).max() < 1e-12 and abs(state.velocity[0, 1]) > 0.5
     assert np.cross(state.position, state.velocity).sum(axis=0) == pytest.approx(before, abs=0.01)
 
@@ -141,7 +141,7 @@ def test_a_swarm_gains_no_energy() -> None:
                 simulation.advance(1)
                 energy.append(kinetic(simulation.state().velocity))
             end, lost = simulation.state().velocity, simulation.contacts_lost
-        start = scene.crowd.velocity
+        start = scene.body_set.velocity
         assert np.abs(end.sum(axis=0) - start.sum(axis=0)).max() < 60 * 4e-13 and lost == 0
         assert max(energy) <= kinetic(start) * (1 + 1e-12)
         left.append(energy[-1])
@@ -167,9 +167,11 @@ def test_a_scene_without_it_is_as_before() -> None:
     plain, bounces = meeting(), meeting(restitution=0.5)
     for none in (plain, meeting(restitution=0.0)):
         assert "restitution" not in none.as_dict()["contact"] and Scene(none.as_dict()).contact == plain.contact
-        assert "bouncing" not in xpbd_parts(none) and not xpbd_plan(none).has("bounce")
+        assert "restitution" not in xpbd_parts(none) and not xpbd_plan(none).has("bounce")
     assert Scene(bounces.as_dict()).contact == bounces.contact
-    assert xpbd_parts(bounces) - xpbd_parts(plain) == {"bouncing", "rigid-bounce"} and xpbd_plan(bounces).has("bounce")
+    assert xpbd_parts(bounces) - xpbd_parts(plain) == {"restitution", "rigid-bounce"} and xpbd_plan(bounces).has(
+        "bounce"
+    )
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan"), True, "high"])

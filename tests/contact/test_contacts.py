@@ -13,7 +13,7 @@ from app.driver import open_simulation
 from bench.reference import contacts as reference
 from bench.reference import mass_spring
 from cpu_backend.contact.self_contact import Contacts
-from model.contact.self_contact_parameters import MOST_CONTACTS, table_size
+from model.contact.self_contact_parameters import MAX_CONTACTS, table_size
 from model.core.build import build, folded_positions
 from model.core.errors import SceneError
 from model.core.simulation import State
@@ -53,7 +53,7 @@ def contacts_of(
 
 def kept(contacts: Contacts, array: np.ndarray) -> np.ndarray:
     """Of an array of contacts those that are held, by mass."""
-    held = np.arange(MOST_CONTACTS) < contacts.found[:, None]
+    held = np.arange(MAX_CONTACTS) < contacts.found[:, None]
     return array[held.ravel()]
 
 
@@ -196,8 +196,8 @@ def test_what_is_found_and_projected_is_the_references(seed: int) -> None:
     counts = np.bincount(found.mass, minlength=len(before))
     contacts, position = contacts_of(scene, before, predicted, weights)
     assert np.array_equal(contacts.found, counts) and counts.sum() > 500
-    assert contacts.lost == np.maximum(counts - MOST_CONTACTS, 0).sum() > 0
-    first = found.kept(MOST_CONTACTS)
+    assert contacts.lost == np.maximum(counts - MAX_CONTACTS, 0).sum() > 0
+    first = found.kept(MAX_CONTACTS)
     assert np.array_equal(kept(contacts, contacts.triangles), first.triangle)
     values = kept(contacts, contacts.values)
     # normals are quotients of lengths of a few mm and more by differences of coordinates of 0.5 m
@@ -245,7 +245,7 @@ def test_sweeps_converge_to_the_thickness() -> None:
         changed = scene.replace({"self_collision.sweeps": sweeps})
         contacts, position = contacts_of(changed, before, predicted)
         values, corners = kept(contacts, contacts.values), kept(contacts, contacts.corners)
-        mass = np.repeat(np.arange(len(before)), np.minimum(contacts.found, MOST_CONTACTS))
+        mass = np.repeat(np.arange(len(before)), np.minimum(contacts.found, MAX_CONTACTS))
         weights = np.stack([1 - values[:, 0] - values[:, 1], values[:, 0], values[:, 1]], axis=1)
         offset = position[mass] - np.einsum("nk,nkd->nd", weights, position[corners])
         depths.append(float((values[:, 5] - np.einsum("nk,nk->n", values[:, 2:5], offset)).max()))
@@ -301,7 +301,7 @@ def test_a_folded_strip_that_falls_follows_the_reference(ordering: str) -> None:
     1 m, and contacts forget errors rather than let them grow."""
     scene = folded(10, 5, layer=4).replace({"method.ordering": ordering})
     state = end_state(scene, 6)
-    position, velocity = reference.simulate(scene, 6, *mass_spring.start(scene), MOST_CONTACTS)
+    position, velocity = reference.simulate(scene, 6, *mass_spring.start(scene), MAX_CONTACTS)
     h = scene.method.dt / scene.method.substeps
     assert np.abs(state.position - position).max() < 1e-12
     assert np.abs(state.velocity - velocity).max() < 1e-12 / h

@@ -18,7 +18,7 @@ from bench.reference.particle_contacts import Contacts
 from cpu_backend.contact.particles import ParticleContacts
 from model.contact.particle_parameters import (
     H_INVERSE_CELL,
-    MOST_NEIGHBOURS,
+    MAX_NEIGHBOURS,
     kinds_of_particles,
     particle_contact_record,
 )
@@ -33,7 +33,7 @@ STEPS = 8
 
 
 def contacts_of(scene: Scene, real: Any, bands: int = 1) -> ParticleContacts:
-    particles = scene.crowd.particle_count
+    particles = scene.body_set.particle_count
     return ParticleContacts(scene, real, "exact", xpbd_parts(scene), np.arange(particles), particles, bands)
 
 
@@ -50,7 +50,7 @@ def test_neighbours_are_those_of_asking_all(extent: float, bands: int, real: Any
     """In a heap, in a clump where there are more than are kept, and scattered so far that the table holds but a part and goes
     round; some in one place, some on the borders of cells, some parked, lost in space or no numbers."""
     scene, random = meeting(copies=2), np.random.default_rng(5)
-    particles, cell = scene.crowd.particle_count, 1 / particle_contact_record(scene, real)[H_INVERSE_CELL]
+    particles, cell = scene.body_set.particle_count, 1 / particle_contact_record(scene, real)[H_INVERSE_CELL]
     position = random.uniform(-1, 1, (particles, 3)) * min(extent, 0.5)
     position[::3] += random.uniform(-extent, extent, 3) * (extent > 1)
     position[1::3] -= random.uniform(-extent, extent, 3) * (extent > 1)
@@ -64,8 +64,8 @@ def test_neighbours_are_those_of_asking_all(extent: float, bands: int, real: Any
         contacts.find(planes(position, real), weight.astype(real))
         expected = neighbours(scene, position.astype(real), weight, real)
         found = contacts.neighbours()
-        assert [found.get(i, []) for i in range(particles)] == [others[:MOST_NEIGHBOURS] for others in expected]
-        lost += sum(max(0, len(others) - MOST_NEIGHBOURS) for others in expected)
+        assert [found.get(i, []) for i in range(particles)] == [others[:MAX_NEIGHBOURS] for others in expected]
+        lost += sum(max(0, len(others) - MAX_NEIGHBOURS) for others in expected)
         assert contacts.lost == lost
         position, weight = position[::-1].copy(), weight[::-1].copy()
     assert sum(map(len, expected)) > 50
@@ -74,7 +74,7 @@ def test_neighbours_are_those_of_asking_all(extent: float, bands: int, real: Any
 
 def test_kinds_and_copies_are_told_apart() -> None:
     scene = meeting(copies=2)
-    assert np.array_equal(np.unique(kinds_of_particles(scene)), [0, 1]) and len(scene.crowd.copies) == 8
+    assert np.array_equal(np.unique(kinds_of_particles(scene)), [0, 1]) and len(scene.body_set.copies) == 8
 
 
 # ---------------------------------------------------------------------- whole steps
@@ -130,12 +130,12 @@ def test_a_collision_keeps_momentum() -> None:
         method=method(1, 1),
         **FREE,
     )
-    crowd, m = scene.crowd, scene.crowd.clusters.mass[:, None]
+    body_set, m = scene.body_set, scene.body_set.clusters.mass[:, None]
     with opened(scene) as simulation:
         simulation.advance(10)
         state, met = simulation.state(), simulation.contacts.neighbours()
-    assert met and np.abs(state.velocity - crowd.velocity).max() > 0.5
-    change = (m * (state.velocity - crowd.velocity)).sum(axis=0)
+    assert met and np.abs(state.velocity - body_set.velocity).max() > 0.5
+    change = (m * (state.velocity - body_set.velocity)).sum(axis=0)
     assert np.abs(change).max() < 10 * 8 * (m * 2.0**-53 * 0.6 / 0.01).sum()
 
 
@@ -159,7 +159,7 @@ def test_bricks_stand_on_each_other() -> None:
     scene = bodies_scene(
         brick=brick, plane=ground, contact={"maximum_speed": 1e3, "sleeping_speed": 1e-30}, method=method(4, 1)
     )
-    moved = end_state(scene, steps=200).position - scene.crowd.position
+    moved = end_state(scene, steps=200).position - scene.body_set.position
     assert np.abs(moved[:, [0, 2]]).max() < 1e-3 and -moved[:, 1].min() < 3 * 4 * 9.81 * (0.01 / 4) ** 2 * 3
 
 
@@ -173,7 +173,7 @@ def test_adhesion_pulls_with_its_acceleration(iterations: int, sweeps: int) -> N
     scene = lone_points([[0.0, 0.0, 0.0], [0.11, 0.0, 0.0]], adhesion=5.0, iterations=iterations, sweeps=sweeps)
     expected = 0.11 - 5.0 * 0.01**2 * 5 * 6 / 2
     bound = 5**2 * 4 * iterations * sweeps * 2.0**-53 * 0.1
-    position, velocity, contacts = scene.crowd.position, np.zeros((2, 3)), Contacts(scene)
+    position, velocity, contacts = scene.body_set.position, np.zeros((2, 3)), Contacts(scene)
     for _ in range(5):  # the reference's, of nothing but contacts
         before, position = position, position + 0.01 * velocity
         contacts.find(position)
@@ -202,7 +202,7 @@ def test_friction_takes_back_what_its_cone_holds(slip: float, taken: float) -> N
     """Two points that come 0.02 m too near along x and slide along z: static 0.5 holds 0.01 m, dynamic 0.3 takes 0.006 m."""
     scene = lone_points([[0.0, 0.0, 0.0], [0.1, 0.0, -slip]], static_friction=0.5, dynamic_friction=0.3)
     contacts, weights = contacts_of(scene, np.float64), np.ones(2)
-    before, now = planes(scene.crowd.position, np.float64), planes(scene.crowd.position, np.float64)
+    before, now = planes(scene.body_set.position, np.float64), planes(scene.body_set.position, np.float64)
     now[0], now[5] = 0.02, 0.0
     contacts.find(now, weights)
     contacts.project(before, now, weights)
@@ -227,10 +227,10 @@ def test_a_point_keeps_to_its_speeds() -> None:
 
 
 def test_more_neighbours_than_are_kept_are_counted() -> None:
-    points = 2 * MOST_NEIGHBOURS
+    points = 2 * MAX_NEIGHBOURS
     with opened(lone_points(np.zeros((points, 3)))) as simulation:
         simulation.advance(1)
-        assert simulation.contacts_lost == points * (points - 1 - MOST_NEIGHBOURS)
+        assert simulation.contacts_lost == points * (points - 1 - MAX_NEIGHBOURS)
         assert np.isfinite(simulation.state().position).all()
 
 
@@ -246,7 +246,7 @@ def test_the_catalogues_stack_stands() -> None:
     scene = load_scene("rigid-stack")
     with opened(scene, precision="float32", live=()) as simulation:
         simulation.advance(60)
-        moved = simulation.state().position - scene.crowd.position
+        moved = simulation.state().position - scene.body_set.position
     assert np.abs(moved).max() < 0.005
 
 
@@ -256,6 +256,6 @@ def test_the_catalogues_letters_stick() -> None:
     with opened(scene, precision="float32", live=()) as simulation:
         simulation.advance(120)
         velocity = simulation.state().velocity
-    m, body = scene.crowd.clusters.mass, scene.crowd.body
+    m, body = scene.body_set.clusters.mass, scene.body_set.body
     one, other, left, right = (np.average(velocity[body == b, 0], weights=m[body == b]) for b in range(4))
     assert abs(one - other) < 0.1 and right - left > 0.3

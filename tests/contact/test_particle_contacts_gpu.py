@@ -10,7 +10,7 @@ from bodies_scenes import end_state, opened, same
 from meeting_bodies import meeting, neighbours, smooth
 from rebound_scenes import among_soft_ones, dropped
 
-from model.contact.particle_parameters import MOST_NEIGHBOURS
+from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.core.simulation import State
 from model.scene.scene import Scene
 
@@ -76,7 +76,7 @@ def test_neighbours_are_those_of_asking_all() -> None:
     from gpu_backend.contact.particles import ParticleContacts
 
     scene = meeting()
-    particles, random = scene.crowd.particle_count, np.random.default_rng(4)
+    particles, random = scene.body_set.particle_count, np.random.default_rng(4)
     weight = np.ones(particles)
     weight[[2, 20]] = 0
     for real in (np.float32, np.float64):
@@ -87,10 +87,10 @@ def test_neighbours_are_those_of_asking_all() -> None:
             expected = neighbours(scene, position, weight, real)
             contacts.find(on_device(position, weight, real))
             found = contacts.found.copy_to_host()
-            table = contacts.neighbours.copy_to_host().reshape(MOST_NEIGHBOURS, particles)
+            table = contacts.neighbours.copy_to_host().reshape(MAX_NEIGHBOURS, particles)
             assert np.array_equal(found, [len(others) for others in expected])
             for i, others in enumerate(expected):
-                assert table[: found[i], i].tolist() == others[:MOST_NEIGHBOURS]
+                assert table[: found[i], i].tolist() == others[:MAX_NEIGHBOURS]
 
 
 def on_device(position: np.ndarray, weight: np.ndarray, real: Any) -> Any:
@@ -100,12 +100,12 @@ def on_device(position: np.ndarray, weight: np.ndarray, real: Any) -> Any:
 
 
 def test_fast_math_is_near_exact() -> None:
-    """Neighbours are the same ones. Two sweeps over MOST_NEIGHBOURS contacts at most are some ten operations each, on lengths
+    """Neighbours are the same ones. Two sweeps over MAX_NEIGHBOURS contacts at most are some ten operations each, on lengths
     under 1 m, and approximate roots and quotients are good to 2^-22."""
     from gpu_backend.contact.particles import ParticleContacts
 
     scene, random, found = meeting(), np.random.default_rng(6), []
-    before = scene.crowd.position + random.normal(0, 0.02, scene.crowd.position.shape)
+    before = scene.body_set.position + random.normal(0, 0.02, scene.body_set.position.shape)
     predicted = before + random.normal(0, 0.02, before.shape) - [0.0, 0.05, 0.0]
     weight = np.ones(len(before))
     for math in ("fast", "exact"):
@@ -116,7 +116,7 @@ def test_fast_math_is_near_exact() -> None:
         found.append((contacts.found.copy_to_host(), now.copy_to_host().reshape(-1, 4)[:, :3]))
     assert np.array_equal(found[0][0], found[1][0])
     assert abs(found[1][1] - predicted).max() > 0.005
-    np.testing.assert_allclose(found[0][1], found[1][1], rtol=0, atol=2 * MOST_NEIGHBOURS * 10 * 2.0**-22)
+    np.testing.assert_allclose(found[0][1], found[1][1], rtol=0, atol=2 * MAX_NEIGHBOURS * 10 * 2.0**-22)
 
 
 def test_a_state_without_numbers_is_told() -> None:

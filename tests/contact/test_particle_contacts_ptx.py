@@ -43,13 +43,13 @@ def test_finding(name: str, own: bool, many: bool) -> None:
 
 
 @pytest.mark.parametrize("own,many", [(True, True), (False, False)])
-@pytest.mark.parametrize("rubbing,sticking", list(product([True, False], repeat=2)))
+@pytest.mark.parametrize("has_friction,has_adhesion", list(product([True, False], repeat=2)))
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", PROJECT)
-def test_projecting(name: str, math: str, rubbing: bool, sticking: bool, own: bool, many: bool) -> None:
+def test_projecting(name: str, math: str, has_friction: bool, has_adhesion: bool, own: bool, many: bool) -> None:
     from gpu_backend.contact.particles_project import make_project
 
-    kernel = getattr(make_project(np.float32, math, rubbing, sticking, own, many), name)
+    kernel = getattr(make_project(np.float32, math, has_friction, has_adhesion, own, many), name)
     text = kernel_text(kernel, PROJECT[name], np.float32, math)
     assert stays_in_registers(text)
     assert not re.search(r"\b(?:atom|red)\.", text)

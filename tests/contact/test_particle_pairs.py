@@ -73,7 +73,7 @@ def test_whom_particles_may_meet_is_asked_by_distance_alone() -> None:
     """By hand: of three particles in a row the middle one is within reach of both, whatever the cells."""
     scene = meeting()
     reach = pair_rows(scene)[0, 1, G_REACH]
-    body = scene.crowd.body
+    body = scene.body_set.body
     first, second = int(np.flatnonzero(body == 0)[0]), int(np.flatnonzero(body == 1)[0])
     position = 100.0 + 10 * reach * np.arange(len(body))[:, None] * np.ones(3)
     for apart, met in ((0.999, True), (1.001, False)):

@@ -209,6 +209,6 @@ def test_bad_input(value: Any) -> None:
 def test_kernels_agree() -> None:
     """Group by group and stage by stage: the bits of each other."""
     scene = plate(0.8, 0.01)
-    start = start_of_bodies(scene, scene.crowd.position - [0.0, 0.95, 0.0], np.full((10, 3), -4.0))
+    start = start_of_bodies(scene, scene.body_set.position - [0.0, 0.95, 0.0], np.full((10, 3), -4.0))
     fused, stages = (end_of_bodies(scene, start=start, kernel=kernel) for kernel in ("fused", "stages"))
     assert same(fused, stages) and (fused.velocity[:, 1] > 2).all()

@@ -13,7 +13,7 @@ from model.core.build import pinned_indices
 from model.core.errors import SceneError
 from model.core.integrators import frequency_bound
 from model.core.stability_limit import (
-    MOST_MASSES,
+    MAX_MASSES,
     Net,
     frequency_lines,
     grid_eigenvalue,
@@ -101,7 +101,7 @@ def test_pins_anywhere_lie_between_and_the_same_every_time():
 
 def test_large_grids_are_bounded_not_iterated():
     scene = load_scene("lab-grid").replace({"grid.rows": 512, "grid.columns": 512})
-    assert scene.grid.particle_count > MOST_MASSES
+    assert scene.grid.particle_count > MAX_MASSES
     found = scene_frequency(scene)
     assert found.how == "bounded" and 89.44 < found.upper < frequency_bound(scene)
     assert "bound" in frequency_lines(scene)[0]

@@ -95,7 +95,7 @@ def test_the_longest_unused_goes_first(kept, monkeypatch):
         os.utime(file, (1e9, 1e9))
     os.utime(new, (1e9, 1e9))
     held = sum(file.stat().st_size for file in kept.glob("*.nb?"))
-    monkeypatch.setattr(kernel_cache, "MOST_BYTES", held - 1)
+    monkeypatch.setattr(kernel_cache, "MAX_BYTES", held - 1)
     kernel_cache._make_room.cache_clear()
     kernel_cache._make_room()
     left = {file.name.split(".")[0] for file in kept.glob("*.nb?")}
@@ -118,5 +118,8 @@ def test_a_terminal_is_told_what_is_compiled():
         return console.file.getvalue()
 
     assert said(True, ("advance team", None)) == "compiling advance team: for the first time here\n"
-    assert said(True, ("advance team", 12.3), ("first_bad 2d", 0.4)) == "compiling advance team: took 12 s last time\n"
+    assert (
+        said(True, ("advance team", 12.3), ("first_diverged 2d", 0.4))
+        == "compiling advance team: took 12 s last time\n"
+    )
     assert said(False, ("advance team", None)) == ""

@@ -40,9 +40,11 @@ def vectors(count: int) -> np.ndarray:
 def test_a_spring_in_space_pulls_by_hookes_law_and_its_damper_against_the_lengthening() -> None:
     made, w = cloth_springs.make(REAL), np.array([2.0, -1.0, 0.5])
     n, k, rest, c = D / 1.3, 50.0, 1.0, 3.0
-    assert made.spring_pull_3d(*D, k, k * rest) == pytest.approx(k * (1.3 - rest) * n)
+    assert made.spring_acceleration_3d(*D, k, k * rest) == pytest.approx(k * (1.3 - rest) * n)
     assert made.damped_pull_3d(*D, *w, k, k * rest, c) == pytest.approx((k * (1.3 - rest) + c * (w @ n)) * n)
-    assert made.spring_pull_3d(0.0, 0.0, 0.0, k, k) == (0, 0, 0) == made.damped_pull_3d(0.0, 0.0, 0.0, *w, k, k, c)
+    assert (
+        made.spring_acceleration_3d(0.0, 0.0, 0.0, k, k) == (0, 0, 0) == made.damped_pull_3d(0.0, 0.0, 0.0, *w, k, k, c)
+    )
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 60.0, 90.0, -35.0])
@@ -215,7 +217,7 @@ def test_friction_of_particles_takes_back_what_its_cone_holds() -> None:
     assert made.grip(*slip, 1.01 * size / 0.5, 0.0, 0.5, 0.3) == 1
     assert made.grip(*slip, 0.99 * size / 0.5, 0.0, 0.5, 0.3) == pytest.approx(0.3 * 0.99 / 0.5)
     assert made.grip(*slip, -1.0, 0.1 * size, 0.5, 0.3) == pytest.approx(0.03)  # pressed by adhesion alone
-    assert made.added_rubbing(1.0, 0.5, 0.2, 0.6, 0.25, 0.4) == pytest.approx(1 + 0.5 * (0.2 * 0.6 - 0.25 * 0.4))
+    assert made.added_friction(1.0, 0.5, 0.2, 0.6, 0.25, 0.4) == pytest.approx(1 + 0.5 * (0.2 * 0.6 - 0.25 * 0.4))
 
 
 def test_who_must_part_faster_who_goes_too_fast_and_who_sleeps() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.render.camera3d import MOST_PITCH, Camera3D, pick
+from app.render.camera3d import MAX_PITCH, Camera3D, pick
 from app.render.collider_shapes import (
     Mesh,
     box_mesh,
@@ -86,9 +86,9 @@ def test_turning_keeps_the_target_and_stops_at_the_poles() -> None:
     np.testing.assert_allclose(camera.to_window(camera.target), (400, 300), atol=1e-9)
     assert np.linalg.norm(camera.eye - camera.target) == pytest.approx(5)
     camera.orbit(0, -1e6)
-    assert camera.pitch == MOST_PITCH
+    assert camera.pitch == MAX_PITCH
     camera.orbit(0, 1e6)
-    assert camera.pitch == -MOST_PITCH and np.isfinite(camera.matrix()).all()
+    assert camera.pitch == -MAX_PITCH and np.isfinite(camera.matrix()).all()
 
 
 def test_moving_and_zooming_keep_the_target_plane_under_the_pointer() -> None:
@@ -145,19 +145,19 @@ def test_balls_are_held_within_the_margins_and_nothing_is_wasted() -> None:
 
 
 def test_a_picture_of_bodies_holds_where_they_will_land() -> None:
-    """Above a plane the points below them on it, also on a slope, but none farther down than half the crowd's extent; of a
+    """Above a plane the points below them on it, also on a slope, but none farther down than half the body set's extent; of a
     wall nothing, and of bodies that are nowhere nothing."""
     fallen = {"shape": {"name": "beam"}, "kind": "rigid_body", "particle_spacing": 0.2, "origin": [0.0, 0.4, 0.0]}
     method = {"solver": "shape-matching"}
 
     def landed(**plane: Any) -> np.ndarray:
         scene = Scene({"beam": fallen, "plane": plane, "method": method})
-        position = scene.crowd.position
+        position = scene.body_set.position
         found = seen_points(scene, position, 0.0)
         np.testing.assert_array_equal(found[: len(position)], position)
         return found[len(position) :]
 
-    position = Scene({"beam": fallen, "method": method}).crowd.position
+    position = Scene({"beam": fallen, "method": method}).body_set.position
     level = landed()
     np.testing.assert_allclose(level, position * (1, 0, 1), atol=1e-15)
     slope = landed(normal=[1.0, 10.0, 0.0])

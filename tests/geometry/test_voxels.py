@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import octahedron
 
-from model.assets.sampling import CLOSEST, MOST_PARTICLES, REACH, sample
+from model.assets.sampling import CLOSEST, MAX_PARTICLES, REACH, sample
 from model.core.errors import InputError, SceneError
 from model.geometry.mesh import triangle_mesh
 from model.geometry.neighbours import TooMany, close_pairs, nearest, pairs_within, spread
@@ -122,7 +122,7 @@ def test_pairs_against_all(queries, points, radius):
 
 def test_too_many_pairs_are_refused_before_they_are_made(monkeypatch):
     points = np.random.default_rng(0).random((400, 3))
-    monkeypatch.setattr("model.geometry.neighbours.MOST_PAIRS", len(pairs_within(points, points, 0.2)[0]) - 1)
+    monkeypatch.setattr("model.geometry.neighbours.MAX_PAIRS", len(pairs_within(points, points, 0.2)[0]) - 1)
     with pytest.raises(TooMany, match="smaller radius"):
         pairs_within(points, points, 0.2)
 
@@ -236,7 +236,7 @@ def test_sizes_that_cannot_be_are_refused_before_memory_is_taken():
         with pytest.raises(SceneError, match=r"use at least ([0-9.e-]+)") as refused:
             sample(body, spacing, 2.0, 4.0)
         assert refused.value.field == "particle_spacing"
-    with pytest.raises(SceneError, match=rf"{MOST_PARTICLES} at most; use at least 0.00\d+ for this mesh"):
+    with pytest.raises(SceneError, match=rf"{MAX_PARTICLES} at most; use at least 0.00\d+ for this mesh"):
         sample(body, 1e-3, 1.0, 0.0)
     with pytest.raises(SceneError, match=r"use at most") as refused:
         sample(body, 0.02, 2.0, 1e8)

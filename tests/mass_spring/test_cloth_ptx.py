@@ -127,7 +127,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
     force, motion = make_force_stages(*variant), make_motion_stages(*variant)
     for kernel, arguments in (
         (tools.count, (types.int64[::1], types.int64)),
-        (tools.first_bad, (quads, quads, kind, types.int32[::1])),
+        (tools.first_diverged, (quads, quads, kind, types.int32[::1])),
         (tools.write_position, (quads, kind[:, ::1])),
         (tools.write_normal, (quads, kind[:, ::1], *shape)),
         (force.spring_forces, (quads, quads, quads, quads, *shape)),

@@ -100,12 +100,12 @@ def test_parts_that_know_their_place_do_so_in_every_tile():
 
 @pytest.mark.parametrize("kernel", ["team", "tiled"])
 def test_divergence_is_found_at_the_same_step_and_particle(kernel):
-    def first_bad(**options):
+    def first_diverged(**options):
         with pytest.raises(Diverged) as caught:
             stepped(scene_of(24, 40, **{"method.dt": 0.08}), (3000,), **options, **EXACT32)
         return str(caught.value)
 
-    assert first_bad(kernel=kernel, threads=min(4, MOST)) == first_bad(kernel="fused", threads=1)
+    assert first_diverged(kernel=kernel, threads=min(4, MOST)) == first_diverged(kernel="fused", threads=1)
 
 
 def test_a_team_that_does_not_come_together_is_done_by_the_first(monkeypatch):

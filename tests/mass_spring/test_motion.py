@@ -240,7 +240,7 @@ def test_the_interval_in_which_a_state_went_bad_is_replayed_with_its_motions() -
             simulation.advance(900)
             simulation.check()
         assert simulation.step == 0
-    assert (caught.value.step, caught.value.particle) == reference.first_bad(scene, 900, bound)
+    assert (caught.value.step, caught.value.particle) == reference.first_diverged(scene, 900, bound)
 
 
 ORDERS = {

@@ -30,7 +30,7 @@ CPU: tuple[Mistake, ...] = (
         "cpu_backend/mass_spring/grid/row_step.py",
         GRID,
         {
-            "the spring from the left has lost its sign (cpu)": ("ax = sum_pulls(right_x, left_x, below_x, above_x[j])\n                    ay", "ax = sum_pulls(right_x, -left_x, below_x, above_x[j])\n                    ay"),
+            "the spring from the left has lost its sign (cpu)": ("ax = sum_accelerations(right_x, left_x, below_x, above_x[j])\n                    ay", "ax = sum_accelerations(right_x, -left_x, below_x, above_x[j])\n                    ay"),
             "velocities change axes (cpu)": ("new_vx[j] = qx\n                new_vy[j] = qy", "new_vx[j] = qy\n                new_vy[j] = qx"),
             "the closing pass drifts (cpu)": ("return position, second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])", "return position + velocity * record[K_DT], second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])"),
         },

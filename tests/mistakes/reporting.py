@@ -77,7 +77,7 @@ CLAIMS: tuple[Mistake, ...] = (
         {
             "the slower backend is the faster one": ("if last.ratio < 1:", "if last.ratio > 1:"),
             "with graphics the slower backend is the faster one": ("if last.ratio > 1:\n        return Claim(f\"{at} the GPU's", "if last.ratio < 1:\n        return Claim(f\"{at} the GPU's"),
-            "overtaking told at the smallest size": ("first, last = found[0], found[-1]", "first, last = found[0], found[0]"),
+            "crossover told at the smallest size": ("first, last = found[0], found[-1]", "first, last = found[0], found[0]"),
             "drawing told at the smallest size": ("without, drawn = both[-1]", "without, drawn = both[0]"),
         },
     ),

@@ -20,7 +20,7 @@ from model.core.errors import Diverged, SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
 from model.core.plan import mass_spring_plan
-from model.core.stability_limit import MOST_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
+from model.core.stability_limit import MAX_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
 from model.mass_spring.energy import spring_ends, spring_stiffness
 from model.scene.scene import Scene, load_scene
 
@@ -195,7 +195,7 @@ def test_large_alternating_grids_are_bounded():
     """Whatever the pins: a mass has one spring of each stiffness along each direction, so w^2 <= 4 (k + r k) / m, which a
     grid that is iterated on is just under."""
     scene = uneven(**{"grid.rows": 512, "grid.columns": 512, "grid.pinned": "top"})
-    assert scene.grid.particle_count > MOST_MASSES
+    assert scene.grid.particle_count > MAX_MASSES
     found = scene_frequency(scene)
     assert found.how == "bounded" and found.upper == pytest.approx(sqrt(4 * 80 / 0.01), rel=1e-12)
     smaller = largest_frequency(scene_net(scene.replace({"grid.rows": 40, "grid.columns": 40})))

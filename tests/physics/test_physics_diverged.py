@@ -6,7 +6,7 @@ from fake_cloth import FakeCloth
 
 from bench.reference import mass_spring as reference
 from model.core.build import build
-from model.core.divergence import LEAST_INTERVAL, MOST_INTERVAL, check_interval
+from model.core.divergence import MAX_INTERVAL, MIN_INTERVAL, check_interval
 from model.core.errors import Diverged
 from model.scene.scene import Scene, load_scene
 
@@ -20,7 +20,7 @@ def small(name: str, dt: float) -> Scene:
 
 
 def reference_says(scene: Scene, steps: int) -> tuple[int, int]:
-    found = reference.first_bad(scene, steps, FARTHEST * build(scene).size)
+    found = reference.first_diverged(scene, steps, FARTHEST * build(scene).size)
     assert found is not None
     return found
 
@@ -90,10 +90,10 @@ def test_float32_reports_the_same_way(opened):
 
 def test_looks_are_rarer_for_small_grids():
     """Looking takes at least 0.05 ms: the interval grows where a step takes microseconds, within bounds."""
-    for backend, most in MOST_INTERVAL.items():
+    for backend, most in MAX_INTERVAL.items():
         assert check_interval(1, backend) == check_interval(1024, backend) == most
-        assert check_interval(2**26, backend) == LEAST_INTERVAL
-        assert LEAST_INTERVAL < check_interval(256 * 256, backend) <= most
+        assert check_interval(2**26, backend) == MIN_INTERVAL
+        assert MIN_INTERVAL < check_interval(256 * 256, backend) <= most
 
 
 class Thrown(FakeCloth):

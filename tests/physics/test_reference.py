@@ -142,8 +142,8 @@ def test_no_reference_for_a_random_force():
 def test_first_bad_counts_steps_done():
     """Free fall 4.905 t^2 (vv is exact) passes 1000 m at t = 14.28 s: step 143 of dt = 0.1 is the first beyond."""
     scene = Scene({"grid": {"rows": 1, "columns": 2}, "gravity": {}, "method": {"dt": 0.1}})
-    assert reference.first_bad(scene, 200, 1000.0) == (143, 0)
-    assert reference.first_bad(scene, 100, 1000.0) is None
+    assert reference.first_diverged(scene, 200, 1000.0) == (143, 0)
+    assert reference.first_diverged(scene, 100, 1000.0) is None
 
 
 def test_kept_references_are_those_of_all_their_sources(tmp_path, monkeypatch):

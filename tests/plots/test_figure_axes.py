@@ -87,7 +87,7 @@ CURVES: list[tuple[str, int, str, Sequence[float], Callable[[], Any]]] = [
     ("time-per-step", 0, "GPU", GPU_SQUARES, gpu),
     ("time-per-step", 0, "4x threads", GPU_SQUARES, lambda: cpu(64)),
     ("thread-scaling", 0, "2x threads", GPU_SQUARES, lambda: cpu(16) / cpu(32)),
-    ("overtaking", 0, "float32", GPU_SQUARES, lambda: fastest_cpu() / gpu()),
+    ("crossover", 0, "float32", GPU_SQUARES, lambda: fastest_cpu() / gpu()),
     ("graphics", 0, "GPU, with graphics", GPU_SQUARES, lambda: gpu() + 2e-4 + 4e-9 * GPU_SQUARES),
     ("bandwidth", 0, "GPU, float32", GPU_SQUARES, lambda: 100 * 32 * GPU_SQUARES / gpu() / 4e12),
     ("bandwidth", 0, "GPU, float64", GPU_SQUARES, lambda: 100 * 64 * GPU_SQUARES / gpu("float64") / 4e12),

@@ -23,7 +23,7 @@ from plots.core.accuracy_points import observed_order, order_points, points, rea
 from plots.core.data import Results, is_suspect, is_wrong, load
 from plots.core.draw import FIGURES, TITLES, draw_all, draw_figures
 from plots.core.style import BLACK, GREY, settings
-from plots.figures import bandwidth, overtaking, precisions, thread_scaling, time_per_step, work_precision
+from plots.figures import bandwidth, crossover, precisions, thread_scaling, time_per_step, work_precision
 from plots.figures.energies import draw_energies, read_energies
 
 # What the made-up stores hold; test_hard.py, test_findings.py, test_ablate.py, test_bar.py, test_crowds.py draw the others.
@@ -94,13 +94,13 @@ def test_equal_results_give_equal_bytes(cpu: Store, tmp_path: Path) -> None:
 def test_a_figure_that_the_data_do_not_hold_has_a_reason_and_leaves_no_old_file(
     cpu: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in set(FIGURES) - {"overtaking", "time-per-step"}:
+    for name in set(FIGURES) - {"crossover", "time-per-step"}:
         monkeypatch.delitem(FIGURES, name)
-    old = tmp_path / "overtaking.svg"
+    old = tmp_path / "crossover.svg"
     old.write_text("from an earlier run")
     found = {figure.name: figure for figure in draw_figures(load(cpu), tmp_path)}
-    assert found["overtaking"].paths == ()
-    assert "GPU" in (found["overtaking"].reason or "")
+    assert found["crossover"].paths == ()
+    assert "GPU" in (found["crossover"].reason or "")
     assert not old.exists()
     assert len(found["time-per-step"].paths) == 2
 
@@ -188,7 +188,7 @@ def test_a_wrong_answer_wins_nothing() -> None:
     maker.timing((64, 64), 1e-4, backend="gpu")
     maker.timing((128, 128), 1e-3, backend="cpu", threads=16, layer="omp", wait_policy="passive")
     maker.timing((128, 128), 1e-9, backend="gpu", error=math.inf)
-    (pair,) = overtaking.pairs(load(store).featured[0])
+    (pair,) = crossover.pairs(load(store).featured[0])
     assert pair.gpu.particles == 64 * 64
     assert pair.ratio == pytest.approx(10)
 
@@ -223,9 +223,9 @@ def test_the_crossing_is_where_two_power_laws_meet() -> None:
     for n in (16, 64):
         maker.timing((n, n), 1e-9 * n * n, backend="cpu", threads=16, layer="omp", wait_policy="passive")
         maker.timing((n, n), 1e-6, backend="gpu")
-    found = overtaking.pairs(load(store).featured[0])
-    assert overtaking.crossing(found) == pytest.approx(1000, rel=1e-9)
-    assert overtaking.crossing(list(reversed(found))) is None
+    found = crossover.pairs(load(store).featured[0])
+    assert crossover.crossing(found) == pytest.approx(1000, rel=1e-9)
+    assert crossover.crossing(list(reversed(found))) is None
 
 
 def test_fraction_of_the_copy_bandwidth(gpu: Store) -> None:

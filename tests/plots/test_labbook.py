@@ -109,7 +109,7 @@ def test_more_threads_are_praised_only_where_they_are_faster() -> None:
     assert "of the time of 1x" in claims.threads_at(load(store), -1).sentence
 
 
-def test_overtaking(variants: dict[str, Results]) -> None:
+def test_crossover(variants: dict[str, Results]) -> None:
     made = comparison_claims.overtakes(variants["own gpu"])
     assert made.supported and made.numbers["ratio"] > 1
     assert "committed" not in made.sentence

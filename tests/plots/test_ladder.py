@@ -72,10 +72,10 @@ def test_the_figure_of_the_kernels_marks_switches_and_the_roof(gpu: Results) -> 
     assert "Dotted lines" in drawing.caption
 
 
-def test_shares_of_the_roofs(gpu: Results) -> None:
+def test_shares_of_the_ceilings(gpu: Results) -> None:
     """tiles runs at 1.7 of the copy bandwidth after 2 us a step; operations are the plan's."""
     source = gpu.featured[0]
-    found = roofline.roofs(source, "gpu")
+    found = roofline.ceilings(source, "gpu")
     assert found is not None and found.bytes == 32
     assert found.operations == mass_spring_plan(load_scene("lab-grid")).operations
     largest = source.ladder("gpu")["tiles"][-1]
@@ -83,7 +83,7 @@ def test_shares_of_the_roofs(gpu: Results) -> None:
     assert found.share(largest) == pytest.approx(32 * largest.particles / 4e12 / seconds)
     assert found.share(largest) > 1, "several steps per pass"
     assert found.arithmetic_share == pytest.approx(32 / 4e12 / (found.operations / 6e13))
-    double = roofline.roofs(source, "gpu", "float64")
+    double = roofline.ceilings(source, "gpu", "float64")
     assert double is not None and double.bytes == 64 and double.rate == 3e13
 
 
@@ -94,7 +94,7 @@ def test_a_machine_without_an_arithmetic_rate_has_one_roof() -> None:
     assert not isinstance(drawing, str) and "not measured" in drawing.caption
     made = kernel_claims.roof(results, "cpu")
     assert made.supported and "arithmetic" not in made.numbers
-    assert "not measured" in kernel_tables.roof_tables(results)[0]["title"]
+    assert "not measured" in kernel_tables.ceiling_tables(results)[0]["title"]
 
 
 def test_joules_are_power_times_time(gpu: Results, cpu: Results) -> None:

@@ -14,7 +14,7 @@ from bench.experiments.projections import sheet
 from bench.experiments.stability import points as stability_points
 from labbook.build import book_data, committed_data
 from model.scene.scene import Scene, load_scene
-from model.shape_matching import crowd
+from model.shape_matching import body_set
 from plots.core import accuracy_points
 from plots.core.data import Results, load
 from plots.core.draw import FIGURES
@@ -39,7 +39,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "crowds": lambda source: crowds.points(source.measures),
     "projections": lambda source: projections.points(source.measures),
     "stability": lambda source: stability_points.stability_of(source.measures),
-    "roofs": lambda source: roofline.roofs(source, "cpu"),
+    "ceilings": lambda source: roofline.ceilings(source, "cpu"),
 }
 
 
@@ -52,8 +52,8 @@ def test_points_are_read_without_building_a_scene(
 
 
 def test_neither_figures_nor_sentences_make_a_body(committed: Results, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crowd, "make_crowd", refuse)
-    monkeypatch.setattr("model.scene.scene_parts.make_crowd", refuse)
+    monkeypatch.setattr(body_set, "make_body_set", refuse)
+    monkeypatch.setattr("model.scene.scene_parts.make_body_set", refuse)
     assert book_data(committed)["claims"]
     with settings():
         for draw in FIGURES.values():

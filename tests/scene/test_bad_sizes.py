@@ -102,10 +102,10 @@ def test_what_contacts_take_is_what_is_looked_for(real: type, monkeypatch: pytes
 
 
 def test_bodies_beyond_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("model.shape_matching.crowd.available_bytes", lambda: 2**30)
+    monkeypatch.setattr("model.shape_matching.body_set.available_bytes", lambda: 2**30)
     body = {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "copies": [100, 100, 100]}
     with pytest.raises(SceneError, match=r"copies = 8000000: needs .*iB of main memory"):
-        Scene({"b": body}).crowd  # noqa: B018
+        Scene({"b": body}).body_set  # noqa: B018
 
 
 def test_no_memory_for_the_bandwidth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,7 +190,7 @@ def test_what_slept_stays() -> None:
         "b": {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5}, "contact": {"sleeping_speed": 0.5},
         "method": {"solver": "shape-matching", "dt": 0.01},
     })  # fmt: skip
-    before = scene.crowd.position
+    before = scene.body_set.position
     way = np.where(np.arange(len(before))[:, None] % 2 == 0, 0.002, 0.003) * np.array([1.0, 0, 0])  # 0.2 and 0.3 m/s
     way[-1] = 0.006, 0, 0
     now = Contacts(scene).ended(before, before + way)
@@ -205,19 +205,19 @@ def test_particles_without_a_mass(kind: str, field: dict[str, float]) -> None:
     shape = "sheet" if kind == "soft_sheet" else "box"
     body = {"kind": kind, "shape": {"name": shape}, "particle_spacing": 0.25, **field}
     with pytest.raises(SceneError, match=rf"b\.{next(iter(field))} = .* none can move without a mass"):
-        Scene({"b": body}).crowd  # noqa: B018
+        Scene({"b": body}).body_set  # noqa: B018
 
 
 def test_pairs_end() -> None:
     from model.geometry import neighbours as nearby
 
     points = np.random.default_rng(1).random((300, 3))
-    nearby.MOST_PAIRS, kept = 1000, nearby.MOST_PAIRS
+    nearby.MAX_PAIRS, kept = 1000, nearby.MAX_PAIRS
     try:
         with pytest.raises(InputError, match=r"more than 1000 pairs .* within 1 m"):
             nearby.pairs_within(points, points, 1.0)
     finally:
-        nearby.MOST_PAIRS = kept
+        nearby.MAX_PAIRS = kept
     assert len(nearby.pairs_within(points, points, 1.0)[0]) > 1000
 
 

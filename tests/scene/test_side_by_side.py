@@ -17,7 +17,7 @@ from test_viewer import GRID, PATIENCE, TABLES, display, needs_display  # noqa: 
 from app.command.demo import Demo
 from app.command.demo_report import numbers_text, title_text
 from app.window.controls import WORLDS_KEY, hint, keys_text
-from app.window.panes import GAP, MOST_WORLDS, check_alike, panes, titles_of
+from app.window.panes import GAP, MAX_WORLDS, check_alike, panes, titles_of
 from app.window.worlds import STEPS_PER_FRAME
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
@@ -49,7 +49,7 @@ def steps(demo: Demo) -> list[float]:
 
 
 @pytest.mark.parametrize("width,height", [(1200, 900), (481, 367)])
-@pytest.mark.parametrize("count", range(1, MOST_WORLDS + 1))
+@pytest.mark.parametrize("count", range(1, MAX_WORLDS + 1))
 def test_panes_are_alike_and_fill_the_window_but_for_the_gaps(count: int, width: int, height: int) -> None:
     found = panes(count, width, height)
     assert len(found) == count and len({(pane.width, pane.height) for pane in found}) == 1
@@ -73,11 +73,11 @@ def test_what_cannot_stand_side_by_side_is_told() -> None:
     for scenes in ([plane, cloth], [cloth, bodies], [bodies, bodies, plane]):
         with pytest.raises(SceneError, match=f"side by side with {scenes[0].name} must be"):
             check_alike(scenes)
-    for count in (0, MOST_WORLDS + 1):
+    for count in (0, MAX_WORLDS + 1):
         with pytest.raises(SceneError, match=f"{count} scenes"):
             check_alike([plane] * count)
     check_alike([plane, load_scene("lab-curtain")])
-    check_alike([bodies] * MOST_WORLDS)
+    check_alike([bodies] * MAX_WORLDS)
     assert titles_of([plane, cloth]) == [plane.title, cloth.title]
     assert titles_of([plane, cloth, plane]) == [f"{plane.title} (1)", cloth.title, f"{plane.title} (2)"]
 

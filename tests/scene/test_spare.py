@@ -34,8 +34,8 @@ def test_what_waits_changes_no_bit(parts: dict[str, Any], kernel: str, threads: 
     count = len(alone.position)
     assert np.array_equal(state.position[:count], alone.position)
     assert np.array_equal(state.velocity[:count], alone.velocity)
-    crowd = world(2, **parts).crowd
-    assert np.abs(state.position[count:] - crowd.position[count:]).max() < 40 * 4 * 2.0**-53
+    body_set = world(2, **parts).body_set
+    assert np.abs(state.position[count:] - body_set.position[count:]).max() < 40 * 4 * 2.0**-53
     assert not state.velocity[count:].any() and not state.inverse_mass[count:].any()
 
 
@@ -46,13 +46,13 @@ def test_what_comes_in_falls_as_if_it_had_been_there() -> None:
         simulation.advance(5)
         first = simulation.add_body("brick", (5.0, 3.0, 0.0), (1.0, 0.0, 0.0))
         second = simulation.add_body("brick", (8.0, 3.0, 0.0))
-        copies = scene.crowd.copies
+        copies = scene.body_set.copies
         assert [copies[n].name for n in (first, second)] == ["brick", "brick"] and first != second
         begin = simulation.state().position[copies[first].particles].mean(axis=0)
         simulation.advance(10)
         state = simulation.state()
     where, h = state.position[copies[first].particles].mean(axis=0), 0.005
-    drag = scene.damping.coefficient * 1.0 / scene.crowd.clusters.mass[copies[first].particles].mean()  # type: ignore
+    drag = scene.damping.coefficient * 1.0 / scene.body_set.clusters.mass[copies[first].particles].mean()  # type: ignore
     fallen, speed, x = 0.0, 0.0, 0.0
     for _ in range(20):
         speed = speed * (1 - drag * h) - 9.81 * h
@@ -70,7 +70,7 @@ def test_what_leaves_is_in_nobodys_way() -> None:
         BRICK | {"origin": [0.0, 0.3, 0.0], "spin": [0.0, 0.0, 0.0]},
     )
     scene = bodies_scene(lower=lower, upper=upper, plane={"point": [0.0, -0.2, 0.0], "thickness": 0.07}, **CONTACT)
-    copies = {copy.name: copy for copy in reversed(scene.crowd.copies)}
+    copies = {copy.name: copy for copy in reversed(scene.body_set.copies)}
     with opened(scene, precision="float64") as simulation:
         simulation.advance(150)
         rests = simulation.state().position[copies["upper"].particles, 1].mean()
@@ -92,7 +92,7 @@ def test_a_state_knows_who_waits(tmp_path: Path) -> None:
         simulation.advance(4)
         whole = simulation.state()
         simulation.reset()
-        assert not simulation.state().inverse_mass[scene.crowd.copies[number].particles].any()
+        assert not simulation.state().inverse_mass[scene.body_set.copies[number].particles].any()
     with opened(scene, initial=read_state(tmp_path / "half.npz", scene)) as again:
         again.advance(4)
         assert same(again.state(), whole)

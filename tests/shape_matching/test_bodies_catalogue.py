@@ -26,7 +26,7 @@ def test_bodies_fall_onto_the_ground_and_stay(name: str) -> None:
     """For a second and a half: above the plane's thickness, below where they began, beside it by no more than they fell
     (what leaves the ground at an angle flies no farther); and no contact is lost."""
     scene = scene_of(name)
-    begin = present(scene, scene.crowd.position)
+    begin = present(scene, scene.body_set.position)
     falls = np.sqrt(2 * begin[:, 1].min() / scene.gravity.acceleration)  # type: ignore[union-attr]  # s, the lowest one
     with open_simulation(scene, "cpu", threads=2) as simulation:
         for seconds in (falls, 1.5):
@@ -45,13 +45,13 @@ def test_bodies_fall_onto_the_ground_and_stay(name: str) -> None:
 def test_what_waits_in_jelly_drop_comes_in() -> None:
     """On top of the star; what was there is pushed, no particle is nearer to another body's than half their distance."""
     scene = load_scene("jelly-drop")
-    crowd = scene.crowd
+    body_set = scene.body_set
     with open_simulation(scene, "cpu", threads=2) as simulation:
         simulation.advance(60)
         number = simulation.add_body("blob", (0.0, 1.2, 0.0), (0.0, -2.0, 0.0))
         simulation.advance(60)
         position, weights = simulation.state().position, simulation.body.inverse_mass
-    own, others = crowd.body == number, (crowd.body != number) & (weights > 0)
+    own, others = body_set.body == number, (body_set.body != number) & (weights > 0)
     away = np.linalg.norm(position[own][:, None] - position[others], axis=2)
     distance = 2 * scene.bodies["blob"].contact_radius
     assert 0.5 * distance < away.min() < 1.1 * distance

@@ -95,7 +95,7 @@ def test_what_goes_too_far_in_a_substep_passes_and_a_maximum_speed_holds_it() ->
     free, held = shot(8.0, BRICK, 0.0, 0.05), shot(8.0, BRICK, 0.0, 0.05, maximum_speed=SPEED / 64)
     state = end_state(free, steps=4)
     assert centre(free, state.position, 1)[1] < centre(free, state.position, 0)[1] - 1
-    assert np.abs(state.velocity - free.crowd.velocity).max() < 1e-9
+    assert np.abs(state.velocity - free.body_set.velocity).max() < 1e-9
     state = end_state(held, steps=200)
     assert centre(held, state.position, 1)[1] > centre(held, state.position, 0)[1] + RIGID_SPACING
 
@@ -122,7 +122,7 @@ def test_a_hit_keeps_linear_momentum(kind: dict[str, Any], precision: str) -> No
     over h is a velocity, which stays."""
     scene, substeps = hit(4, kind), 4 * 30
     state = end_state(scene, steps=30, precision=precision)
-    change = centre(scene, state.velocity.astype(float) - scene.crowd.velocity)
+    change = centre(scene, state.velocity.astype(float) - scene.body_set.velocity)
     assert np.abs(centre(scene, state.velocity, 0) - [0, -2, 0]).max() > 0.5
     assert np.abs(change).max() < substeps * 8 * ULP[precision] / 0.0025
 
@@ -135,7 +135,7 @@ def test_a_hit_keeps_angular_momentum_at_first_order(kind: dict[str, Any], order
     lost = []
     for substeps in (2, 8, 32):
         scene = hit(substeps, kind, static_friction=1e-30, dynamic_friction=0.0)
-        state, before = end_state(scene, steps=30), spin(scene, scene.crowd.position, scene.crowd.velocity)
+        state, before = end_state(scene, steps=30), spin(scene, scene.body_set.position, scene.body_set.velocity)
         change = spin(scene, state.position, state.velocity) - before
         lost.append(float(np.linalg.norm(change) / np.linalg.norm(before)))
         assert lost[-1] < 6**2 * 0.3 * 0.01 / substeps

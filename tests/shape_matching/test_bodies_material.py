@@ -93,7 +93,7 @@ def test_a_state_goes_on_bit_for_bit(tmp_path: Path) -> None:
         simulation.rewind()
         assert np.array_equal(simulation.read("plastic"), half.plastic)
         found = simulation.read("deformation")
-        expected = scene.crowd.clusters.deformations(half.position, half.plastic)
+        expected = scene.body_set.clusters.deformations(half.position, half.plastic)
         assert found == pytest.approx(expected, abs=64 * EPS)
         assert same(simulation.state(), half)  # a look makes nothing creep
         assert np.array_equal(simulation.state().plastic, half.plastic)
@@ -181,13 +181,13 @@ def test_momentum_is_kept() -> None:
     """Of overlapping clusters pushed about at random, from rest: the bound is that of test_bodies_solver."""
     material = {"linear": 0.7, "plastic_creep": 30.0, "cluster_damping": 3.0}
     scene = bodies_scene(bar=BAR | material, gravity=0.0, method=method(1, 1))
-    crowd, random = scene.crowd, np.random.default_rng(4)
-    pushed = crowd.position + random.normal(0, 0.05, crowd.position.shape)
-    bent = np.array([np.diag([1.2, 1 / 1.2, 1.0])] * crowd.clusters.count)
-    ways = reference.iterate(crowd.clusters, pushed, H, 1, bent) - pushed
+    body_set, random = scene.body_set, np.random.default_rng(4)
+    pushed = body_set.position + random.normal(0, 0.05, body_set.position.shape)
+    bent = np.array([np.diag([1.2, 1 / 1.2, 1.0])] * body_set.clusters.count)
+    ways = reference.iterate(body_set.clusters, pushed, H, 1, bent) - pushed
     state = end_state(scene, start=start(scene, pushed), steps=1)
     for position, moved in ((pushed, ways), (state.position, state.velocity)):
-        m = crowd.clusters.mass[:, None] * moved
+        m = body_set.clusters.mass[:, None] * moved
         arms = np.cross(position - pushed.mean(axis=0), m)
         assert np.linalg.norm(m.sum(axis=0)) < 1e-14 * np.linalg.norm(m, axis=1).sum()
         assert np.linalg.norm(arms.sum(axis=0)) < 1e-14 * np.linalg.norm(arms, axis=1).sum()
@@ -285,10 +285,10 @@ def test_two_halves_part_at_a_speed_that_decays() -> None:
 def test_damping_keeps_momenta_of_clusters_that_overlap() -> None:
     """Of a bar, about any point; what it takes is energy. 24 particles, 1 m and 1 m/s."""
     scene = bodies_scene(bar=BAR | {"cluster_damping": 40.0, "linear": 0.5, "plastic_creep": 1.0})
-    crowd, random = scene.crowd, np.random.default_rng(5)
-    position = crowd.position + random.normal(0, 0.05, crowd.position.shape)
+    body_set, random = scene.body_set, np.random.default_rng(5)
+    position = body_set.position + random.normal(0, 0.05, body_set.position.shape)
     before = random.normal(0, 1, position.shape)
-    after, m = slowed(scene, position, before), crowd.clusters.mass[:, None]
+    after, m = slowed(scene, position, before), body_set.clusters.mass[:, None]
     size = np.linalg.norm(m * before, axis=1).sum()
     assert np.linalg.norm((m * (after - before)).sum(axis=0)) < 16 * EPS * size
     assert np.linalg.norm(np.cross(position, m * (after - before)).sum(axis=0)) < 16 * EPS * size
@@ -335,7 +335,7 @@ def test_parameters_are_written_where_they_say_something_and_bake_nothing(tmp_pa
     plain, bar = bodies_scene(bar=BAR), bodies_scene(bar=BAR | {"linear": 0.5, "cluster_damping": 2.0})
     assert not set(MATERIAL) & set(plain.as_dict()["bar"])
     assert type(bar)(bar.as_dict(), "again").canonical() == bar.canonical() != plain.canonical()
-    assert bar.crowd.clusters.parts == {"linear", "cluster_damping"} and not plain.crowd.clusters.parts
+    assert bar.body_set.clusters.parts == {"linear", "cluster_damping"} and not plain.body_set.clusters.parts
     soft, same_soft = SoftBody(particle_spacing=0.3), SoftBody(particle_spacing=0.3, plastic_creep=2.0)
     assert body_key(soft, Shape(name="beam")) == body_key(same_soft, Shape(name="beam"))
     for _ in range(2):  # made, and from the file

@@ -69,8 +69,8 @@ def test_a_stack_sleeps_in_float32() -> None:
         simulation.advance(400)
         late = simulation.state()
     assert not early.velocity.any() and np.array_equal(early.position, late.position)
-    assert np.abs(late.position - scene.crowd.position)[:, [0, 2]].max() < 0.001
-    assert centre(scene, scene.crowd.position - late.position, 9)[1] < 0.06 * 0.25
+    assert np.abs(late.position - scene.body_set.position)[:, [0, 2]].max() < 0.001
+    assert centre(scene, scene.body_set.position - late.position, 9)[1] < 0.06 * 0.25
 
 
 def test_the_catalogues_stack_stands_for_ten_seconds() -> None:
@@ -80,7 +80,7 @@ def test_the_catalogues_stack_stands_for_ten_seconds() -> None:
     with opened(scene, precision="float32", live=()) as simulation:
         simulation.advance(600)
         state = simulation.state()
-    moved = state.position - scene.crowd.position
+    moved = state.position - scene.body_set.position
     assert -moved[:, 1].min() < 50 * GRAVITY / 480**2 < 0.01 * 0.25
     assert np.abs(moved[:, [0, 2]]).max() < 1e-4 and not state.velocity.any()
 

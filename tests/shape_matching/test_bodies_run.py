@@ -29,7 +29,7 @@ from model.shape_matching.energy import window_energy
 from model.shape_matching.matching import lattice_clusters
 
 SCENE = beams_and_torus()
-CROWD = SCENE.crowd
+CROWD = SCENE.body_set
 RANDOM = np.random.default_rng(8)
 
 
@@ -168,7 +168,7 @@ def test_the_catalogue_is_readable_at_80_columns(capsys: pytest.CaptureFixture[s
 
 def test_the_plan_counts_the_real_overlap_of_clusters() -> None:
     for scene in (SCENE, beams_and_torus(beam=BEAM | {"cluster_radius": 0.6})):
-        clusters, particles = scene.crowd.clusters, scene.crowd.particle_count
+        clusters, particles = scene.body_set.clusters, scene.body_set.particle_count
         report = plan_report(scene, backends=("cpu",))
         stages = {row.name: row.stage for row in report.rows if row.stage}
         each, entries = clusters.count / particles, len(clusters.indices) / particles
@@ -234,7 +234,7 @@ def test_a_scene_of_bodies_is_read_back_as_it_was_written(name: str) -> None:
 )
 def test_what_bodies_cannot_be_is_told_with_the_part_s_name(changes: dict[str, Any], word: str) -> None:
     with pytest.raises(SoftlabError, match=word):
-        assert SCENE.replace(changes).crowd
+        assert SCENE.replace(changes).body_set
 
 
 def test_bodies_that_lie_in_each_other_are_told() -> None:

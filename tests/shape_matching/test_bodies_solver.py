@@ -90,7 +90,7 @@ def test_a_rigid_body_falls_as_a_point() -> None:
     adds to the velocity: n (n + 1) / 2 times.
     """
     scene = bodies_scene(brick=BRICK | {"spin": [0.0, 0.0, 0.0]}, plane=AWAY)
-    fallen = end_state(scene, steps=100).position - scene.crowd.position
+    fallen = end_state(scene, steps=100).position - scene.body_set.position
     assert fallen[:, 1].mean() == pytest.approx(-9.81 * 0.01**2 * 100 * 101 / 2, abs=1e-12)
     assert np.ptp(fallen, axis=0).max() < 1e-12 and np.abs(fallen[:, [0, 2]]).max() < 5050 * 28 * 2.0**-54
 
@@ -101,10 +101,10 @@ def test_momentum_is_kept(iterations: int) -> None:
     are those before the first iteration; in later ones only linear momentum is kept. Ways of 0.1 m at places of 0.5 m: each
     is wrong by 2^-54 m, 1e-15 of it, and sums of 24 by a few."""
     scene = bodies_scene(bar=BAR, gravity=0.0, method=method(1, iterations))
-    crowd, random = scene.crowd, np.random.default_rng(4)
-    pushed = crowd.position + random.normal(0, 0.1, crowd.position.shape)
+    body_set, random = scene.body_set, np.random.default_rng(4)
+    pushed = body_set.position + random.normal(0, 0.1, body_set.position.shape)
     state = end_state(scene, start=start(scene, pushed), steps=1)
-    m = crowd.clusters.mass[:, None]
+    m = body_set.clusters.mass[:, None]
     assert np.linalg.norm((m * state.velocity).sum(axis=0)) < 1e-14 * np.linalg.norm(m * state.velocity, axis=1).sum()
     if iterations == 1:
         arms = np.cross(pushed - pushed.mean(axis=0), m * state.velocity)
@@ -149,7 +149,7 @@ def test_a_body_at_rest_stays() -> None:
         brick=BRICK | {"spin": [0.0, 0.0, 0.0]}, plane=AWAY | {"point": [0.0, -0.07, 0.0], "thickness": 0}
     )
     state = end_state(scene, steps=200)
-    moved = state.position - scene.crowd.position
+    moved = state.position - scene.body_set.position
     assert np.abs(moved).max() < 4 * 9.81 * 0.01**2
     assert np.abs(moved[:, [0, 2]]).max() < 1e-12 and np.abs(state.velocity).max() < 4 * 9.81 * 0.01
 
@@ -183,7 +183,7 @@ def test_far_from_the_origin_float32_keeps_its_digits() -> None:
     there = (CORNERS @ rotation_by([0.3, -0.2, 0.5]).T + 4096).astype(np.float32)
     with opened(scene, initial=start(scene, there), precision="float32") as simulation:
         found, centre = matrices_of(simulation.read("rotation"))[0], simulation.read("centre")
-    assert found == pytest.approx(scene.crowd.clusters.rotations(there.astype(float))[0], abs=16 * 2.0**-24)
+    assert found == pytest.approx(scene.body_set.clusters.rotations(there.astype(float))[0], abs=16 * 2.0**-24)
     assert centre[0] == pytest.approx(there.mean(axis=0, dtype=float), abs=2.0**-12)
 
 
@@ -204,15 +204,15 @@ def test_a_state_goes_on_bit_for_bit(tmp_path: Path) -> None:
         rotation, centre = simulation.read("rotation"), simulation.read("centre")
         assert same(simulation.state(), before)  # reading changes nothing
     assert rotation.shape == (5, 4) and rotation.dtype == np.float32
-    assert centre == pytest.approx(scene.crowd.clusters.centres(half.position), abs=4 * 2.0**-24)
-    assert matrices_of(rotation) == pytest.approx(scene.crowd.clusters.rotations(half.position), abs=64 * 2.0**-24)
+    assert centre == pytest.approx(scene.body_set.clusters.centres(half.position), abs=4 * 2.0**-24)
+    assert matrices_of(rotation) == pytest.approx(scene.body_set.clusters.rotations(half.position), abs=64 * 2.0**-24)
 
 
 @pytest.mark.parametrize("angle", [0.5, 2.0, np.pi])
 def test_a_state_without_rotations_starts_cold(angle: float) -> None:
     scene = bodies_scene(bar=BAR)
     turn = rotation_by(angle * np.array([2.0, -1.0, 2.0]) / 3)
-    with opened(scene, initial=start(scene, scene.crowd.position @ turn.T)) as simulation:
+    with opened(scene, initial=start(scene, scene.body_set.position @ turn.T)) as simulation:
         rotation = simulation.state().rotation
         assert rotation is not None and matrices_of(rotation) == pytest.approx(
             np.broadcast_to(turn, (3, 3, 3)), abs=1e-13
@@ -251,7 +251,7 @@ def test_dt_changes_how_far_particles_go() -> None:
 
 def test_what_diverges_is_named() -> None:
     scene = bodies_scene(brick=BRICK)
-    velocity = np.zeros_like(scene.crowd.position)
+    velocity = np.zeros_like(scene.body_set.position)
     velocity[:, 0] = 1e9
     with opened(scene, initial=start(scene, velocity=velocity)) as simulation, pytest.raises(Diverged) as found:
         simulation.advance(STEPS)

@@ -30,7 +30,7 @@ from model.assets.baked import baked
 from model.assets.soft_lattice import SoftLattice
 from model.core.errors import InputError, SceneError
 from model.geometry.shapes import Shape
-from model.shape_matching import crowd
+from model.shape_matching import body_set
 from model.shape_matching.lattice import Lattice
 
 KERNELS = [("stages", 1), ("stages", 3), ("fused", 1), ("fused", 2), ("fused", 5)]
@@ -66,7 +66,7 @@ def test_against_the_reference_and_the_same_bits_everywhere(precision: str, expo
     assert np.abs(first.position - position).max() < 2e-12 * 2.0**exponent  # of up to 4 m
     assert np.abs(first.velocity - velocity).max() < 2e-12 * 2.0**exponent / 0.005
     assert (first.position[:, 1] < 0.1).any() and first.rotation is not None
-    assert len(scene.crowd.lattices) == 2 and scene.crowd.loose.count == 3
+    assert len(scene.body_set.lattices) == 2 and scene.body_set.loose.count == 3
     for kernel, threads in KERNELS:
         other = end_state(scene, poked=True, kernel=kernel, threads=threads, precision=precision)
         assert same(first, other), (kernel, threads)
@@ -78,9 +78,9 @@ def test_sums_along_axes_are_direct_sums(
 ) -> None:
     """To rounding: of 20 iterations, each with some hundred roundings of 1 m, in float64."""
     summed = end_state(blocks(counts=counts, region=region))
-    monkeypatch.setattr(crowd, "is_summed", lambda body: False)
+    monkeypatch.setattr(body_set, "is_summed", lambda body: False)
     directly = blocks(counts=counts, region=region)
-    assert not directly.crowd.lattices and directly.crowd.loose.count == directly.crowd.clusters.count
+    assert not directly.body_set.lattices and directly.body_set.loose.count == directly.body_set.clusters.count
     away = np.abs(summed.position - end_state(directly).position).max()
     assert 0 < away < 20 * 100 * 4 * 2.0**-53
 
@@ -94,12 +94,14 @@ def test_fast_math_is_near_exact() -> None:
 def test_reading_states_and_going_on(tmp_path: Any) -> None:
     scene = blocks()
     with opened(scene) as simulation:
-        assert simulation.read("rotation").shape == (scene.crowd.clusters.count, 4)
+        assert simulation.read("rotation").shape == (scene.body_set.clusters.count, 4)
         simulation.advance(2)
         half = simulation.state()
         turns, centres = simulation.read("rotation").copy(), simulation.read("centre").copy()
-        np.testing.assert_allclose(centres, scene.crowd.clusters.centres(half.position), atol=1e-14)
-        found = np.einsum("nij,nkj->nik", simulation.read("deformation"), scene.crowd.clusters.rotations(half.position))
+        np.testing.assert_allclose(centres, scene.body_set.clusters.centres(half.position), atol=1e-14)
+        found = np.einsum(
+            "nij,nkj->nik", simulation.read("deformation"), scene.body_set.clusters.rotations(half.position)
+        )
         np.testing.assert_allclose(found, np.broadcast_to(np.eye(3), found.shape), atol=1e-12)
         simulation.advance(2)
         there = simulation.state()
@@ -118,7 +120,7 @@ def test_momentum_is_kept(precision: str) -> None:
     places of 1 m a hundred times at most, the same way at worst. Angular momentum of one that springs back from rest: in an
     iteration, whose ways are from where its masses were."""
     scene = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(2, 2, 0.005))
-    at, m, random = scene.crowd.position, masses(scene), np.random.default_rng(5)
+    at, m, random = scene.body_set.position, masses(scene), np.random.default_rng(5)
     rounded = 100 * ULP[precision] / 0.0025  # m/s of a substep
     moving = random.normal(0, 0.5, at.shape) + np.cross([3.0, 1.0, 2.0], at) + [0.4, 0.2, -0.3]
     strained = 1.1 * at + random.normal(0, 0.005, at.shape)
@@ -138,21 +140,21 @@ def test_float32_loses_nothing_far_away() -> None:
     for x in (0.0, 100.0):
         scene = bodies_scene(gravity=0.0, body=block((8, 6, 5), 2, origin=[x, 0.0, 0.0]), method=method(1, 1, 0.01))
         end = end_state(scene, precision="float32", steps=100)
-        still[x] = np.abs(end.position - scene.crowd.position).max()
+        still[x] = np.abs(end.position - scene.body_set.position).max()
     assert still[100.0] < 100 * 2.0**-24 * 8 and still[0.0] < 2.0**-24 * 8
 
 
 def test_a_stiff_lattice_turns_as_a_whole() -> None:
     """Rigid windows, turned and moved at rest, are where a rigid motion takes them: nothing moves in one substep."""
     scene = bodies_scene(gravity=0.0, body=block((5, 4, 6), 1, cluster_stiffness=1e12), method=method(1, 1, 0.01))
-    turned = scene.crowd.position @ rotation_by([1.0, 2.5, -1.4]).T + [0.5, -0.2, 0.1]
+    turned = scene.body_set.position @ rotation_by([1.0, 2.5, -1.4]).T + [0.5, -0.2, 0.1]
     end = end_state(scene, start=start(scene, turned), steps=1)
     np.testing.assert_allclose(end.position, turned, atol=1e-14)
 
 
 def test_what_clusters_do_beside_turning_is_summed_directly() -> None:
     scene = bodies_scene(body=block(linear=0.5), other=block(origin=[3.0, 0.0, 0.0]))
-    assert len(scene.crowd.lattices) == 1 and scene.crowd.lattices[0].first_cluster == 60
+    assert len(scene.body_set.lattices) == 1 and scene.body_set.lattices[0].first_cluster == 60
     position, _ = reference.simulate(scene, 3)
     assert np.abs(end_state(scene, steps=3).position - position).max() < 1e-12
 
@@ -161,7 +163,7 @@ def test_plastic_bodies_beside_lattices() -> None:
     given = {"linear": 0.6, "plastic_threshold": 0.01, "plastic_creep": 20.0, "velocity": [0.0, -5.0, 0.0]}
     scene = bodies_scene(block=block((3, 2, 2), 1), bar=BAR | given | {"origin": [2.0, 0.0, 0.0]}, plane=FLOOR)
     half = end_state(scene, steps=4)
-    assert half.plastic is not None and half.plastic.shape == (scene.crowd.clusters.count, 3, 3)
+    assert half.plastic is not None and half.plastic.shape == (scene.body_set.clusters.count, 3, 3)
     assert np.abs(half.plastic[:3] - np.eye(3)).max() > 1e-3 and (half.plastic[3:] == np.eye(3)).all()
     assert same(end_state(scene, steps=2, start=half), end_state(scene, steps=6))
 
@@ -173,7 +175,7 @@ def test_contacts_and_spares_beside_lattices() -> None:
     )  # fmt: skip
     with opened(scene, threads=2) as simulation:
         simulation.advance(30)
-        there = ~scene.crowd.waiting
+        there = ~scene.body_set.waiting
         assert np.ptp(simulation.state().position[there, 1]) > 0.6  # one stands on the other
         simulation.add_body("body", origin=(0.0, 1.5, 0.0))
         simulation.advance(30)
@@ -183,15 +185,15 @@ def test_contacts_and_spares_beside_lattices() -> None:
 def test_skins_follow_their_own_clusters() -> None:
     """Lattices come first in the scene and last among clusters: at the start each matrix takes its body from the mesh's frame
     to where the copy is."""
-    crowd, frames = blocks().crowd, ClusterFrames(blocks())
+    body_set, frames = blocks().body_set, ClusterFrames(blocks())
     with opened(blocks()) as simulation:
         matrices = frames.of_simulation(simulation)
-    for copy in crowd.copies:
+    for copy in body_set.copies:
         own = matrices[copy.first_cluster : copy.first_cluster + copy.baked.clusters.count].astype(float)
         found = np.einsum("cij,pj->cpi", own[:, :, :3], copy.baked.position) + own[:, None, :, 3]
-        expected = np.broadcast_to(crowd.position[copy.particles], found.shape)
+        expected = np.broadcast_to(body_set.position[copy.particles], found.shape)
         np.testing.assert_allclose(found, expected, atol=1e-5)  # of float32 matrices
-    assert len(cluster_colours(crowd)) == crowd.clusters.count
+    assert len(cluster_colours(body_set)) == body_set.clusters.count
 
 
 def test_the_body_and_its_report(tmp_path: Any) -> None:
@@ -220,4 +222,4 @@ def test_the_body_and_its_report(tmp_path: Any) -> None:
 )
 def test_bad_input(fields: dict[str, Any], told: str) -> None:
     with pytest.raises((SceneError, InputError), match=told):
-        bodies_scene(body=block() | fields).crowd  # noqa: B018 - the crowd bakes the bodies
+        bodies_scene(body=block() | fields).body_set  # noqa: B018 - the body set bakes the bodies

@@ -79,7 +79,7 @@ def test_iterations_go_on_with_one_multiplier() -> None:
 def test_colours_share_no_particle_and_copies_are_coloured_alike() -> None:
     links = bodies_scene(
         sheet=SHEET | {"copies": [3, 1, 2]}, bar=BAR | {"link_radius": 0.2, "link_stiffness": 9.0}
-    ).crowd.links
+    ).body_set.links
     for number in range(links.colours):
         ends = links.ends[links.starts[number] : links.starts[number + 1]].ravel()
         assert len(np.unique(ends)) == len(ends)
@@ -93,7 +93,7 @@ def test_a_linked_body_runs_and_its_plan_says_so() -> None:
     plan = xpbd_plan(scene, frozenset(LIVE))
     assert (
         "links" in plan.parts
-        and sum("links" in stage.name for stage in plan.root.stages()) == scene.crowd.links.colours
+        and sum("links" in stage.name for stage in plan.root.stages()) == scene.body_set.links.colours
     )
     assert "links" not in xpbd_plan(bodies_scene(bar=BAR), frozenset(LIVE)).parts
     assert np.isfinite(end_state(scene, steps=3).position).all()
@@ -134,7 +134,7 @@ def test_a_sheet_hangs_over_a_ball() -> None:
     }
     scene = Scene({"sheet": SHEET, "sphere": ball, "gravity": {}, "method": method(4, 1, 0.01)})
     position = end_state(scene, steps=150, precision="float32", math="fast").position
-    links = scene.crowd.links
+    links = scene.body_set.links
     length = np.linalg.norm(position[links.ends[:, 0]] - position[links.ends[:, 1]], axis=1)
     assert np.abs(length / links.rest_length - 1).max() < 0.1
     assert abs(position[:, 1].max() - (-0.03)) < 0.02 and position[:, 1].min() < -0.2
@@ -153,7 +153,7 @@ def test_a_sheet_hangs_over_a_ball() -> None:
 )
 def test_what_a_sheet_cannot_be_is_told(change: dict[str, Any], field: str) -> None:
     with pytest.raises(SceneError, match=field):
-        bodies_scene(sheet=SHEET | change).crowd  # noqa: B018
+        bodies_scene(sheet=SHEET | change).body_set  # noqa: B018
 
 
 def test_a_mesh_without_triangles_is_told() -> None:

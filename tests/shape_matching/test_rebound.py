@@ -33,7 +33,7 @@ def cube(restitution: float, friction: float = 0.0, lift: float = 0.0) -> Scene:
 
 def energy(scene: Scene, velocity: np.ndarray) -> float:
     """[J] of motion."""
-    return 0.5 * float((scene.crowd.clusters.mass * (velocity**2).sum(axis=1)).sum())
+    return 0.5 * float((scene.body_set.clusters.mass * (velocity**2).sum(axis=1)).sum())
 
 
 # ---------------------------------------------------------------------- whole steps
@@ -61,7 +61,7 @@ def test_among_soft_bodies_and_contacts() -> None:
     assert np.abs(first.velocity - velocity).max() < 6e-12 / 0.005
     for threads in (1, 3):
         assert same(first, end_state(scene, steps=8, threads=threads))
-    assert whole_clusters(scene.crowd.clusters).sum() == 1 and scene.crowd.clusters.count > 2
+    assert whole_clusters(scene.body_set.clusters).sum() == 1 and scene.body_set.clusters.count > 2
 
 
 # ---------------------------------------------------------------------- laws of an impact
@@ -120,12 +120,12 @@ def test_a_brick_that_lands_flat_comes_to_the_squares_height(restitution: float)
     """Of e^2 times the fall, to first order in the substep, h = 1 ms: the speeds before and after differ by g h each from
     those at the floor, and the place where it is turned round by up to v h."""
     scene, seen = dropped(restitution, dt=0.002), []
-    bottom = scene.crowd.position[:, 1].min()
+    bottom = scene.body_set.position[:, 1].min()
     with opened(scene) as simulation:
         for _ in range(500):
             simulation.advance(1)
             seen.append(simulation.state().position[:, 1].mean())
-    middle = scene.crowd.position[:, 1].mean() - bottom
+    middle = scene.body_set.position[:, 1].mean() - bottom
     landed = int(np.argmax(np.diff(seen) > 0))
     speed, h = np.sqrt(2 * G * bottom), 0.001
     low, high = ((restitution * (speed + d * G * h) + d * G * h) ** 2 / (2 * G) + d * speed * h for d in (-1, 1))
@@ -158,7 +158,7 @@ def test_two_that_meet_flat_part_at_e_of_their_speed(restitution: float, density
     """Whatever they weigh, and their momentum stays. 80 substeps that round places of 1 m to 2^-53 of it, over h, each for 28
     particles that what is shared sums up."""
     scene = two_bricks(restitution, density)
-    velocity, mass = end_state(scene, kernel="stages", steps=80).velocity, scene.crowd.clusters.mass
+    velocity, mass = end_state(scene, kernel="stages", steps=80).velocity, scene.body_set.clusters.mass
     one, other = (np.average(velocity[part], axis=0, weights=mass[part]) for part in (slice(28), slice(28, 56)))
     rounding = 80 * 28 * 2.0**-52 / 0.005
     assert other - one == pytest.approx(np.array([restitution, 0.0, 0.0]), abs=rounding)
@@ -173,7 +173,7 @@ def test_bodies_that_meet_anyhow_gain_no_energy() -> None:
             for _ in range(20):
                 simulation.advance(5)
                 found.append(energy(scene, simulation.state().velocity))
-        before = energy(scene, scene.crowd.velocity)
+        before = energy(scene, scene.body_set.velocity)
         assert max(found) < before * (1 + 1e-9) and found[-1] > 0.9 * before
 
 

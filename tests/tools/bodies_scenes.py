@@ -19,7 +19,7 @@ from bench.stress.laws import Law
 from bench.stress.trial import Check, Trial
 from model.core.simulation import State
 from model.scene.scene import Scene
-from model.shape_matching.crowd import Copy
+from model.shape_matching.body_set import Copy
 
 __all__ = [
     "AWAY",
@@ -111,11 +111,13 @@ def lone_points(
     body = BRICK | {"copies": [count, 1, 1], "adhesion": adhesion, "radius": radius}
     clusters, solved = clusters_of(points, *([n] for n in range(count))), method(1, iterations)
     scene = by_hand(clusters, body=body, contact=contact, method=solved)
-    crowd, zero = scene.crowd, np.zeros((count, 3))
+    body_set, zero = scene.body_set, np.zeros((count, 3))
     one: Any = SimpleNamespace(clusters=SimpleNamespace(count=1), lattice=None)
     copies = tuple(Copy("body", one, n, first_particle=n, first_cluster=n) for n in range(count))
     moving = zero if velocity is None else np.asarray(velocity, dtype=np.float64)
-    scene.__dict__["crowd"] = replace(crowd, body=np.arange(count, dtype=np.int32), copies=copies, velocity=moving)
+    scene.__dict__["body_set"] = replace(
+        body_set, body=np.arange(count, dtype=np.int32), copies=copies, velocity=moving
+    )
     return scene
 
 

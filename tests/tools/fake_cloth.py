@@ -48,7 +48,7 @@ class FakeCloth(Simulation):
     def _restore(self) -> None:
         self._position, self._velocity = (array.copy() for array in self._aside)
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         bad = np.flatnonzero(~(np.abs(self._position) <= self._bound).all(axis=1))
         return int(bad[0]) if len(bad) else -1
 

@@ -54,13 +54,13 @@ def neighbours(scene: Scene, position: np.ndarray, weight: np.ndarray, real: typ
     """Of each particle whom it may meet, where they are at `position` (particles, 3), by asking all how far apart they are,
     whatever the cells; those found in the order of the cells along z, then y, then x, in each ascending."""
     formulas, record = particle_contact.make(real), particle_contact_record(scene, real)
-    crowd, kind, rows = scene.crowd, kinds_of_particles(scene), record[PAIRS:].reshape(-1, PAIR_FIELDS)
-    rest, kinds = crowd.clusters.position.astype(real), len(scene.bodies)
+    body_set, kind, rows = scene.body_set, kinds_of_particles(scene), record[PAIRS:].reshape(-1, PAIR_FIELDS)
+    rest, kinds = body_set.clusters.position.astype(real), len(scene.bodies)
     there = (weight > 0) & (abs(position) * record[H_INVERSE_CELL] <= 2**30).all(axis=1)
     cells = np.floor(formulas.scaled(np.where(there[:, None], position, 0), record[H_INVERSE_CELL])).astype(int)
 
     def meet(i: int, j: int) -> bool:
-        row, same = rows[kind[i] * kinds + kind[j]], crowd.body[i] == crowd.body[j]
+        row, same = rows[kind[i] * kinds + kind[j]], body_set.body[i] == body_set.body[j]
         near = formulas.within(formulas.squared(*(position[i] - position[j])), row[G_REACH])
         if same:
             apart = formulas.squared(*(rest[i] - rest[j]))

@@ -18,7 +18,7 @@ BAR = [
 LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, where both backends were measured
     "time-per-step": [(MASSES, "time per step")],
     "thread-scaling": [(MASSES, "speed-up against 1x threads")],
-    "overtaking": [(MASSES, "CPU time / GPU time")],
+    "crossover": [(MASSES, "CPU time / GPU time")],
     "graphics": [(MASSES, "time per step")],
     "bandwidth": [(MASSES, "bytes moved / copy bandwidth / %")],
     "precisions": [(MASSES, "time in float64 / time in float32")],

@@ -9,7 +9,7 @@ from meshes import octahedron, sheet
 from model.core.errors import SceneError
 from model.geometry.edges import mesh_edges
 from model.mass_spring.energy import spring_ends
-from model.xpbd.colouring import MOST_COLOURS, Colouring, colour
+from model.xpbd.colouring import MAX_COLOURS, Colouring, colour
 
 
 def check_valid(constraints: np.ndarray, found: Colouring) -> None:
@@ -65,15 +65,15 @@ def test_a_meshs_constraints():
 
 
 def test_as_many_colours_as_edges_at_a_hub():
-    """A star needs a colour for each ray; beyond MOST_COLOURS that is refused, and the vertex is named."""
-    for rays in (5, 100, MOST_COLOURS):
+    """A star needs a colour for each ray; beyond MAX_COLOURS that is refused, and the vertex is named."""
+    for rays in (5, 100, MAX_COLOURS):
         star = np.stack([np.zeros(rays, int), np.arange(1, rays + 1)], axis=1)
         found = colour(star, rays + 1)
         check_valid(star, found)
         assert found.colours == rays
-    star = np.stack([np.full(MOST_COLOURS + 1, 3), np.arange(4, MOST_COLOURS + 5)], axis=1)
+    star = np.stack([np.full(MAX_COLOURS + 1, 3), np.arange(4, MAX_COLOURS + 5)], axis=1)
     with pytest.raises(SceneError, match="meet at vertex 3"):
-        colour(star, MOST_COLOURS + 5)
+        colour(star, MAX_COLOURS + 5)
 
 
 def test_the_seed_decides():

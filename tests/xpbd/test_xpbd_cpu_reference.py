@@ -120,7 +120,7 @@ def test_states_go_in_and_out_as_they_are() -> None:
             bad[particle] = bad[-1] = 1e300  # finite, and out of bounds at once
             simulation._upload(position, bad)
             simulation._upload(np.where(np.abs(bad) > 1e9, 1e300, position), velocity)
-            assert simulation._first_bad() == particle
+            assert simulation._first_diverged() == particle
 
 
 def test_what_a_position_based_solver_cannot_be_run_with_is_refused() -> None:

@@ -22,8 +22,8 @@ from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
 OWN_SECONDS = 6e-9  # s a mass and force evaluation, rounded up
-MOST_NUMPY_SECONDS = 20.0
-MOST_HALVINGS = 5
+MAX_NUMPY_SECONDS = 20.0
+MAX_HALVINGS = 5
 
 
 def _evaluations(scene: Scene, time: float) -> float:
@@ -43,7 +43,7 @@ def own_seconds(scene: Scene, time: float) -> float:
 
 def by_numpy(scene: Scene, time: float) -> bool:
     """Whether the independent reference is affordable."""
-    return numpy_seconds(scene, time) <= MOST_NUMPY_SECONDS
+    return numpy_seconds(scene, time) <= MAX_NUMPY_SECONDS
 
 
 def growth_of(scene: Scene, time: float, folder: Path | None) -> Growth:
@@ -71,7 +71,7 @@ def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE)
             return state.position, state.velocity
 
     steps = max(8, ceil(4 * time * fastest_rate(scene)))
-    most = steps * 2**MOST_HALVINGS
+    most = steps * 2**MAX_HALVINGS
     return cache.Converged(*refine(solve, steps, tolerance * scene.grid.spacing, most, smooth(scene)))
 
 

@@ -27,7 +27,7 @@ from model.scene.scene import Scene
 
 SHARE = 1e-3  # of the solver's error: what twice the iterations may still change
 FLOOR = 1e-9  # spacings: below what references resolve, and over the rounding of float64 in thousands of steps
-MOST_ITERATIONS = 5120
+MAX_ITERATIONS = 5120
 ORDERINGS = {"jacobi": "weighted-jacobi"}  # what bench/reference/xpbd.py calls it
 
 
@@ -64,7 +64,7 @@ class Iterated:
             iterations *= 2
             after = self.end(scene.replace({"method.iterations": iterations}), steps)
             change, error = (distance(one, after, free, spacing)[0] for one in (before, mine))
-            if change <= max(SHARE * error, FLOOR) or iterations >= MOST_ITERATIONS:
+            if change <= max(SHARE * error, FLOOR) or iterations >= MAX_ITERATIONS:
                 return after, change, iterations
             before = after
 

@@ -56,8 +56,8 @@ from model.scene.scene import Scene
 
 VERSION = 1  # part of every resume key: raise it when what is measured changes
 STAGE = "ablate"  # of the samples in the store
-REPEATS, SAMPLE_SECONDS, MOST_SAMPLE = 9, 0.03, 1.0
-MOST_ROUNDS, DISTURBED = 3, 1.5  # of samples, while a median is over so many times the least
+REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.03, 1.0
+MAX_ROUNDS, DISTURBED = 3, 1.5  # of samples, while a median is over so many times the least
 FOR_STATISTICS = 1e-3  # spacings: of a chaotic motion, whose reference would take minutes to be any better
 RUN_SECONDS = 60.0  # the most that one run up to the time of judgement may take, estimated
 
@@ -282,14 +282,14 @@ class _Work:
         if subject.simulation.scene.method.dt > subject.simulation.limit:
             subject.steps = subject.name.steps
         else:
-            choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
+            choose_steps(subject, SAMPLE_SECONDS, MAX_SAMPLE)
 
     def _time(self, subjects: Sequence[Subject], tell: Tell) -> None:
         """Sample in turn, again while disturbed, and store the least of each."""
         watch = Neighbours()
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             for subject, sample in interleaved(subjects, [REPEATS] * len(subjects), watch):
                 case = subject.name.case
                 simulated = "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None

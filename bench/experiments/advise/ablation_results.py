@@ -16,7 +16,7 @@ from bench.experiments.accuracy.methods import name_of
 from bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
 from bench.experiments.advise.advice import NOISE
 from bench.experiments.advise.search import FLOOR
-from bench.measure.growth import MOST_GROWTH
+from bench.measure.growth import MAX_GROWTH
 from bench.reference.cache import TOLERANCE
 from bench.store.results import Measure
 
@@ -56,7 +56,7 @@ class AblationRow:
 
     @property
     def chaotic(self) -> bool:
-        return not self.growth <= MOST_GROWTH
+        return not self.growth <= MAX_GROWTH
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Ablated:
             broke = [row.name for row in self.rows if row.broke]
             text = (
                 f"{head}: what it needs cannot be told at {self.end:g} s, by when a disturbance has grown "
-                f"{self.full.growth:.1e} times (over {MOST_GROWTH:g}); ask for a shorter --time, or compare the statistics"
+                f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); ask for a shorter --time, or compare the statistics"
             )
             return text + (f"; it diverges {_listed(broke)}." if broke else ".")
         found = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,

@@ -15,7 +15,7 @@ from bench.experiments.accuracy.methods import newton
 from bench.experiments.accuracy.own_reference import converged_of, growth_of
 from bench.experiments.advise.advice import NOISE, Advice, Choice
 from bench.experiments.advise.experiment import ADVISED, iterations_of
-from bench.experiments.advise.search import LEAST_STEPS, Kind, Search, Task
+from bench.experiments.advise.search import MIN_STEPS, Kind, Search, Task
 from bench.experiments.sweep import backends_here
 from bench.measure.progress import progress_bar
 from bench.store.database import Store
@@ -91,7 +91,7 @@ def brute_force(
     with progress_bar(progress) as bar:
         for kind in bar.track(kinds, description="brute force"):
             limit = search.limit(kind)
-            least = LEAST_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
+            least = MIN_STEPS if limit == inf else ceil(end / limit * (1 - 1e-12))
             errors = {steps: search.error(kind, steps) for steps in grid_steps(least, per_octave, octaves)}
             able = [steps for steps, error in errors.items() if error <= advice.error]
             judged, reaching = judged + len(errors), reaching + len(able)

@@ -24,7 +24,7 @@ from bench.experiments.accuracy.points import END
 from bench.experiments.advise.advice import Advice
 from bench.experiments.advise.search import Kind, Search, Task, disturbed
 from bench.experiments.sweep import backends_here
-from bench.measure.growth import MOST_GROWTH, Growth
+from bench.measure.growth import MAX_GROWTH, Growth
 from bench.measure.machine import enter_machine, source_revision
 from bench.measure.progress import progress_bar
 from bench.reference import cache
@@ -142,7 +142,7 @@ def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None
 
 def _chaos(growth: Growth) -> str:
     text = (
-        f"chaos: by {growth.times[-1]:g} s a disturbance has grown {growth.factor:.1e} times (over {MOST_GROWTH:g}), and "
+        f"chaos: by {growth.times[-1]:g} s a disturbance has grown {growth.factor:.1e} times (over {MAX_GROWTH:g}), and "
         "every method's trajectory is as wrong as any other's"
     )
     safe = growth.safe_time()

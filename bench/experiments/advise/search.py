@@ -30,14 +30,14 @@ from model.scene.scene import Scene
 
 STAGE = "advise"  # of its samples in the store
 TIGHT = 1.03  # a step size is found when one so many times as large misses the error
-MOST_RUNS = 12  # of one integrator, precision and backend, to find it
-MOST_STRIDE = 64.0  # times the steps, from one run to the next
+MAX_RUNS = 12  # of one integrator, precision and backend, to find it
+MAX_STRIDE = 64.0  # times the steps, from one run to the next
 FLOOR = 0.75  # an error that twice the steps leave above so much of it has stopped to fall
 HOPELESS = 10  # times the forces of the best so far: not compiled, not run
-REPEATS, SAMPLE_SECONDS, MOST_SAMPLE = 9, 0.02, 1.0  # many and short: the least of them counts
-MOST_ROUNDS = 3  # of samples, while they are disturbed
+REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.02, 1.0  # many and short: the least of them counts
+MAX_ROUNDS = 3  # of samples, while they are disturbed
 DISTURBED = 1.5  # a median over so many times the least: other programs had the cores
-LEAST_STEPS = 4  # where nothing limits the step size
+MIN_STEPS = 4  # where nothing limits the step size
 
 Tried = tuple[int, float]  # steps, error [spacings]
 
@@ -109,7 +109,7 @@ def next_steps(low: Tried | None, high: Tried | None, target: float, order: int,
         steps, error = low
         known = order > 0 and isfinite(error) and turn < 3
         factor = 1.01 * (error / target) ** (1 / order) if known else 2.0
-        return max(steps + 1, ceil(steps * min(MOST_STRIDE, max(factor, TIGHT))))
+        return max(steps + 1, ceil(steps * min(MAX_STRIDE, max(factor, TIGHT))))
     assert high is not None
     steps, error = high
     guess = min(steps / TIGHT, steps * (error / target) ** (1 / max(order, 1)) / 1.01)
@@ -145,7 +145,7 @@ class Search:
         if limit == 0:
             self._leave(kind.method, "unstable at every step size here")
             return
-        least = max(LEAST_STEPS if limit == inf else 1, ceil(self.task.end / limit * (1 - 1e-12)))
+        least = max(MIN_STEPS if limit == inf else 1, ceil(self.task.end / limit * (1 - 1e-12)))
         forces = kind.sweeps
         best = min((n * k.sweeps for k, (n, _) in self.reached.items()), default=None)
         if best is not None and least * forces > HOPELESS * best:
@@ -170,7 +170,7 @@ class Search:
         low: Tried | None = None  # most steps that miss the error
         high: Tried | None = None  # fewest that reach it
         steps = max(least, seed or least)
-        for turn in range(MOST_RUNS):
+        for turn in range(MAX_RUNS):
             error = self.error(kind, steps)
             if error <= self.task.error:
                 high = steps, error
@@ -192,7 +192,7 @@ class Search:
         if high:
             self.reached[kind] = high
         else:
-            self._leave(str(kind), f"did not reach it in {MOST_RUNS} runs; the last, of {steps} steps, missed")
+            self._leave(str(kind), f"did not reach it in {MAX_RUNS} runs; the last, of {steps} steps, missed")
 
     def error(self, kind: Kind, steps: int) -> float:
         """The error [spacings] at the end; from the store, where it holds it. Infinite where the run diverged."""
@@ -239,7 +239,7 @@ class Search:
         """
         cases = [self.case(kind, steps) for kind, steps, _ in wanted]
         found = self._timings()
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             if all(self._sound(found.get(self._key(case))) for case in cases):
                 break
             self._sample(cases)
@@ -278,7 +278,7 @@ class Search:
             for case in cases:
                 subject = Subject(stack.enter_context(case.open()), case)
                 warm_up(subject)
-                choose_steps(subject, SAMPLE_SECONDS, MOST_SAMPLE)
+                choose_steps(subject, SAMPLE_SECONDS, MAX_SAMPLE)
                 kernel = subject.simulation.kernel
                 self.store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
                 subjects.append(subject)

@@ -25,7 +25,7 @@ from model.core.build import pinned_indices, wave
 from model.core.errors import Diverged, SceneError
 from model.core.integrators import damping_rate
 from model.core.simulation import Simulation, State
-from model.core.stability_limit import MOST_MASSES, scene_frequency
+from model.core.stability_limit import MAX_MASSES, scene_frequency
 from model.scene.scene import Scene
 
 SETTLES, MOVING, GROWS, DIVERGED = 0, 1, 2, 3  # as stored
@@ -33,7 +33,7 @@ OUTCOMES = ("settles", "moving", "grows", "diverged")
 LIVE = ("gravity", "dt", "stiffness", "damping")  # so that one opened simulation does a whole map
 
 END = 6.0  # s: nine times the time in which a damping rate of 3/s takes amplitudes to 1/e
-LEAST_STEPS = 400  # of a point, so that large steps, too, have the time to grow
+MIN_STEPS = 400  # of a point, so that large steps, too, have the time to grow
 LONGER = 16  # a run whose speeds rise goes on for up to so many times as long, to see where it ends
 RISING, RISEN = 1.1, 1.5  # of the greatest speed in the second half of the steps over the first's: goes on, has grown
 SETTLED = 0.05
@@ -65,7 +65,7 @@ class Outcome:
 
 def steps_of(dt: float) -> int:
     """Steps of a point at step size `dt` [s]."""
-    return max(LEAST_STEPS, ceil(END / dt - 1e-9))
+    return max(MIN_STEPS, ceil(END / dt - 1e-9))
 
 
 def outcome(simulation: Simulation, dt: float, stiffness: float, damping: float) -> Outcome:
@@ -111,7 +111,7 @@ def edge_start(scene: Scene) -> tuple[np.ndarray, float]:
     found = scene_frequency(scene)
     if found.mode is None:
         count = scene.grid.particle_count
-        raise SceneError("grid.rows x grid.columns", count, f"at most {MOST_MASSES} masses, if not hung by its top row")
+        raise SceneError("grid.rows x grid.columns", count, f"at most {MAX_MASSES} masses, if not hung by its top row")
     free = np.ones(scene.grid.particle_count, bool)
     free[pinned_indices(scene.grid)] = False
     shape = np.stack([found.mode, -found.mode], axis=1)

@@ -18,7 +18,7 @@ BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 
 
 def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, name: str) -> Any:
-    """As rows.make_pulls, by `formula(d, w, stiffness, rest, damping, dt)`: d and w differences of both vectors."""
+    """As rows.make_accelerations, by `formula(d, w, stiffness, rest, damping, dt)`: d and w differences of both vectors."""
     block = block_of(real)
     k_stiffness, k_rest, k_damping = CONSTANTS[kind]
 

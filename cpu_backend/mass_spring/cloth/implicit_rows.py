@@ -116,7 +116,7 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
     springs, has_pins, scratches = spring_parts(parts), "pins" in parts, make_scratch(compiler, real)
     elsewhere = make_cloth_forces(compiler, real, "implicit-euler", parts - springs)
     pull_end, pull_matrix = (make_reach(compiler, real, springs, scratches, m) for m in (make_end_pulls, make_products))
-    sum_pulls, at = make_sums(compiler, real, springs, scratches), triples_of(springs)
+    sum_accelerations, at = make_sums(compiler, real, springs, scratches), triples_of(springs)
     place, clear_triple = scratches.place, scratches.clear
     segment_sums = make_sums_over_masses(compiler, real).segment_sums
     close, else_close, triples = at["close"], elsewhere.a_close, at["count"]
@@ -166,7 +166,7 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
     @compiled
     def residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
-        sum_pulls(i, blocks, record, scratch, width)
+        sum_accelerations(i, blocks, record, scratch, width)
         for axis in range(AXES):
             missing(
                 blocks, row_at(work, here + (BEGIN + axis) * plane), row_at(work, here + (U + axis) * plane),
@@ -178,7 +178,7 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
     @compiled
     def product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
-        sum_pulls(i, blocks, system, scratch, width)
+        sum_accelerations(i, blocks, system, scratch, width)
         for axis in range(AXES):
             apply(
                 blocks, row_at(work, here + (R + axis) * plane), row_at(scratch, place(close, axis, width)),

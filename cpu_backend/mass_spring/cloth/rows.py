@@ -41,17 +41,17 @@ CONSTANTS = {
 }
 
 
-def make_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
     """pulls(blocks, source, plane, here, there, record, scratch, triple, width): on the masses from `here` on, by springs
     of a kind that lead to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
     formulas = cloth_springs.make(real, compiler.compiled)
-    spring_pull_3d, damped_pull_3d = formulas.spring_pull_3d, formulas.damped_pull_3d
+    spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = CONSTANTS[kind]
 
     def pull_row(blocks, x, y, z, far_x, far_y, far_z, stiffness, rest, out_x, out_y, out_z):
         for j in range(blocks * block):
-            px, py, pz = spring_pull_3d(far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], stiffness, rest)
+            px, py, pz = spring_acceleration_3d(far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], stiffness, rest)
             out_x[j] = px
             out_y[j] = py
             out_z[j] = pz
@@ -98,7 +98,7 @@ def make_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, 
 
 
 def make_reach(
-    compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_pulls
+    compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_accelerations
 ) -> Any:
     """reach(i, across, blocks, layout, source, record, scratch, width): the pulls of the springs that lead from row `i`
     down and, if `across`, to the right. Those that would lead out of the sheet are 0. `make`: of what pulls."""
@@ -142,7 +142,7 @@ def make_reach(
 
 
 def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
-    """sum_pulls(i, blocks, record, scratch, width): the springs' pulls and gravity on row `i` into `close`.
+    """sum_accelerations(i, blocks, record, scratch, width): the springs' pulls and gravity on row `i` into `close`.
 
     A kind's four springs in pairs, then (structural + shear) + bending, then gravity.
     """
@@ -176,7 +176,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
     plain_sum, vertical_sum = make_loop(False), make_loop("gravity" in parts)
 
     @compiler.compiled
-    def sum_pulls(i, blocks, record, scratch, width):
+    def sum_accelerations(i, blocks, record, scratch, width):
         now, before = i % 2, (i + 1) % 2
         far_now, far_before = i % 3, (i + 1) % 3
         for axis in range(AXES):
@@ -194,7 +194,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
             else:
                 plain_sum(blocks, *pulls, zero, out)
 
-    return sum_pulls
+    return sum_accelerations
 
 
 def make_random_and_poke(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
@@ -252,7 +252,7 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
     mass_spring/cloth/wind.py.
     """
     scratches, at = make_scratch(compiler, real), triples_of(parts)
-    reach, sum_pulls = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))
+    reach, sum_accelerations = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))
     winds = make_winds(compiler, real, parts, scratches.place, scratches.edge, scratches.forget, scratches.clear, at)
     add_wind, wind_cells, has_wind = winds.add_wind, winds.wind_cells, "wind" in parts
     two_sums = integrator == "velocity-verlet" and "external" in parts
@@ -274,7 +274,7 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
     @compiler.compiled
     def sum_forces(i, closing, opening, blocks, layout, source, record, integers, air, scratch, width):
         reach(i, True, blocks, layout, source, record, scratch, width)
-        sum_pulls(i, blocks, record, scratch, width)
+        sum_accelerations(i, blocks, record, scratch, width)
         if has_wind:
             wind_cells(i, blocks, layout, source, record, air, scratch, width)
             add_wind(i, blocks, scratch, width)

@@ -21,7 +21,7 @@ from model.mass_spring.cloth_parameters import C_DRAG, C_LIFT
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:
     """pull(state, i, j, row, column, record): on mass (i, j), by its spring of a kind to (row, column)."""
     formulas = cloth_springs.make(real, compiler.compiled)
-    spring_pull_3d, damped_pull_3d = formulas.spring_pull_3d, formulas.damped_pull_3d
+    spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = CONSTANTS[kind]
 
     @compiler.compiled
@@ -33,7 +33,7 @@ def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any
             return damped_pull_3d(
                 dx, dy, dz, wx, wy, wz, record[k_stiffness], record[k_rest], record[k_damping]
             )  # fmt: skip
-        return spring_pull_3d(dx, dy, dz, record[k_stiffness], record[k_rest])
+        return spring_acceleration_3d(dx, dy, dz, record[k_stiffness], record[k_rest])
 
     return pull
 

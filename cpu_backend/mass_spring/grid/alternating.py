@@ -16,7 +16,7 @@ from model.core.parameters import K_STIFF, K_STIFF_REST, K_STIFFNESS, K_STIFFNES
 
 
 def make_alternating_rows(
-    compiler: Compiler, real: Any, spring_pull_2d: Any, sum_pulls: Any, with_gravity: Any
+    compiler: Compiler, real: Any, spring_acceleration_2d: Any, sum_accelerations: Any, with_gravity: Any
 ) -> SimpleNamespace:
     """`spring_constants`, `pull_from_below`, `sum_row`: see their docstrings; the functions given are those of
     mass_spring/grid/rows.py."""
@@ -34,7 +34,7 @@ def make_alternating_rows(
         """Pulls on the masses of row `i` from those below; also what the row below is pulled up by, with the other sign."""
         stiffness, rest = spring_constants(i, record)
         for j in range(blocks * block):
-            pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
+            pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
             out_x[j] = pull_x
             out_y[j] = pull_y
 
@@ -47,10 +47,10 @@ def make_alternating_rows(
         for j in range(blocks * block):
             odd = j & 1
             across, across_rest = stiff if odd else soft, stiff_rest if odd else soft_rest
-            right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], across, across_rest)
-            below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], down, down_rest)
-            ax = sum_pulls(right_x, left_x, below_x, above_x[j])
-            ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+            right_x, right_y = spring_acceleration_2d(x[j + 1] - x[j], y[j + 1] - y[j], across, across_rest)
+            below_x, below_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], down, down_rest)
+            ax = sum_accelerations(right_x, left_x, below_x, above_x[j])
+            ay = sum_accelerations(right_y, left_y, below_y, above_y[j])
             left_x, left_y = right_x, right_y
             above_x[j] = below_x
             above_y[j] = below_y

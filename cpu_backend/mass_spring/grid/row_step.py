@@ -125,7 +125,11 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
 
 def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
     block, zero, has_springs, verlet = forces.block, real(0), forces.has_springs, len(finishes) > 1
-    spring_pull_2d, sum_pulls, with_gravity = forces.spring_pull_2d, forces.sum_pulls, forces.with_gravity
+    spring_acceleration_2d, sum_accelerations, with_gravity = (
+        forces.spring_acceleration_2d,
+        forces.sum_accelerations,
+        forces.with_gravity,
+    )
 
     def make_loop(name: str) -> Any:
         finish = finishes.get(name, finishes["middle"])
@@ -152,10 +156,14 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
             for j in range(blocks * block):
                 ax, ay = zero, zero
                 if has_springs:
-                    right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
-                    below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
-                    ax = sum_pulls(right_x, left_x, below_x, above_x[j])
-                    ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+                    right_x, right_y = spring_acceleration_2d(
+                        x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest
+                    )
+                    below_x, below_y = spring_acceleration_2d(
+                        x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest
+                    )
+                    ax = sum_accelerations(right_x, left_x, below_x, above_x[j])
+                    ay = sum_accelerations(right_y, left_y, below_y, above_y[j])
                     left_x, left_y = right_x, right_y
                     above_x[j] = below_x
                     above_y[j] = below_y

@@ -52,7 +52,7 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
     """
     compiled = compiler.compiled
     block = block_of(real)
-    spring_pull_2d, damped = springs.make(real, compiled)
+    spring_acceleration_2d, damped = springs.make(real, compiled)
     philox = random.make_philox(compiled)
     external = random.make(real, compiled).add_external
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
@@ -62,7 +62,7 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
     zero = real(0)
 
     @compiled
-    def sum_pulls(right, left, below, above):
+    def sum_accelerations(right, left, below, above):
         return (right - left) + (below - above)
 
     @compiled
@@ -71,7 +71,7 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
             return acceleration + record[K_GRAVITY]
         return acceleration
 
-    uneven = make_alternating_rows(compiler, real, spring_pull_2d, sum_pulls, with_gravity)
+    uneven = make_alternating_rows(compiler, real, spring_acceleration_2d, sum_accelerations, with_gravity)
     spring_constants, uneven_pull_from_below = uneven.spring_constants, uneven.pull_from_below
 
     @compiler.row
@@ -79,7 +79,7 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
         """Pulls on the masses of a row from those below; also what the row below is pulled up by, with the other sign."""
         stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         for j in range(blocks * block):
-            pull_x, pull_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
+            pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
             out_x[j] = pull_x
             out_y[j] = pull_y
 
@@ -88,11 +88,11 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
         """The pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's edge."""
         if alternating and column > 0:
             stiffness, rest = spring_constants(column - 1, record)
-            return spring_pull_2d(
+            return spring_acceleration_2d(
                 source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], stiffness, rest
             )  # fmt: skip
         if has_springs and column > 0:
-            return spring_pull_2d(
+            return spring_acceleration_2d(
                 source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], record[K_STIFFNESS],
                 record[K_STIFFNESS_REST],
             )  # fmt: skip
@@ -106,10 +106,12 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
         for j in range(blocks * block):
             ax, ay = zero, zero
             if has_springs:
-                right_x, right_y = spring_pull_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
-                below_x, below_y = spring_pull_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
-                ax = sum_pulls(right_x, left_x, below_x, above_x[j])
-                ay = sum_pulls(right_y, left_y, below_y, above_y[j])
+                right_x, right_y = spring_acceleration_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
+                below_x, below_y = spring_acceleration_2d(
+                    x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest
+                )
+                ax = sum_accelerations(right_x, left_x, below_x, above_x[j])
+                ay = sum_accelerations(right_y, left_y, below_y, above_y[j])
                 left_x, left_y = right_x, right_y
                 above_x[j] = below_x
                 above_y[j] = below_y
@@ -209,7 +211,8 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
     return SimpleNamespace(
         block=block, two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke,
         has_springs=has_springs, has_gravity=has_gravity, has_pins="pins" in parts, has_damping="damping" in parts,
-        spring_pull_2d=spring_pull_2d, damped=damped, sum_pulls=sum_pulls, with_gravity=with_gravity,
-        alternating=alternating, pull_from_left=pull_from_left, sum_row=sum_row, sum_uneven_row=uneven.sum_row,
+        spring_acceleration_2d=spring_acceleration_2d, damped=damped, sum_accelerations=sum_accelerations,
+        with_gravity=with_gravity, alternating=alternating, pull_from_left=pull_from_left, sum_row=sum_row,
+        sum_uneven_row=uneven.sum_row,
         add_later_parts=add_later_parts, begin_walk=begin_walk, hold_pins=hold_pins, place_ghosts=place_ghosts,
     )  # fmt: skip

@@ -46,7 +46,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     `a` is the acceleration (2, ...)."""
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
     compiled, kernel = compiler.compiled, compiler.kernel
-    spring_pull_2d, damped_formula = springs.make(real, compiled)
+    spring_acceleration_2d, damped_formula = springs.make(real, compiled)
     philox = random.make_philox(compiled)
     add_external = random.make(real, compiled).add_external
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
@@ -63,12 +63,16 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
             for j in range(columns):
                 # a neighbour beyond the edge is replaced by the mass itself: coincident masses do not pull
                 up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
-                right_x, right_y = spring_pull_2d(
+                right_x, right_y = spring_acceleration_2d(
                     x[i, right] - x[i, j], y[i, right] - y[i, j], stiffness, stiffness_rest
                 )
-                left_x, left_y = spring_pull_2d(x[i, left] - x[i, j], y[i, left] - y[i, j], stiffness, stiffness_rest)
-                down_x, down_y = spring_pull_2d(x[down, j] - x[i, j], y[down, j] - y[i, j], stiffness, stiffness_rest)
-                up_x, up_y = spring_pull_2d(x[up, j] - x[i, j], y[up, j] - y[i, j], stiffness, stiffness_rest)
+                left_x, left_y = spring_acceleration_2d(
+                    x[i, left] - x[i, j], y[i, left] - y[i, j], stiffness, stiffness_rest
+                )
+                down_x, down_y = spring_acceleration_2d(
+                    x[down, j] - x[i, j], y[down, j] - y[i, j], stiffness, stiffness_rest
+                )
+                up_x, up_y = spring_acceleration_2d(x[up, j] - x[i, j], y[up, j] - y[i, j], stiffness, stiffness_rest)
                 ax[i, j] = (right_x + left_x) + (down_x + up_x)
                 ay[i, j] = (right_y + left_y) + (down_y + up_y)
 
@@ -78,7 +82,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
         odd = lower & 1
         stiffness = record[K_STIFF] if odd else record[K_STIFFNESS]
         rest = record[K_STIFF_REST] if odd else record[K_STIFFNESS_REST]
-        return spring_pull_2d(x[row, column] - x[i, j], y[row, column] - y[i, j], stiffness, rest)
+        return spring_acceleration_2d(x[row, column] - x[i, j], y[row, column] - y[i, j], stiffness, rest)
 
     @kernel
     def alternating_spring_forces(x, y, record, ax, ay):

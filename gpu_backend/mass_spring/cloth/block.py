@@ -22,7 +22,7 @@ from gpu_backend.mass_spring.grid.point import kernel_options
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
 from model.mass_spring.cloth_plan import kicks_meet
 
-MOST_THREADS = 1024  # of a block, hence masses
+MAX_THREADS = 1024  # of a block, hence masses
 
 
 def block_threads(masses: int) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gpu_backend.core.launch import can_capture
 from gpu_backend.core.tiling import Tile
-from gpu_backend.mass_spring.cloth.block import MOST_THREADS, block_bytes
+from gpu_backend.mass_spring.cloth.block import MAX_THREADS, block_bytes
 from gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cloth_tile
 from gpu_backend.mass_spring.grid.choice import parsed_tile
 from gpu_backend.mass_spring.grid.tile_launch import device_limits
@@ -62,8 +62,8 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
     masses = scene.grid.particle_count
     if scene.method.integrator == "rk4":
         return "runs integrators with one force a step, not rk4; use graph"
-    if masses > MOST_THREADS:
-        return f"holds at most {MOST_THREADS} masses, this sheet has {masses}; use graph"
+    if masses > MAX_THREADS:
+        return f"holds at most {MAX_THREADS} masses, this sheet has {masses}; use graph"
     needed, most = block_bytes(real, parts, masses), (limits or device_limits())[1]
     if needed > most:
         return f"needs {needed} bytes of shared memory here, a block has {most}; use graph"

@@ -152,7 +152,7 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    def first_bad(position, velocity, bound, result):
+    def first_diverged(position, velocity, bound, result):
         """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -203,5 +203,5 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
             x, y, z = cell_sum(position, k, np.int32(k // columns), np.int32(k % columns), rows, columns)
             out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
 
-    tools = (count, first_bad, write_position, write_normal)
+    tools = (count, first_diverged, write_position, write_normal)
     return SimpleNamespace(**{f.__name__: make_kernel(f, f"cloth_{variant_name(real)}") for f in tools})

@@ -16,9 +16,9 @@ from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_
 from gpu_backend.mass_spring.grid import tile_launch
 from model.core.errors import BackendUnavailable, SceneError
 
-MOST_THREADS = 1024  # of a block
-MOST_BLOCKS_DOWN = 65535  # of a launch
-MOST_EACH = 31  # masses that a thread fetches: bits of an integer
+MAX_THREADS = 1024  # of a block
+MAX_BLOCKS_DOWN = 65535  # of a launch
+MAX_EACH = 31  # masses that a thread fetches: bits of an integer
 
 
 def cloth_blocks(rows: int, columns: int, tile: Tile, parts: frozenset[str]) -> tuple[int, int]:
@@ -37,22 +37,22 @@ def why_no_cloth_tile(
     needed, overlap = tile_bytes(real, tile, parts), overlap_of(tile, parts)
     if tile.halo < 1:
         return f"a tile of {tile.name} needs at least one step between exchanges: h1"
-    if tile.threads > MOST_THREADS:
-        return f"a tile of {tile.name} needs {tile.threads} threads, a block has at most {MOST_THREADS}"
+    if tile.threads > MAX_THREADS:
+        return f"a tile of {tile.name} needs {tile.threads} threads, a block has at most {MAX_THREADS}"
     if needed > most_shared:
         return f"a tile of {tile.name} needs {needed} bytes of shared memory, a block has {most_shared}"
     if tile.rows > rows or tile.columns > columns:
         return f"a tile of {tile.name} is {tile.rows} x {tile.columns}, larger than the sheet of {rows} x {columns}"
     if (tile.rows < rows and tile.rows <= 2 * overlap) or (tile.columns < columns and tile.columns <= 2 * overlap):
         return f"a tile of {tile.name} is too small to do {tile.halo} steps by itself"
-    if most_to_fetch(tile, parts) > MOST_EACH * tile.threads:
+    if most_to_fetch(tile, parts) > MAX_EACH * tile.threads:
         return f"a tile of {tile.name} has too few threads for all that they read around it"
     across, down = cloth_blocks(rows, columns, tile, parts)
     together = processors * cloth_blocks_together(real, tile, parts)
     if kernel == "resident" and across * down > together:
         return f"{rows} x {columns} masses are {across * down} tiles of {tile.name}; this GPU runs {together} at once"
-    if down > MOST_BLOCKS_DOWN:
-        return f"{rows} rows are {down} tiles of {tile.name}, a launch has at most {MOST_BLOCKS_DOWN} of them"
+    if down > MAX_BLOCKS_DOWN:
+        return f"{rows} rows are {down} tiles of {tile.name}, a launch has at most {MAX_BLOCKS_DOWN} of them"
     return ""
 
 

@@ -64,11 +64,11 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     `product` for what its matrix makes of the vector that `velocity` then is.
     """
     pulls = device_formulas(cloth_springs.make, real, math)
-    spring_pull_3d, damped_pull_3d = pulls.spring_pull_3d, pulls.damped_pull_3d
-    system_pulls, at_end = device_formulas(implicit.make, real, math), system == "end"
-    end_pull_3d = system_pulls.end_pull_3d
+    spring_acceleration_3d, damped_pull_3d = pulls.spring_acceleration_3d, pulls.damped_pull_3d
+    system_accelerations, at_end = device_formulas(implicit.make, real, math), system == "end"
+    end_pull_3d = system_accelerations.end_pull_3d
     if system == "product":
-        damped_pull_3d = system_pulls.product_3d
+        damped_pull_3d = system_accelerations.product_3d
     inline = inlined(math)
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     zero, one, two = real(0), np.int32(1), np.int32(2)
@@ -92,7 +92,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
                 return damped_pull_3d(
                     dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place]
                 )  # fmt: skip
-            return spring_pull_3d(dx, dy, dz, stiffness, rest)
+            return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
 
         return pull
 

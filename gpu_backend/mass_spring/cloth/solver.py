@@ -32,7 +32,7 @@ from gpu_backend.mass_spring.cloth.point import (
     knows_time,
 )  # fmt: skip
 from gpu_backend.mass_spring.cloth.stages import bind_cloth_stages
-from gpu_backend.mass_spring.grid.kernels import BLOCK, MOST_BLOCKS_DOWN
+from gpu_backend.mass_spring.grid.kernels import BLOCK, MAX_BLOCKS_DOWN
 from model.core.errors import SceneError
 from model.core.integrators import IMPLICIT
 from model.core.memory import require
@@ -70,8 +70,8 @@ class ClothMassSpring(CudaSimulation):
         if not simulated():
             require(needed, memory_info()[0], "cloth.rows x cloth.columns", f"{rows} x {columns}", "GPU memory")
         blocks = ((columns + BLOCK[0] - 1) // BLOCK[0], (rows + BLOCK[1] - 1) // BLOCK[1])
-        if blocks[1] > MOST_BLOCKS_DOWN:
-            most = MOST_BLOCKS_DOWN * BLOCK[1]
+        if blocks[1] > MAX_BLOCKS_DOWN:
+            most = MAX_BLOCKS_DOWN * BLOCK[1]
             raise SceneError("cloth.rows", rows, f"at most {most} rows on the gpu; turn the sheet")
         self.stream = new_stream()
         self._grid = (blocks, BLOCK, self.stream)
@@ -222,10 +222,10 @@ class ClothMassSpring(CudaSimulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         if self._tiles is not None:
             self._tiles.require_exchange()
-        return super()._first_bad()
+        return super()._first_diverged()
 
     def _to_host(self, array: Any) -> np.ndarray:
         host = array.copy_to_host(stream=self.stream)

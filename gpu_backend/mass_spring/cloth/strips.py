@@ -37,11 +37,11 @@ WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in ra
 
 
 @cache
-def make_pulls(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`structural`, `shear`, `bending`: pull(q, p, there, record) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
     none unless `there`. And `paired`, the sum (a + b) + (c + d) by axis; `less`, a - b."""
     formulas = device_formulas(cloth_springs.make, real, math)
-    spring_pull_3d, damped_pull_3d = formulas.spring_pull_3d, formulas.damped_pull_3d
+    spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     inline = inlined(math)
     zero = real(0)
 
@@ -58,7 +58,7 @@ def make_pulls(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
             if has_damper:
                 damping = record[damping_place] if there else zero
                 return damped_pull_3d(dx, dy, dz, q[3] - p[3], q[4] - p[4], q[5] - p[5], stiffness, rest, damping)
-            return spring_pull_3d(dx, dy, dz, stiffness, rest)
+            return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
 
         return pull
 
@@ -91,7 +91,7 @@ def make_cloth_strips(
       planes that starts at `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass;
       `publish(k, x, y, z, vx, vy, vz, post)` is called for those with a bit in `sending`.
     """
-    pulls, wind_of = make_pulls(real, math, parts), make_wind(real, math, parts).wind_of
+    pulls, wind_of = make_accelerations(real, math, parts), make_wind(real, math, parts).wind_of
     structural, shear, bending = pulls.structural, pulls.shear, pulls.bending
     paired, carried = pulls.paired, pulls.carried
     kicks = make_cloth_kicks(real, math, integrator, parts)

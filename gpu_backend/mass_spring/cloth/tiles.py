@@ -31,7 +31,7 @@ from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
 from gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
 BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system takes for each block
-MOST_BLOCKS = 32  # of a multiprocessor
+MAX_BLOCKS = 32  # of a multiprocessor
 
 
 def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
@@ -41,7 +41,7 @@ def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
         return 1
     threads = 512 if real is np.float32 else 256
     by_memory = SHARED_MEMORY // (tile_bytes(real, tile, parts) + BLOCK_OVERHEAD)
-    return max(1, min(by_memory, threads // tile.threads, MOST_BLOCKS))
+    return max(1, min(by_memory, threads // tile.threads, MAX_BLOCKS))
 
 
 @cache

@@ -43,7 +43,7 @@ ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
 # of `graph`: us a launch, and for each million masses more
 GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
-MOST_THREADS = 1024
+MAX_THREADS = 1024
 MEASURED_ON = "NVIDIA H200"
 MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shared memory that a block can have
 
@@ -53,7 +53,7 @@ def one_block_tile(rows: int, columns: int) -> Tile:
     are powers of two, so that few variants are compiled."""
     width = 1 << (columns - 1).bit_length()
     strip = 1
-    while strip < 16 and width * _halved(rows, strip) > MOST_THREADS:
+    while strip < 16 and width * _halved(rows, strip) > MAX_THREADS:
         strip *= 2
     return Tile(width, _halved(rows, strip), strip)
 
@@ -73,7 +73,7 @@ def _times(
     masses = rows * columns
     times: dict[tuple[str, Tile | None], float] = {("graph", None): launch + 1e-6 * masses * million}
     tile = one_block_tile(rows, columns)
-    if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= most_shared:
+    if tile.threads <= MAX_THREADS and shared_bytes(real, tile) <= most_shared:
         least, thousand = ONE_BLOCK[real]
         times["one-block", tile] = least + 1e-3 * tile.masses * thousand
     for name, by_share in RESIDENT[real].items():
@@ -117,7 +117,7 @@ def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
         times = {tile: time for (name, tile), time in _times(rows, columns, real).items() if name == kernel}
         return min(times, key=lambda tile: times[tile]) if times else None
     tile = one_block_tile(rows, columns)
-    return tile if tile.threads <= MOST_THREADS and shared_bytes(real, tile) <= device_limits()[1] else None
+    return tile if tile.threads <= MAX_THREADS and shared_bytes(real, tile) <= device_limits()[1] else None
 
 
 def parsed_tile(text: str) -> Tile:

@@ -30,7 +30,7 @@ from model.core.parameters import (
 )  # fmt: skip
 
 BLOCK = (32, 8)  # columns, rows
-MOST_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
+MAX_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
 
 
 @cache
@@ -143,7 +143,7 @@ def make_tools(real: Any) -> SimpleNamespace:
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    def first_bad(position, velocity, bound, result):
+    def first_diverged(position, velocity, bound, result):
         """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
         k = cuda.grid(1)
         if k < position.shape[0]:
@@ -160,5 +160,5 @@ def make_tools(real: Any) -> SimpleNamespace:
             out[k, 0] = p.real
             out[k, 1] = p.imag
 
-    kernels = {f.__name__: make_kernel(f, variant_name(real)) for f in (count, first_bad, write_position)}
+    kernels = {f.__name__: make_kernel(f, variant_name(real)) for f in (count, first_diverged, write_position)}
     return SimpleNamespace(**kernels)

@@ -49,7 +49,7 @@ def kernel_options(math: str) -> dict[str, Any]:
 def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
     device = cuda.jit(device=True, **kernel_options(math))
-    spring_pull_2d, damped = device_formulas(springs.make, real, math)
+    spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
     formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
     external = device_formulas(random.make, real, math).add_external
     philox = random.make_philox(device)
@@ -68,10 +68,10 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         above = load_pair(position, k - columns if i > 0 else k)
         below = load_pair(position, k + columns if i < rows - 1 else k)
         stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
-        right_x, right_y = spring_pull_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
-        left_x, left_y = spring_pull_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
-        below_x, below_y = spring_pull_2d(below.real - here.real, below.imag - here.imag, stiffness, rest)
-        above_x, above_y = spring_pull_2d(above.real - here.real, above.imag - here.imag, stiffness, rest)
+        right_x, right_y = spring_acceleration_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
+        left_x, left_y = spring_acceleration_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
+        below_x, below_y = spring_acceleration_2d(below.real - here.real, below.imag - here.imag, stiffness, rest)
+        above_x, above_y = spring_acceleration_2d(above.real - here.real, above.imag - here.imag, stiffness, rest)
         return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
 
     @device
@@ -80,7 +80,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
         if lower & one:
             stiffness, rest = record[K_STIFF], record[K_STIFF_REST]
-        return spring_pull_2d(other.real - here.real, other.imag - here.imag, stiffness, rest)
+        return spring_acceleration_2d(other.real - here.real, other.imag - here.imag, stiffness, rest)
 
     @device
     def uneven_spring_sum(position, k, i, j, rows, columns, record):
@@ -154,7 +154,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     return SimpleNamespace(
         pulls=pulls, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
         acceleration=acceleration, current_step=current_step, formulas=formulas, has_external=has_external,
-        has_springs=has_springs, spring_sum=sum_of_springs, spring_pull_2d=spring_pull_2d, damped=damped,
+        has_springs=has_springs, spring_sum=sum_of_springs, spring_acceleration_2d=spring_acceleration_2d, damped=damped,
     )  # fmt: skip
 
 

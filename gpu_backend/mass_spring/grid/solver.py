@@ -17,7 +17,7 @@ from gpu_backend.core.device import memory_info, require_gpu, simulated
 from gpu_backend.core.launch import Graphs, can_capture, new_stream
 from gpu_backend.core.simulation import NOTHING_BAD, CudaSimulation
 from gpu_backend.mass_spring.grid.choice import best_tile, default_kernel, named_tile
-from gpu_backend.mass_spring.grid.kernels import BLOCK, MOST_BLOCKS_DOWN, make_passes, make_rk4_stages, make_tools
+from gpu_backend.mass_spring.grid.kernels import BLOCK, MAX_BLOCKS_DOWN, make_passes, make_rk4_stages, make_tools
 from gpu_backend.mass_spring.grid.stages import bind_stages
 from gpu_backend.mass_spring.grid.tile_launch import TileLauncher
 from model.core.errors import SceneError
@@ -48,8 +48,8 @@ class MassSpring(CudaSimulation):
         if not simulated():
             require(needed, memory_info()[0], "grid.rows x grid.columns", shape_text, "GPU memory")
         blocks = ((columns + BLOCK[0] - 1) // BLOCK[0], (rows + BLOCK[1] - 1) // BLOCK[1])
-        if blocks[1] > MOST_BLOCKS_DOWN:
-            raise SceneError("grid.rows", rows, f"at most {MOST_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the grid")
+        if blocks[1] > MAX_BLOCKS_DOWN:
+            raise SceneError("grid.rows", rows, f"at most {MAX_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the grid")
         self.stream = new_stream()
         self._grid = (blocks, BLOCK, self.stream)
         self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
@@ -208,10 +208,10 @@ class MassSpring(CudaSimulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _first_bad(self) -> int:
+    def _first_diverged(self) -> int:
         if self._tiles is not None:
             self._tiles.require_exchange()
-        return super()._first_bad()
+        return super()._first_diverged()
 
     def _to_host(self, array: Any) -> np.ndarray:
         host = array.copy_to_host(stream=self.stream)

@@ -60,7 +60,7 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
       `move` of point.make_moves, from the copy of the positions that starts at `old` into the one at `new`.
     """
     point = make_point_functions(real, math, integrator, parts)
-    spring_pull_2d = point.spring_pull_2d
+    spring_acceleration_2d = point.spring_acceleration_2d
     has_springs, has_pins = "springs" in parts, "pins" in parts
     pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
@@ -124,7 +124,7 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
                 over = load_pair(both, old + above)
                 under = load_pair(both, old + below)
                 left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
-                up_x, up_y = spring_pull_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
+                up_x, up_y = spring_acceleration_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
             if strip > 1:
                 q = load_pair(both, old + place + width)
             for r in range(strip):
@@ -140,15 +140,19 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
                         next_q = load_pair(both, old + here + np.int32(2) * width)
                 ax, ay = zero, zero
                 if has_springs:
-                    right_x, right_y = spring_pull_2d(right_p.real - p.real, right_p.imag - p.imag, stiffness, rest)
-                    left_x, left_y = spring_pull_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
+                    right_x, right_y = spring_acceleration_2d(
+                        right_p.real - p.real, right_p.imag - p.imag, stiffness, rest
+                    )
+                    left_x, left_y = spring_acceleration_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
                     if r < strip - 1:
-                        down_x, down_y = spring_pull_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
+                        down_x, down_y = spring_acceleration_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
                         if cut:
                             if row == rows - 1:
                                 down_x, down_y = zero, zero
                     else:
-                        down_x, down_y = spring_pull_2d(under.real - p.real, under.imag - p.imag, stiffness, rest)
+                        down_x, down_y = spring_acceleration_2d(
+                            under.real - p.real, under.imag - p.imag, stiffness, rest
+                        )
                     ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
                     up_x, up_y = down_x, down_y
                 k = np.int32(row * columns + j)

@@ -15,7 +15,7 @@ from bench.reference import contacts as reference
 from bench.reference import mass_spring
 from gpu_backend.contact.self_contact import Contacts
 from gpu_backend.core.scan import CHUNK, Scan
-from model.contact.self_contact_parameters import MOST_CONTACTS
+from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.core.build import build
 from model.core.errors import SceneError
 from model.scene.scene import Scene
@@ -64,8 +64,8 @@ def test_what_is_found_and_projected_is_the_references() -> None:
     np.testing.assert_allclose(boxes[:, 1], before[four].max(axis=0) + moved, atol=1e-14)
     counts = np.bincount(found.mass, minlength=len(before))
     assert np.array_equal(contacts.found.copy_to_host(), counts)
-    assert contacts.lost == np.maximum(counts - MOST_CONTACTS, 0).sum() > 0
-    expected = reference.project(part, found.kept(MOST_CONTACTS), before, predicted, weights)
+    assert contacts.lost == np.maximum(counts - MAX_CONTACTS, 0).sum() > 0
+    expected = reference.project(part, found.kept(MAX_CONTACTS), before, predicted, weights)
     assert np.abs(position[:, :3] - expected).max() < 1e-13  # some tens of roundings of lengths under 1 m
     assert np.array_equal(position[:, 3], weights)
 
@@ -79,7 +79,7 @@ def test_stages_and_passes_give_the_same_bits_and_the_references_numbers() -> No
             states.append(simulation.state())
     assert np.array_equal(states[0].position, states[1].position)
     assert np.array_equal(states[0].velocity, states[1].velocity)
-    position, velocity = reference.simulate(scene, 2, *mass_spring.start(scene), MOST_CONTACTS)
+    position, velocity = reference.simulate(scene, 2, *mass_spring.start(scene), MAX_CONTACTS)
     # a speed of 10 m/s at most is a difference of positions over h = 5.6 ms, each of them some hundred roundings of 1 m
     assert np.abs(states[0].position - position).max() < 1e-13
     assert np.abs(states[0].velocity - velocity).max() < 1e-13 / (scene.method.dt / 3)

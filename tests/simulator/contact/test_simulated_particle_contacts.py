@@ -14,7 +14,7 @@ from numba import cuda
 from bench.reference import particle_contacts as reference
 from gpu_backend.contact.particles import ParticleContacts
 from gpu_backend.core.scan import CHUNK, Scan
-from model.contact.particle_parameters import H_INVERSE_CELL, MOST_NEIGHBOURS, particle_contact_record
+from model.contact.particle_parameters import H_INVERSE_CELL, MAX_NEIGHBOURS, particle_contact_record
 from model.core.errors import Diverged
 from model.scene.scene import Scene
 
@@ -24,7 +24,7 @@ STEPS = 2
 def cloud(scene: Scene, extent: float, real: Any) -> np.ndarray:
     """(particles, 3): anywhere in a box around the origin; some in one place, some on borders of cells."""
     random, cell = np.random.default_rng(5), 1 / particle_contact_record(scene, real)[H_INVERSE_CELL]
-    position = random.uniform(-extent, extent, (scene.crowd.particle_count, 3)).astype(real)
+    position = random.uniform(-extent, extent, (scene.body_set.particle_count, 3)).astype(real)
     position[3], position[11] = position[-1], position[7]
     position[4:9] = np.round(position[4:9] / cell) * cell
     return position
@@ -35,8 +35,8 @@ def quads(position: np.ndarray, weight: np.ndarray, real: Any) -> Any:
 
 
 def found_by(contacts: ParticleContacts, particles: int) -> list[list[int]]:
-    kept = np.minimum(contacts.found.copy_to_host(), MOST_NEIGHBOURS)
-    table = contacts.neighbours.copy_to_host().reshape(MOST_NEIGHBOURS, particles)
+    kept = np.minimum(contacts.found.copy_to_host(), MAX_NEIGHBOURS)
+    table = contacts.neighbours.copy_to_host().reshape(MAX_NEIGHBOURS, particles)
     return [table[:n, i].tolist() for i, n in enumerate(kept)]
 
 
@@ -46,7 +46,7 @@ def test_neighbours_are_those_of_asking_all(extent: float, real: Any) -> None:
     """Also where there are more than are kept, and of particles that are parked, lost in space or no numbers. Twice, since
     the table must be empty again."""
     scene = meeting()
-    particles, position = scene.crowd.particle_count, cloud(scene, extent, real)
+    particles, position = scene.body_set.particle_count, cloud(scene, extent, real)
     weight = np.ones(particles)
     weight[[2, 20]] = 0
     position[5], position[25, 1] = np.nan, np.inf
@@ -55,8 +55,8 @@ def test_neighbours_are_those_of_asking_all(extent: float, real: Any) -> None:
         contacts.find(quads(position, weight, real))
         expected = neighbours(scene, position, weight, real)
         assert np.array_equal(contacts.found.copy_to_host(), [len(others) for others in expected])
-        assert found_by(contacts, particles) == [others[:MOST_NEIGHBOURS] for others in expected]
-        lost += sum(max(0, len(others) - MOST_NEIGHBOURS) for others in expected)
+        assert found_by(contacts, particles) == [others[:MAX_NEIGHBOURS] for others in expected]
+        lost += sum(max(0, len(others) - MAX_NEIGHBOURS) for others in expected)
         assert contacts.lost == lost
         position = position[::-1].copy()
         weight = weight[::-1].copy()
@@ -66,21 +66,21 @@ def test_neighbours_are_those_of_asking_all(extent: float, real: Any) -> None:
 def test_more_neighbours_than_are_kept() -> None:
     """Bodies that do not meet themselves, squeezed into a cell."""
     scene = bodies_scene(soft=SOFT | {"copies": [1, 3, 1], "self_collision": False}, contact={})
-    particles = scene.crowd.particle_count
+    particles = scene.body_set.particle_count
     position = np.random.default_rng(1).uniform(0.0, 0.02, (particles, 3))
     contacts = ParticleContacts(scene, np.float64, "exact", 0)
     contacts.find(quads(position, np.ones(particles), np.float64))
     expected = neighbours(scene, position, np.ones(particles), np.float64)
-    assert found_by(contacts, particles) == [others[:MOST_NEIGHBOURS] for others in expected]
-    assert contacts.lost == sum(len(others) - MOST_NEIGHBOURS for others in expected) > 0
+    assert found_by(contacts, particles) == [others[:MAX_NEIGHBOURS] for others in expected]
+    assert contacts.lost == sum(len(others) - MAX_NEIGHBOURS for others in expected) > 0
     contacts.forget()
     assert contacts.lost == 0
 
 
 def test_what_is_projected_is_the_references() -> None:
     scene = meeting(1, 1)
-    scale, random = 1 / scene.crowd.clusters.mass.mean(), np.random.default_rng(3)
-    before = scene.crowd.position + random.normal(0, 0.02, scene.crowd.position.shape)
+    scale, random = 1 / scene.body_set.clusters.mass.mean(), np.random.default_rng(3)
+    before = scene.body_set.position + random.normal(0, 0.02, scene.body_set.position.shape)
     predicted = before + random.normal(0, 0.02, before.shape) - [0.0, 0.05, 0.0]
     checked = reference.Contacts(scene)
     weight = checked.weight / scale
@@ -92,8 +92,8 @@ def test_what_is_projected_is_the_references() -> None:
     expected = checked.sweep(before, predicted)
     assert abs(expected - predicted).max() > 0.01 and contacts.lost == 0
     state = now.copy_to_host().reshape(-1, 4)
-    # two sweeps of at most MOST_NEIGHBOURS contacts, of some ten operations each, of lengths under 1 m
-    np.testing.assert_allclose(state[:, :3], expected, rtol=0, atol=2 * MOST_NEIGHBOURS * 10 * 2.0**-53)
+    # two sweeps of at most MAX_NEIGHBOURS contacts, of some ten operations each, of lengths under 1 m
+    np.testing.assert_allclose(state[:, :3], expected, rtol=0, atol=2 * MAX_NEIGHBOURS * 10 * 2.0**-53)
     assert np.array_equal(state[:, 3], weight)
 
 
@@ -147,7 +147,7 @@ def test_a_new_dt_changes_the_contacts() -> None:
 
 def test_no_number_is_told_and_not_met() -> None:
     scene = smooth()
-    velocity = np.zeros_like(scene.crowd.position)
+    velocity = np.zeros_like(scene.body_set.position)
     velocity[0, 1] = 1e300
     with (
         opened(scene, "gpu", kernel="launch", initial=start(scene, velocity=velocity)) as simulation,

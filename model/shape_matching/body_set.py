@@ -18,7 +18,7 @@ from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import LatticeCopies
 from model.shape_matching.links import LinkedCopies, Links, make_links
 
-MOST_PARTICLES = 2**31 - 1  # indices are 32-bit
+MAX_PARTICLES = 2**31 - 1  # indices are 32-bit
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Copy:
 
 
 @dataclass(frozen=True, eq=False)
-class Crowd:
+class BodySet:
     """The particles of all copies, one after the other, in the order of the file.
 
     `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
@@ -96,8 +96,8 @@ class Crowd:
         return float(np.ptp(self.position, axis=0).max(initial=self.spacing))
 
 
-def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
-    """The crowd of a scene's bodies, by name. Raises SceneError where it has too many particles."""
+def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
+    """The body set of a scene's bodies, by name. Raises SceneError where it has too many particles."""
     for name, part in parts.items():
         try:
             part.baked  # noqa: B018 - made here, so that its errors name the part
@@ -106,8 +106,8 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
     total = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
-    if total > MOST_PARTICLES:
-        raise SceneError("copies", total, f"at most {MOST_PARTICLES} particles (32-bit indices)")
+    if total > MAX_PARTICLES:
+        raise SceneError("copies", total, f"at most {MAX_PARTICLES} particles (32-bit indices)")
     needed = sum((part.count + part.spare) * _bytes_of(part.baked) for part in parts.values())
     require(needed, available_bytes(), "copies", total, "main memory")
     copies: list[Copy] = []
@@ -145,7 +145,7 @@ def make_crowd(parts: Mapping[str, Placed]) -> Crowd:
         joined([one.material for one in made_of], [one.count for one in made_of]),
     )
     spacing = float(np.mean([copy.baked.spacing for copy in copies]))
-    return Crowd(
+    return BodySet(
         position,
         np.concatenate(velocities),
         np.concatenate(bodies),
