@@ -1,5 +1,21 @@
 """What runs by default, how, and what is for `pytest --thorough` alone (CI runs both)."""
 
+from __future__ import annotations
+
+
+def table(text: str) -> dict[str, str]:
+    """{file: patterns} of lines `file pattern pattern ...`; # begins a comment."""
+    found: dict[str, str] = {}
+    file = ""
+    for line in text.splitlines():
+        first, *rest = line.partition("#")[0].split() or [""]
+        if first and not line[0].isspace():
+            file, first = first, ""
+        if file and (first or rest):
+            found[file] = " ".join([found.get(file, ""), first, *rest]).strip()
+    return found
+
+
 # Tests run by default whose CPU kernels are compiled: of what only machine code does, or too long for anything else. In all
 # others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
 # names.
@@ -12,92 +28,94 @@ COMPILED = {
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*", "test_ablate.py": "*",  # to the end
 }  # fmt: skip
 
-# Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value.
-ONLY_THOROUGH = {
-    "test_stability_figures.py": "*draw_stiffness?",
-    "test_restitution.py": "*bodies-0.001*",
-    # CPU machine code: each solver keeps a case or two; the fused kernel of the most parts
-    "test_compiled.py": "*cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* *lattices* *meet?in?stages* "
-    "*meets?itself* *give?way* *cloth?in?stages* *xpbd?in?stages* *jelly?grid?in?stages* *mesh?in?stages* *rk4?in?stages* "
-    "*body?on?a?field* test_fast_math*cloth? test_fast_math*jelly* test_fast_math*mesh?",
-    "test_cpu_reference.py": "test_fast_math* *published*rk4* *published*velocity-verlet*",
-    "test_cloth_cpu.py": "test_fast_math* test_fused*kicks-apart? test_fused*rk4? test_fused*kicks-meet?",
-    "test_xpbd_cpu.py": "test_fused*everything-gauss* test_fused*damped-jacobi* test_fused*net-gauss*",
-    "test_xpbd_cpu_reference.py": "test_fast_math*",
-    "test_cpu_assembly.py": "*fused-float64-fast*",
-    "test_cloth_assembly.py": "*",
-    "test_xpbd_assembly.py": "*",
-    "test_implicit.py": "test_any_number*implicit-euler? test_order_one_against* test_float32_stops* "
-    "test_energy_falls*implicit-euler?",
-    "test_cpu_bits.py": "test_bits*semi* test_bits*explicit* test_bits*lab* test_bits*taylor*",
-    "test_lattice.py": "test_against_the_reference_and_the_same* test_contacts_and_spares* test_float32_loses*",
-    "test_b1.py": "test_kernels*shape5? test_kernels*shape4?",
-    "test_matching.py": "test_kernels_and_threads*3-float32*",
-    "test_no_trace.py": "*no_instruction*float64* *velocity-verlet-parts2*float64* *lab-parts0*float64?",
-    # orders and limits: with a force fewer, or by the reference
-    "test_cloth_orders.py": "test_contacts_do_not* test_orders*all-cpu? test_holds*dampers?along* test_holds*rk4* "
-    "*along?springs-cpu? test_converged_reference*wind test_orders*along?springs-reference?",
-    "test_orders.py": "test_manufactured_solution_of_the_unstable* *taylor-counts* *explicit-euler-counts* "
-    "test_manufactured_solution*cpu-lab* test_manufactured_solution*cpu-semi*",
-    "test_physics_conservation.py": "*elastic_pendulum*cpu-lab* *elastic_pendulum*cpu-semi*",
-    "test_physics_hard.py": "*B1?hanging-lab?",
-    "test_reference.py": "test_rk4*-2.0?",
-    "test_shapes.py": "*octopus-4* *letters*",
-    "test_stability.py": "test_the_measured_edge*rk4* test_the_measured_edge*taylor*",
-    "test_xpbd_laws.py": "test_small_steps_rope* test_tethers*cpu-jacobi?",
-    "test_xpbd_reference.py": "test_first_order*along*",
-    "test_rebound.py": "test_a_brick_that_lands*cpu* test_bodies_that_meet*",
-    "test_shapes3d.py": "*closed*mesh2*",
-    # scenes of the catalogue, and cases that break solvers
-    "test_bodies_catalogue.py": "test_bodies_fall*plastic? test_bodies_fall*jelly-drop? test_bodies_fall*soft-pile? "
-    "test_bodies_fall*two-worlds?",
-    "test_hard_bodies.py": "test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see* "
-    "test_the_laws*A10?plane*",
-    "test_hard_xpbd.py": "test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*",
-    "test_hard_cloth.py": "test_the_laws*rk4*",
-    "test_contacts_scenes.py": "test_layers*",
-    "test_links.py": "test_a_sheet_hangs*",
-    "test_distance_field_scenes.py": "*mill",
-    "test_bodies_rest.py": "test_the_catalogues*",
-    "test_bodies_hard.py": "test_a_soft_body_finds*plane-float64?",
-    "test_mesh_collider.py": "test_jelly_stays* test_more_triangles*",
-    "test_motion.py": "test_the_twisted_sheet*",
-    "test_particle_contacts.py": "test_many_bodies_have* test_bricks_stand* test_the_catalogues*",
-    "test_spare.py": "test_what_leaves*",
-    "test_contact_restitution.py": "test_a_swarm* test_whole_steps*",
-    "test_mesh.py": "*million*",
-    "test_side_by_side.py": "test_the_clocks*",
-    "test_view3d.py": "test_a_pulled_cloth*",
-    # experiments whose parts are tested by themselves
-    "test_accuracy.py": "test_a_cloth_is_judged* test_figures_know_the_cloth* test_points_of* "
-    "test_a_reference_of_contacts",
-    "test_accuracy_s6.py": "test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* "
-    "test_a_rope_at_rest* "
-    "test_references_of* test_converged*jacobi*",
-    "test_accuracy_xpbd.py": "test_the_published_errors* test_two_errors* test_iterations*xpbd?jacobi?",
-    "test_ablate.py": "test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*",
-    "test_advise.py": "test_the_command_writes* test_no_cheaper*0.0001?",
-    "test_bar.py": "test_windows*cpu-1? test_bodies_keep*",
-    "test_reading.py": "test_neither_figures*",
-    "test_labbook.py": "test_the_book*None*",
-    "test_crowds.py": "test_quick_is*",
-    "test_plan.py": "test_a_stage_that_does_more*",
-    # under the CUDA simulator: each kernel once; H200s and CI run the rest
-    "test_simulated_cloth_tiles.py": "*",
-    "test_simulated_scatter.py": "test_the_cost*",
-    "test_simulated_rebound.py": "*stages? *float64*",
-    "test_simulated_contact_restitution.py": "*stages? *damped? test_bodies_of*",
-    "test_simulated_bodies_material.py": "*leave_out1* *leave_out2* *leave_out3* *leave_out4* *leave_out5*",
-    "test_simulated_bodies.py": "test_the_bits*float64?",
-    "test_simulated_mesh_collider.py": "*float64?",
-    "test_simulated_distance_field.py": "*implicit-euler? *xpbd?",
-    "test_simulated_hard.py": "*box-float32? *A10?rigid*",
-    "test_simulated_xpbd.py": "test_a_sheet_of_many* *averaged-jacobi? *kernels*jacobi?",
-    "test_simulated_cloth.py": "*rk4? *lab?",
-    "test_simulated_motion.py": "*moving-launch?",
-    "test_simulated_tiles.py": "*borders?velocity-verlet? *every_other*",
-    "test_simulated_particle_contacts.py": "*meeting-float32? *smooth-float32?",
-}
+# Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
+# file, then patterns of tests' names; further lines of a file begin with a space.
+ONLY_THOROUGH = table("""
+test_stability_figures.py *draw_stiffness?
+test_restitution.py *bodies-0.001* *bodies-0.004*
+# CPU machine code: each solver keeps a case or two, of the fused kernel and the most parts
+test_compiled.py *cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* *lattices* *meet?in?stages*
+    *meets?itself* *give?way* *cloth?in?stages* *xpbd?in?stages* *jelly?grid?in?stages* *mesh?in?stages* *rk4?in?stages*
+    *body?on?a?field* test_fast_math*cloth? test_fast_math*jelly* test_fast_math*mesh?
+test_cpu_reference.py test_fast_math* *published*rk4* *published*velocity-verlet*
+test_cloth_cpu.py test_fast_math* test_fused*kicks-apart? test_fused*rk4? test_fused*kicks-meet?
+    test_every_collider_and_part*
+test_xpbd_cpu.py test_fused*everything-gauss* test_fused*damped-jacobi* test_fused*net-gauss*
+    test_fused*everything-jacobi*
+test_xpbd_cpu_reference.py test_fast_math*
+test_cpu_assembly.py *fused-float64-fast*
+test_cloth_assembly.py *
+test_xpbd_assembly.py *
+test_implicit.py test_any_number*implicit-euler? test_order_one_against* test_float32_stops*
+    test_energy_falls*implicit-euler? test_energy_falls*
+test_cpu_bits.py test_bits*semi* test_bits*explicit* test_bits*lab* test_bits*taylor* test_bits*rk4*
+test_lattice.py test_against_the_reference_and_the_same* test_contacts_and_spares* test_float32_loses*
+test_b1.py test_kernels*shape5? test_kernels*shape4?
+test_matching.py test_kernels_and_threads*3-float32* test_kernels_and_threads*4-float32*
+test_no_trace.py *no_instruction*float64* *velocity-verlet-parts2*float64* *lab-parts0*float64?
+# orders and limits: with a force fewer, or by the reference
+test_cloth_orders.py test_contacts_do_not* test_orders*all-cpu? test_holds*dampers?along* test_holds*rk4*
+    *along?springs-cpu? test_converged_reference*wind test_orders*along?springs-reference?
+    test_holds*velocity-verlet-springs-cpu?
+test_orders.py test_manufactured_solution_of_the_unstable* *taylor-counts* *explicit-euler-counts*
+    test_manufactured_solution*cpu-lab* test_manufactured_solution*cpu-semi*
+test_physics_conservation.py *elastic_pendulum*cpu-lab* *elastic_pendulum*cpu-semi*
+test_physics_hard.py *B1?hanging-lab?
+test_reference.py test_rk4*-2.0?
+test_shapes.py *octopus-4* *letters*
+test_stability.py test_the_measured_edge*rk4* test_the_measured_edge*taylor*
+test_xpbd_laws.py test_small_steps_rope* test_tethers*cpu-jacobi? test_tethers*
+test_xpbd_reference.py test_first_order*along* test_small_steps_rope
+test_rebound.py test_a_brick_that_lands*cpu* test_bodies_that_meet*
+test_shapes3d.py *closed*mesh2*
+# scenes of the catalogue, and cases that break solvers
+test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? test_bodies_fall*soft-pile?
+    test_bodies_fall*two-worlds? test_bodies_fall*two-worlds-moon?
+test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see*
+    test_the_laws*A10?plane* test_the_laws*A10?line*
+test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
+test_hard_cloth.py test_the_laws*rk4*
+test_contacts_scenes.py test_layers*
+test_links.py test_a_sheet_hangs*
+test_distance_field_scenes.py *mill
+test_bodies_rest.py test_the_catalogues*
+test_bodies_hard.py test_a_soft_body_finds*plane-float64?
+test_mesh_collider.py test_jelly_stays* test_more_triangles*
+test_motion.py test_the_twisted_sheet* test_fused*damped?moving-rk4*
+test_particle_contacts.py test_many_bodies_have* test_bricks_stand* test_the_catalogues*
+test_spare.py test_what_leaves*
+test_contact_restitution.py test_a_swarm* test_whole_steps*
+test_mesh.py *million*
+test_side_by_side.py test_the_clocks*
+test_view3d.py test_a_pulled_cloth*
+# experiments whose parts are tested by themselves
+test_accuracy.py test_a_cloth_is_judged* test_figures_know_the_cloth* test_points_of* test_a_reference_of_contacts
+test_accuracy_s6.py test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest*
+    test_references_of* test_converged*jacobi*
+test_accuracy_xpbd.py test_the_published_errors* test_two_errors* test_iterations*xpbd?jacobi?
+test_ablate.py test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*
+test_advise.py test_the_command_writes* test_no_cheaper*0.0001?
+test_bar.py test_windows*cpu-1? test_bodies_keep*
+test_reading.py test_neither_figures*
+test_labbook.py test_the_book*None*
+test_crowds.py test_quick_is*
+test_plan.py test_a_stage_that_does_more*
+# under the CUDA simulator: each kernel once; real GPUs and CI run the rest
+test_simulated_cloth_tiles.py *
+test_simulated_scatter.py test_the_cost*
+test_simulated_rebound.py *stages? *float64*
+test_simulated_contact_restitution.py *stages? *damped? test_bodies_of*
+test_simulated_bodies_material.py *leave_out1* *leave_out2* *leave_out3* *leave_out4* *leave_out5*
+test_simulated_bodies.py test_the_bits*float64?
+test_simulated_mesh_collider.py *float64?
+test_simulated_distance_field.py *implicit-euler? *xpbd?
+test_simulated_hard.py *box-float32? *A10?rigid*
+test_simulated_xpbd.py test_a_sheet_of_many* *averaged-jacobi? *kernels*jacobi?
+test_simulated_cloth.py *rk4? *lab?
+test_simulated_motion.py *moving-launch?
+test_simulated_tiles.py *borders?velocity-verlet? *every_other*
+test_simulated_particle_contacts.py *meeting-float32? *smooth-float32?
+""")
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
 # value of every parameter (tests/tools/variants.py).
