@@ -66,14 +66,14 @@ class ScatterGrid(MassSpring):
         for number in range(count):
             if self._how == ATOMICS:
                 both = (across, down, 2), (*block, 1), stream
-                self._scatter.atomics[both](position, self._sums, self.record, *self._shape)
+                self._scatter.atomics[both](position, self._sums, self.record, *self.shape)
             else:
                 for colour, kernel in enumerate(self._scatter.colours):
                     half = (-(-across // 2), down) if colour < 2 else (across, -(-down // 2))
-                    kernel[half, block, stream](position, self._sums, self.record, *self._shape)
+                    kernel[half, block, stream](position, self._sums, self.record, *self.shape)
             self._scatter.move[self._grid](
                 position, velocity, self._sums, self.record, self.integers, self._counter, np.int64(number),
-                self._pinned_row, self.pinned, *self._shape,
+                self._pinned_row, self.pinned, *self.shape,
             )  # fmt: skip
         self._current = 0
 

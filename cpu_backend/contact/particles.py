@@ -53,10 +53,10 @@ class ParticleContacts:
         many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
         self._found = who, many, entries, pairs, begins, active, self._lost
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
-        self.old = aligned_zeros(AXES * count if "restitution" in parts else 0, real)
+        self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
         self._search = (body, kind, rest), tables, in_order, self._found
         self._find = make_find_stage(real, math)
-        self._project = make_project_stage(real, math, "friction" in parts, "adhesion" in parts)
+        self._project = make_project_stage(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
         self._bounce = make_bounce_stage(real, math)
         self.change(scene)
 

@@ -205,7 +205,7 @@ class Bodies(Simulation):
         def update(step: int, offset: float) -> None:
             if self.plan.parts & PACES:
                 settle(bands, count, before, position, contacts.record)
-            if "restitution" in self.plan.parts:
+            if "contact-restitution" in self.plan.parts:
                 contacts.old[:] = velocity
             stage.update(bands, before, position, velocity, self._weights, count, self.record)
 

@@ -41,8 +41,8 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     project = make_link_projection(compiler, real)
     has_contacts, has_pace = "contacts" in parts, bool(parts & PACES)
     find, settle = make_find(real, math), make_settle(compiler, real, parts)
-    take_out = make_project(real, math, "friction" in parts, "adhesion" in parts)
-    bounce, bounces = make_bounce(real, math), "restitution" in parts
+    take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
+    bounce, bounces = make_bounce(real, math), "contact-restitution" in parts
     bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
     rebounds = "rigid-rebound" in parts
     whole = make_rebound(compiler, real, rebounds, at_rebound(parts))

@@ -72,8 +72,8 @@ class ParticleContacts:
         self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
         self._find = make_find(real, own, many)
         self.variant = own, many
-        self.bounces, self._bounce = "restitution" in parts, make_bounce(real, math, own, many)
-        self._project = make_project(real, math, "friction" in parts, "adhesion" in parts, own, many)
+        self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
+        self._project = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, own, many)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)

@@ -1,9 +1,11 @@
 """What the GPU's simulations share: buffers in turn, passes through graphs, and the contract's copies and looks.
 
-A solver's class sets `position`, `velocity` (two device arrays each, `_current` tells which pair is the state),
-`kept_position`, `kept_velocity`, `record`, `integers`, `_integers` (its copy on the host, number 1 the poke), `_counter`,
-`_counts` (whether the kernels read it), `_bad`, `stream`, `_flat` (launch of a thread a mass), `_tools` (kernels `count`
-and `first_diverged`), `_executor`, `_graphs`.
+A solver chooses its plan and kernel, asks whether there is room (`_require_memory`), and starts (`_start`): then its
+`_allocate` makes what lies on the device, the state first (`_allocate_state`), and its `_build` compiles every kernel.
+
+`position`, `velocity` are two device arrays each, `_current` tells which pair is the state. `_integers` is the host's copy of
+`integers`, number 1 the poke; `_counts`: whether the kernels read the counter of steps; `_flat`: a launch of a thread a mass,
+`_grid`: of blocks over the rows and columns of a sheet; `_tools`: kernels `count` and `first_diverged`.
 """
 
 from __future__ import annotations
@@ -15,10 +17,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import simulated, unsupported_code
-from gpu_backend.core.launch import Graphs
+from gpu_backend.core.device import memory_info, require_gpu, simulated, unsupported_code
+from gpu_backend.core.launch import Graphs, new_stream
+from gpu_backend.core.sheet import BLOCK, MAX_BLOCKS_DOWN
+from model.core.errors import SceneError
+from model.core.memory import require
 from model.core.plan import Executor
-from model.core.simulation import Simulation
+from model.core.simulation import Options, Simulation
+from model.scene.scene import Scene
 
 NOTHING_BAD = np.iinfo(np.int32).max
 
@@ -45,9 +51,65 @@ class CudaSimulation(Simulation):
     _graphs: Graphs | None = None
     _normals: Any = None
 
+    def __init__(self, scene: Scene, options: Options):
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.particle_count = len(self.body.position)
+
     @property
     def _is_rk4(self) -> bool:
         return self.scene.method.integrator == "rk4"
+
+    # ------------------------------------------------------------------ the start
+
+    def _require_memory(self, needed: int, field: str, value: str) -> None:
+        """Raise SceneError, naming the field, where the device has no room for so many bytes."""
+        if not simulated():
+            require(needed, memory_info()[0], field, value, "GPU memory")
+
+    def _require_rows(self, sheet: str) -> None:
+        """Raise SceneError where a launch of blocks over the sheet has more of them than CUDA takes."""
+        if -(-self.body.rows // BLOCK[1]) > MAX_BLOCKS_DOWN:
+            most = MAX_BLOCKS_DOWN * BLOCK[1]
+            raise SceneError(f"{sheet}.rows", self.body.rows, f"at most {most} rows on the gpu; turn the sheet")
+
+    def _start(self, threads: int = 256) -> None:
+        """Everything that a step needs, on the device, in the state at time 0. `threads`: of a block of `_flat`."""
+        rows, columns = self.body.rows, self.body.columns
+        self.stream = new_stream()
+        self._flat = self._over(self.particle_count, threads)
+        self._grid = ((-(-columns // BLOCK[0]), -(-rows // BLOCK[1])), BLOCK, self.stream)
+        self.shape = (np.int32(rows), np.int32(columns))
+        self._allocate()
+        self._build_or_explain()
+        self.reset()
+
+    def _over(self, count: int, threads: int) -> tuple[int, int, Any]:
+        """A launch of at least `count` threads, `threads` a block."""
+        return max(1, -(-count // threads)), threads, self.stream
+
+    def on_device(self, array: np.ndarray) -> Any:
+        """A flat copy of an array; of an empty one, which kernels do not take, a quad of zeros."""
+        flat = np.ascontiguousarray(array).reshape(-1)
+        return cuda.to_device(flat if flat.size else np.zeros(4, array.dtype), stream=self.stream)
+
+    @abstractmethod
+    def new_array(self) -> Any:
+        """A device array of zeros for one quantity of every particle."""
+
+    @abstractmethod
+    def _allocate(self) -> None:
+        """Everything on the device."""
+
+    def _allocate_state(self) -> None:
+        """What every solver has there; `_integers` has been set."""
+        self.position, self.velocity = [self.new_array(), self.new_array()], [self.new_array(), self.new_array()]
+        self.kept_position, self.kept_velocity = self.new_array(), self.new_array()
+        self._current = 0
+        self.record = self.on_device(self._record)
+        self.integers = self.on_device(self._integers)
+        self._counter = self.on_device(np.zeros(1, np.int64))
+        self._bad = self.on_device(np.full(1, NOTHING_BAD, np.int32))
 
     @abstractmethod
     def _build(self) -> None:

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numba import cuda
 
 from gpu_backend.core.compile import make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
@@ -104,17 +105,19 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
 
 class Matching:
     """The clusters of a grid and their tables on the device. `launch`: the configuration of a thread a mass; `shape`: (rows,
-    columns); `on_device`: what takes arrays there."""
+    columns); `stream`: of all copies."""
 
     launches = 2  # of an iteration
 
-    def __init__(self, scene: Scene, real: Any, math: str, launch: tuple, on_device: Any):
+    def __init__(self, scene: Scene, real: Any, math: str, launch: tuple, stream: Any):
         self.kernels = make_matching(real, math, scene.method.region)
         counts = scene.grid.rows, scene.grid.columns
         self.shape = tuple(np.int32(count) for count in counts)
         self.launch = launch
-        self.tables = tuple(on_device(matching_axis(count, scene.method.region).table(real)) for count in counts)
-        self.clusters = on_device(np.zeros(SIZE * scene.grid.particle_count, real))
+        self.tables = tuple(
+            cuda.to_device(matching_axis(count, scene.method.region).table(real), stream=stream) for count in counts
+        )
+        self.clusters = cuda.to_device(np.zeros(SIZE * scene.grid.particle_count, real), stream=stream)
 
     def match(self, position: Any) -> None:
         self.kernels.match[self.launch](position, self.clusters, *self.tables, *self.shape)

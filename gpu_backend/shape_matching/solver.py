@@ -16,20 +16,17 @@ from numba import cuda
 
 from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
 from gpu_backend.contact.particles_project import make_contact_ends
-from gpu_backend.core.device import memory_info, require_gpu, simulated
-from gpu_backend.core.launch import Graphs, can_capture, new_stream
-from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
+from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.mass_spring.cloth.point import COLLIDER_COUNTS, INTEGERS, knows_time
 from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
 from gpu_backend.shape_matching.links import make_link_projection
 from gpu_backend.shape_matching.material import ClusterMaterial
 from gpu_backend.shape_matching.rebound import Rebounds
 from gpu_backend.shape_matching.stages import bind_bodies_stages
-from model.core.errors import SceneError
-from model.core.memory import require
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.formulas.cluster import MOMENTS
@@ -38,34 +35,16 @@ from model.scene.scene import Scene
 from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
 from model.xpbd.plan import xpbd_plan
 
-KERNELS = ("graph", "launch", "stages")
 
-
-def choose_kernel(wanted: str | None) -> str:
-    """The kernel `wanted`, or the fastest there is. Raises SceneError for any other."""
-    if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for bodies on the gpu")
-    return wanted or ("graph" if can_capture() else "launch")
-
-
-class Bodies(QuadSimulation):
+class Bodies(SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
-        self.device = require_gpu()
         super().__init__(scene, options)
-        self.plan, self.kernel, self.threads = xpbd_plan(scene, options.live), choose_kernel(options.kernel), THREADS
-        self.clusters, self.particle_count = scene.body_set.loose, len(self.body.position)
+        self.plan, self.kernel = xpbd_plan(scene, options.live), launched_kernel(options.kernel, "bodies")
+        self.threads, self.clusters = THREADS, scene.body_set.loose
         self._require_space()
-        self.stream = new_stream()
-        self._flat = self._over(self.particle_count)
-        self._allocate()
-        self._build_or_explain()
-        self.reset()
-
-    def _over(self, count: int) -> tuple[int, int, Any]:
-        """A launch of at least `count` threads."""
-        return max(1, -(-count // THREADS)), THREADS, self.stream
+        self._start(THREADS)
 
     def _require_space(self) -> None:
         item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
@@ -73,52 +52,30 @@ class Bodies(QuadSimulation):
         needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.body_set, item)
         if self.scene.contact:
             needed += particle_contact_bytes(self.scene, item)
-        if not simulated():
-            what = f"{self.particle_count} particles, {entries} entries of clusters"
-            require(needed, memory_info()[0], "bodies", what, "GPU memory")
+        self._require_memory(needed, "bodies", f"{self.particle_count} particles, {entries} entries of clusters")
 
     # ------------------------------------------------------------------ arrays
 
-    def _on_device(self, array: np.ndarray) -> Any:
-        flat = np.ascontiguousarray(array).reshape(-1)
-        return cuda.to_device(flat if flat.size else np.zeros(SIZE, array.dtype), stream=self.stream)
-
     def _zeros(self, count: int) -> Any:
-        return self._on_device(np.zeros(count, self.real))
+        return self.on_device(np.zeros(count, self.real))
 
     def _allocate(self) -> None:
         scene, real, clusters = self.scene, self.real, self.clusters
-        quads = SIZE * self.particle_count
-        self.position, self.velocity = (
-            [self._zeros(quads), self._zeros(quads)],
-            [self._zeros(quads), self._zeros(quads)],
-        )
-        self.kept_position, self.kept_velocity = self._zeros(quads), self._zeros(quads)
+        self._allocate_quads(collider_numbers(scene, real))
         self.rotation, self.turned, self.kept_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
-        self._current = 0
-        self.record = self._on_device(self._record)
-        kinds = [kind for kind, _ in scene.colliders]
-        self._integers = np.zeros(INTEGERS, np.uint64)
-        for place, kind in COLLIDER_COUNTS:
-            self._integers[place] = kinds.count(kind)
-        self.integers = self._on_device(self._integers)
-        self.bodies = self._on_device(collider_numbers(scene, real) if kinds else np.zeros(1, real))
-        self._counter = self._on_device(np.zeros(1, np.int64))
-        self._bad = self._on_device(np.zeros(1, np.int32))
-        self._counts = knows_time(self.plan.parts)
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(real)
-        self._firsts = self._on_device(first_particles(clusters))
+        self._firsts = self.on_device(first_particles(clusters))
         self._entries = (
-            self._on_device(clusters.offsets), self._firsts, self._on_device(clusters.indices), self._on_device(members)
+            self.on_device(clusters.offsets), self._firsts, self.on_device(clusters.indices), self.on_device(members)
         )  # fmt: skip
-        self._leans = self._on_device(leans(clusters, real))
+        self._leans = self.on_device(leans(clusters, real))
         self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
         self.contacts = ParticleContacts(scene, real, self.options.math, self.stream) if scene.contact else None
         starts, self._own = clusters.of_particle
-        self._own_members = self._on_device(self._in_own_order())
+        self._own_members = self.on_device(self._in_own_order())
         self._gathered = (
-            self._on_device(starts), self._on_device(clusters.owner[self._own]), self._own_members, self._frames
+            self.on_device(starts), self.on_device(clusters.owner[self._own]), self._own_members, self._frames
         )  # fmt: skip
 
         variant = real, self.options.math
@@ -132,7 +89,7 @@ class Bodies(QuadSimulation):
         self._lattices.change(scene.method)
         links = self.scene.body_set.links
         if links.count:
-            self._link_ends, self._link_values = self._on_device(links.ends.T), self._on_device(self._of_links())
+            self._link_ends, self._link_values = self.on_device(links.ends.T), self.on_device(self._of_links())
             self._multipliers = self._zeros(links.count)
 
     def _of_links(self) -> np.ndarray:
@@ -186,9 +143,9 @@ class Bodies(QuadSimulation):
         self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
         arrays = position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
         if self._material.shaped:
-            self._material.turn(self._over(self.clusters.count), look, *arrays)
+            self._material.turn(self._over(self.clusters.count, THREADS), look, *arrays)
         else:
-            self._cluster_kernels.turn[self._over(self.clusters.count)](*arrays)
+            self._cluster_kernels.turn[self._over(self.clusters.count, THREADS)](*arrays)
 
     def _move(self, position: Any) -> None:
         """Particles towards the goals of their loose clusters."""
@@ -200,7 +157,7 @@ class Bodies(QuadSimulation):
         starts = self.scene.body_set.links.starts
         start, stop = starts[number], starts[number + 1]
         assert self._project_links is not None
-        self._project_links[self._over(int(stop - start))](
+        self._project_links[self._over(int(stop - start), THREADS)](
             position, self._link_ends, self._link_values, self._multipliers, start, stop, starts[-1], fresh
         )
 
@@ -269,12 +226,6 @@ class Bodies(QuadSimulation):
         else:
             self._material.ends.rate[self._flat](before, now, velocity, *self._gathered, self.record)
         self._material.gather(now, velocity, self._entries, self._leans)
-
-    def _launch(self, parity: int, steps: int) -> None:
-        self._current = parity
-        for place in range(steps):
-            for substep in range(self.scene.method.substeps):
-                self._substep(place, substep)
 
     @property
     def _launches(self) -> int:

@@ -15,18 +15,15 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import memory_info, require_gpu, simulated
-from gpu_backend.core.launch import Graphs, can_capture, new_stream
-from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
+from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.mass_spring.cloth.point import COLLIDER_COUNTS, EXTERNAL_SEED, INTEGERS, WIND_SEED, knows_time
 from gpu_backend.xpbd.kernels import make_attach, make_end
 from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
 from gpu_backend.xpbd.mesh_projections import make_mesh_projection
 from gpu_backend.xpbd.stages import make_xpbd_stages
-from model.core.errors import SceneError
-from model.core.memory import require
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.geometry.tables import vertex_attachments, wind_lists
@@ -36,76 +33,37 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import Family, families
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
-KERNELS = ("graph", "launch", "stages")
 THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
 
 
-def choose_kernel(wanted: str | None) -> str:
-    """The kernel `wanted`, or the fastest there is. Raises SceneError for any other."""
-    if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a mesh on the gpu")
-    return wanted or ("graph" if can_capture() else "launch")
-
-
-class MeshPositionBased(QuadSimulation):
+class MeshPositionBased(SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
-        self.device = require_gpu()
         super().__init__(scene, options)
-        self.plan, self.kernel = xpbd_mesh_plan(scene, options.live), choose_kernel(options.kernel)
+        self.plan, self.kernel = xpbd_mesh_plan(scene, options.live), launched_kernel(options.kernel, "a mesh")
         self.threads = THREADS
-        self.particle_count = len(self.body.position)
         self._require_space()
-        self.stream = new_stream()
-        self._flat = self._over(self.particle_count)
-        self._allocate()
-        self._build_or_explain()
-        self.reset()
-
-    def _over(self, count: int) -> tuple[int, int, Any]:
-        """A launch of at least `count` threads."""
-        return max(1, -(-count // THREADS)), THREADS, self.stream
+        self._start(THREADS)
 
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
         needed = 8 * SIZE * self.particle_count * item
         for family in families(self.scene):
             needed += family.corners.nbytes + (family.values.size + 3 * len(family.corners)) * item
-        if not simulated():
-            require(needed, memory_info()[0], "mesh", f"{self.particle_count} vertices", "GPU memory")
+        self._require_memory(needed, "mesh", f"{self.particle_count} vertices")
 
     # ------------------------------------------------------------------ arrays
 
-    def _new_array(self) -> Any:
-        return self._on_device(np.zeros(SIZE * self.particle_count, self.real))
-
-    def _on_device(self, array: np.ndarray) -> Any:
-        return cuda.to_device(np.ascontiguousarray(array).reshape(-1), stream=self.stream)
-
     def _allocate(self) -> None:
         scene, real = self.scene, self.real
-        self.position, self.velocity = [self._new_array(), self._new_array()], [self._new_array(), self._new_array()]
-        self.kept_position, self.kept_velocity = self._new_array(), self._new_array()
-        self._current = 0
-        self.record = self._on_device(self._record)
-        kinds = [kind for kind, _ in scene.colliders]
-        self._integers = np.zeros(INTEGERS, np.uint64)
-        self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
-        self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
-        for place, kind in COLLIDER_COUNTS:
-            self._integers[place] = kinds.count(kind)
-        self.integers = self._on_device(self._integers)
-        self.bodies = self._on_device(collider_numbers(scene, real) if kinds else np.zeros(1, real))
-        self._counter = self._on_device(np.zeros(1, np.int64))
-        self._bad = self._on_device(np.zeros(1, np.int32))
-        self._counts = knows_time(self.plan.parts)
+        self._allocate_quads(collider_numbers(scene, real))
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         assert scene.mesh is not None
-        self._lists = [self._on_device(array) for array in wind_lists(mesh_of(scene.mesh))]  # for normals too
+        self._lists = [self.on_device(array) for array in wind_lists(mesh_of(scene.mesh))]  # for normals too
         anchors, reaches = vertex_attachments(scene, self.body, real, "attachments" in self.plan.parts)
         self.attachments = anchors.shape[1] if "attachments" in self.plan.parts else 0  # of a mass
-        self.anchors, self.reaches = self._on_device(anchors), self._on_device(reaches)
+        self.anchors, self.reaches = self.on_device(anchors), self.on_device(reaches)
 
     # ------------------------------------------------------------------ kernels
 
@@ -134,11 +92,11 @@ class MeshPositionBased(QuadSimulation):
         kernel = make_mesh_projection(self.real, self.options.math, parts, family.kind)
         soft = f"{family.kind}-compliance" in parts
         planes = (3 if family.model == "isometric" else 1) if soft else 0
-        multipliers = self._on_device(np.zeros(max(1, planes * count), self.real))
-        corners, values = self._on_device(family.corners.T), self._on_device(family.values.T.astype(self.real))
+        multipliers = self.on_device(np.zeros(max(1, planes * count), self.real))
+        corners, values = self.on_device(family.corners.T), self.on_device(family.values.T.astype(self.real))
 
         def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
-            launch, bounds = self._over(stop - start), (np.int32(start), np.int32(stop), np.int32(count))
+            launch, bounds = self._over(stop - start, THREADS), (np.int32(start), np.int32(stop), np.int32(count))
             return lambda before, position, fresh: kernel[launch](
                 position, before, corners, values, multipliers, *bounds, np.int32(fresh), self.record
             )
@@ -164,12 +122,6 @@ class MeshPositionBased(QuadSimulation):
                 project(before, now, iteration == 0)
             self._attach_all(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
-
-    def _launch(self, parity: int, steps: int) -> None:
-        self._current = parity
-        for place in range(steps):
-            for substep in range(self.scene.method.substeps):
-                self._substep(place, substep)
 
     @property
     def _launches(self) -> int:

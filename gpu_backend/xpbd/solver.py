@@ -20,20 +20,12 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.self_contact import Contacts, contact_bytes
-from gpu_backend.core.device import memory_info, require_gpu, simulated
-from gpu_backend.core.launch import Graphs, can_capture, new_stream
-from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
-from gpu_backend.core.simulation import NOTHING_BAD
+from gpu_backend.core.sheet import BLOCK
+from gpu_backend.core.substeps import SubstepSimulation
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.mass_spring.cloth.point import (
-    COLLIDER_COUNTS,
-    EXTERNAL_SEED,
-    INTEGERS,
-    WIND_SEED,
-    knows_time,
-)  # fmt: skip
-from gpu_backend.mass_spring.grid.kernels import BLOCK, MAX_BLOCKS_DOWN
 from gpu_backend.shape_matching.matching import Matching
 from gpu_backend.xpbd.choice import xpbd_kernel
 from gpu_backend.xpbd.constraints import compliant
@@ -52,7 +44,6 @@ from gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
 from gpu_backend.xpbd.stages import bind_xpbd_stages
 from model.core.build import rest_positions
 from model.core.errors import SceneError
-from model.core.memory import require
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.geometry.geodesic import sheet_attachments
@@ -63,7 +54,7 @@ from model.xpbd.plan import colour_order, families, xpbd_plan
 NOT_YET = ("motion", "mesh")
 
 
-class PositionBased(QuadSimulation):
+class PositionBased(SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
@@ -72,22 +63,14 @@ class PositionBased(QuadSimulation):
                 raise SceneError(
                     f"{name}.kind", kind, "is not known to the position-based solvers on the gpu; leave it out"
                 )
-        self.device = require_gpu()
         super().__init__(scene, options)
         self.plan = xpbd_plan(scene, options.live)
         self._chosen = xpbd_kernel(scene, self.real, self.plan.parts, options.kernel)
         self.kernel = self._chosen.kernel
         tile = self._chosen.tile
         self.threads = tile.threads if tile else BLOCK[0] * BLOCK[1]
-        rows, columns = self.body.rows, self.body.columns
-        self.particle_count = rows * columns
         self._require_space()
-        self.stream = new_stream()
-        self._grid = (blocks_over(rows, columns), BLOCK, self.stream)
-        self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
-        self._allocate()
-        self._build_or_explain()
-        self.reset()
+        self._start()
 
     def _require_space(self) -> None:
         rows, columns = self.body.rows, self.body.columns
@@ -97,53 +80,27 @@ class PositionBased(QuadSimulation):
         needed = scalars * self.particle_count * item
         if self.scene.self_collision:
             needed += contact_bytes(self.particle_count, item)
-        if not simulated():
-            require(needed, memory_info()[0], f"{sheet}.rows x {sheet}.columns", f"{rows} x {columns}", "GPU memory")
-        if blocks_over(rows, columns)[1] > MAX_BLOCKS_DOWN:
-            raise SceneError(
-                f"{sheet}.rows", rows, f"at most {MAX_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the sheet"
-            )
+        self._require_memory(needed, f"{sheet}.rows x {sheet}.columns", f"{rows} x {columns}")
+        self._require_rows(sheet)
 
     # ------------------------------------------------------------------ arrays
 
-    def new_array(self) -> Any:
-        """A device array of quads, zeros."""
-        return self._on_device(np.zeros(SIZE * self.particle_count, self.real))
-
-    def _on_device(self, array: np.ndarray) -> Any:
-        return cuda.to_device(array, stream=self.stream)
-
     def _allocate(self) -> None:
-        self.position, self.velocity = [self.new_array(), self.new_array()], [self.new_array(), self.new_array()]
-        self.kept_position, self.kept_velocity, self.scratch = (self.new_array() for _ in range(3))
-        self._current = 0
-        self.record = self._on_device(self._record)
         scene = self.scene
-        kinds = [kind for kind, _ in scene.colliders]
-        self._integers = np.zeros(INTEGERS, np.uint64)
-        self._integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
-        self._integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
-        for place, kind in COLLIDER_COUNTS:
-            self._integers[place] = kinds.count(kind)
-        self.integers = self._on_device(self._integers)
-        rows = collider_numbers(scene, self.real)
-        self.bodies = self._on_device(rows if kinds else np.zeros(1, self.real))
-        self._counter = self._on_device(np.zeros(1, np.int64))
-        self._bad = self._on_device(np.full(1, NOTHING_BAD, np.int32))
+        self._allocate_quads(collider_numbers(scene, self.real))
+        self.scratch = self.new_array()
         inverse, mass = self.body.inverse_mass, scene.grid.mass  # their product may be 1 less a rounding
         self._weight = np.where(inverse == 1 / mass, 1.0, inverse * mass).astype(self.real)
-        self.shape = (np.int32(self.body.rows), np.int32(self.body.columns))
-        self._counts = knows_time(self.plan.parts)
         self.matching: Matching | None = None
         if scene.method.matches_shapes:
-            self.matching = Matching(scene, self.real, self.options.math, self._grid, self._on_device)
+            self.matching = Matching(scene, self.real, self.options.math, self._grid, self.stream)
         self.contacts = None
         if scene.self_collision:
             self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)
         planes = multiplier_planes(self.plan.parts)
-        self.multipliers = self._on_device(np.zeros(max(1, planes * self.particle_count), self.real))
+        self.multipliers = self.on_device(np.zeros(max(1, planes * self.particle_count), self.real))
         self.attachments = 0  # of a mass
-        self.anchors, self.reaches = self._on_device(np.zeros(1, np.int32)), self._on_device(np.zeros(1, self.real))
+        self.anchors, self.reaches = self.on_device(np.zeros(1, np.int32)), self.on_device(np.zeros(1, self.real))
         if "attachments" in self.plan.parts:
             self._allocate_attachments()
 
@@ -155,8 +112,8 @@ class PositionBased(QuadSimulation):
         missing = anchor < 0
         anchor, length = np.where(missing, anchor[:, :1], anchor), np.where(missing, length[:, :1], length)
         self.attachments = attachments.anchors
-        self.anchors = self._on_device(np.ascontiguousarray(anchor, np.int32).reshape(-1))
-        self.reaches = self._on_device((length * (1 + attachments.slack)).astype(self.real).reshape(-1))
+        self.anchors = self.on_device(np.ascontiguousarray(anchor, np.int32).reshape(-1))
+        self.reaches = self.on_device((length * (1 + attachments.slack)).astype(self.real).reshape(-1))
 
     # ------------------------------------------------------------------ kernels
 
@@ -245,12 +202,6 @@ class PositionBased(QuadSimulation):
             if self.contacts:
                 self.contacts.project(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
-
-    def _launch(self, parity: int, steps: int) -> None:
-        self._current = parity
-        for place in range(steps):
-            for substep in range(self.scene.method.substeps):
-                self._substep(place, substep)
 
     @property
     def _launches(self) -> int:

@@ -92,20 +92,20 @@ def kinds_of_particles(scene: Scene) -> np.ndarray:
 
 
 def contact_parts(scene: Scene) -> frozenset[str]:
-    """What of contacts needs code: `contacts`; `friction`, friction; `adhesion`, adhesion; `speed-limit`; `sleeping`;
-    `restitution`, restitution."""
+    """What of contacts needs code: `contacts`; `contact-friction`, `contact-adhesion`; `speed-limit`; `sleeping`;
+    `contact-restitution`."""
     part = scene.contact
     if part is None:
         return frozenset()
     found = {"contacts"}
     if part.static_friction > 0:
-        found.add("friction")
+        found.add("contact-friction")
     if any(body.adhesion > 0 for body in scene.bodies.values()):
-        found.add("adhesion")
+        found.add("contact-adhesion")
     if part.maximum_speed is not None:
         found.add("speed-limit")
     if part.sleeping_speed > 0:
         found.add("sleeping")
     if part.restitution > 0:
-        found.add("restitution")
+        found.add("contact-restitution")
     return frozenset(found)

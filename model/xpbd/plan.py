@@ -64,8 +64,8 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     `structural-compliance` (and so on): the constraints have multipliers, or may get them, where the stiffness is live;
     `structural-damping`: dampers along them;
     `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
-    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `friction` where that has friction. Of the
-    solver shape-matching `clusters` instead of constraints.
+    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `contact-friction` where that has friction.
+    Of the solver shape-matching `clusters` instead of constraints.
     """
     parts = set(cloth_parts(scene, live))
     method = scene.method
@@ -95,7 +95,7 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     if scene.self_collision:
         parts.add("self_collision")
         if scene.self_collision.static_friction > 0:
-            parts.add("friction")
+            parts.add("contact-friction")
     parts.add(method.ordering)
     return frozenset(parts)
 
@@ -243,7 +243,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
-    bounce = (bounces,) if "restitution" in parts else ()
+    bounce = (bounces,) if "contact-restitution" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()

@@ -167,9 +167,9 @@ def test_a_scene_without_it_is_as_before() -> None:
     plain, bounces = meeting(), meeting(restitution=0.5)
     for none in (plain, meeting(restitution=0.0)):
         assert "restitution" not in none.as_dict()["contact"] and Scene(none.as_dict()).contact == plain.contact
-        assert "restitution" not in xpbd_parts(none) and not xpbd_plan(none).has("bounce")
+        assert "contact-restitution" not in xpbd_parts(none) and not xpbd_plan(none).has("bounce")
     assert Scene(bounces.as_dict()).contact == bounces.contact
-    assert xpbd_parts(bounces) - xpbd_parts(plain) == {"restitution", "rigid-bounce"} and xpbd_plan(bounces).has(
+    assert xpbd_parts(bounces) - xpbd_parts(plain) == {"contact-restitution", "rigid-bounce"} and xpbd_plan(bounces).has(
         "bounce"
     )
 

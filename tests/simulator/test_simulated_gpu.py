@@ -9,7 +9,8 @@ import pytest
 
 from app.driver import open_simulation
 from bench.reference import mass_spring as reference
-from gpu_backend.mass_spring.grid.kernels import BLOCK, make_tools
+from gpu_backend.core.sheet import BLOCK
+from gpu_backend.mass_spring.grid.kernels import make_tools
 from model.core.errors import Diverged, SceneError
 from model.core.integrators import INTEGRATORS
 from model.core.simulation import State

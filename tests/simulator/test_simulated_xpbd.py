@@ -11,7 +11,7 @@ from xpbd_scenes import PARTS, poke_of, xpbd_scene
 
 from app.driver import open_simulation
 from bench.reference import xpbd as reference
-from gpu_backend.mass_spring.grid.kernels import BLOCK
+from gpu_backend.core.sheet import BLOCK
 from model.core.build import build, rest_positions
 from model.core.errors import Diverged, SceneError
 from model.core.simulation import State

@@ -9,6 +9,7 @@ from numba import cuda
 
 from gpu_backend.core.launch import prepare
 from gpu_backend.core.messages import message_size
+from gpu_backend.core.sheet import MAX_BLOCKS_DOWN
 from gpu_backend.core.tiling import Tile, tile_count
 from gpu_backend.mass_spring.cloth.resident import make_cloth_resident
 from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_cloth_tiles
@@ -17,7 +18,6 @@ from gpu_backend.mass_spring.grid import tile_launch
 from model.core.errors import BackendUnavailable, SceneError
 
 MAX_THREADS = 1024  # of a block
-MAX_BLOCKS_DOWN = 65535  # of a launch
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import EXTERNAL_SEED, POKED, WIND_SEED, knows_time
 from gpu_backend.core.quads import load_quad
 from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
@@ -39,20 +40,6 @@ from model.mass_spring.cloth_parameters import (
     C_WIND_Y,
     C_WIND_Z,
 )  # fmt: skip
-from model.scene.cloth import COLLIDER_KINDS
-
-# Numbers of the integer record, all uint64:
-INTEGERS = 9
-# POKED: 1 + it, 0 for none
-EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(INTEGERS)
-COUNTS = (PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS)
-COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # place, kind
-COLLIDERS = frozenset(COLLIDER_KINDS)
-
-
-def knows_time(parts: frozenset[str]) -> bool:
-    """Whether anything depends on the number of the step."""
-    return bool(parts & {"external", "gust", "motion"} or parts & COLLIDERS)
 
 
 @cache

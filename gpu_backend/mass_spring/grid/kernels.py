@@ -29,9 +29,6 @@ from model.core.parameters import (
     K_THIRD_DT,
 )  # fmt: skip
 
-BLOCK = (32, 8)  # columns, rows
-MAX_BLOCKS_DOWN = 65535  # the hardware's limit on blocks in the second direction
-
 
 @cache
 def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:

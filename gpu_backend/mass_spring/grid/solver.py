@@ -13,15 +13,14 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.device import memory_info, require_gpu, simulated
-from gpu_backend.core.launch import Graphs, can_capture, new_stream
-from gpu_backend.core.simulation import NOTHING_BAD, CudaSimulation
+from gpu_backend.core.launch import Graphs, can_capture
+from gpu_backend.core.sheet import BLOCK
 from gpu_backend.mass_spring.grid.choice import best_tile, default_kernel, named_tile
-from gpu_backend.mass_spring.grid.kernels import BLOCK, MAX_BLOCKS_DOWN, make_passes, make_rk4_stages, make_tools
+from gpu_backend.mass_spring.grid.kernels import make_passes, make_rk4_stages, make_tools
 from gpu_backend.mass_spring.grid.stages import bind_stages
 from gpu_backend.mass_spring.grid.tile_launch import TileLauncher
+from gpu_backend.mass_spring.passes import SheetPasses
 from model.core.errors import SceneError
-from model.core.memory import require
 from model.core.plan import Executor, mass_spring_plan
 from model.core.simulation import Options
 from model.scene.scene import Scene
@@ -30,32 +29,20 @@ KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")
 ON_TILES = ("one-block", "resident", "tiles")
 
 
-class MassSpring(CudaSimulation):
+class MassSpring(SheetPasses):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
-        self.device = require_gpu()
         super().__init__(scene, options)
         self._choose_kernel()
         self.plan = mass_spring_plan(scene, options.live)
-        rows, columns = self.body.rows, self.body.columns
-        self.particle_count = rows * columns
         self.threads = self.tile.threads if self.tile else BLOCK[0] * BLOCK[1]
         self._pair = np.complex64 if self.real is np.float32 else np.complex128
         arrays = 14 if self._is_rk4 else 10 if self.kernel == "resident" else 6
         needed = arrays * self.particle_count * np.dtype(self._pair).itemsize
-        shape_text = f"{rows} x {columns}"
-        if not simulated():
-            require(needed, memory_info()[0], "grid.rows x grid.columns", shape_text, "GPU memory")
-        blocks = ((columns + BLOCK[0] - 1) // BLOCK[0], (rows + BLOCK[1] - 1) // BLOCK[1])
-        if blocks[1] > MAX_BLOCKS_DOWN:
-            raise SceneError("grid.rows", rows, f"at most {MAX_BLOCKS_DOWN * BLOCK[1]} rows on the gpu; turn the grid")
-        self.stream = new_stream()
-        self._grid = (blocks, BLOCK, self.stream)
-        self._flat = ((self.particle_count + 255) // 256, 256, self.stream)
-        self._allocate()
-        self._build_or_explain()
-        self.reset()
+        self._require_memory(needed, "grid.rows x grid.columns", f"{self.body.rows} x {self.body.columns}")
+        self._require_rows("grid")
+        self._start()
 
     def _choose_kernel(self) -> None:
         """Sets `kernel` and, for those on tiles, `tile`. Raises SceneError for a kernel that cannot run this scene."""
@@ -83,36 +70,25 @@ class MassSpring(CudaSimulation):
 
     def new_array(self) -> Any:
         """A complex (particles,) device array of zeros."""
-        return cuda.to_device(np.zeros(self.particle_count, self._pair), stream=self.stream)
+        return self.on_device(np.zeros(self.particle_count, self._pair))
 
     def _allocate(self) -> None:
-        self.position = [self.new_array(), self.new_array()]
-        self.velocity = [self.new_array(), self.new_array()]
-        self.kept_position, self.kept_velocity = self.new_array(), self.new_array()
-        self._current = 0
-        self.record = cuda.to_device(self._record, stream=self.stream)
         self._integers = np.zeros(2, np.uint64)  # seed of the external force; 1 + poked particle, 0 for none
         self._integers[0] = self.scene.external.seed if self.scene.external else 0
-        self.integers = cuda.to_device(self._integers, stream=self.stream)
-        self._counter = cuda.to_device(np.zeros(1, np.int64), stream=self.stream)
-        self._bad = cuda.to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
+        self._allocate_state()
         pinned = (self.body.inverse_mass == 0).astype(np.uint8)
         if not len(self.body.pinned):
             pinned = np.zeros(1, np.uint8)  # a scene without pins has no such array
             rows_pinned = pinned
         else:
             rows_pinned = pinned.reshape(self.body.rows, -1).max(axis=1)
-        self.pinned = cuda.to_device(pinned, stream=self.stream)
-        self._pinned_row = cuda.to_device(rows_pinned, stream=self.stream)
-        self._shape = (np.int32(self.body.rows), np.int32(self.body.columns))
+        self.pinned, self._pinned_row = self.on_device(pinned), self.on_device(rows_pinned)
         self._counts = bool(self.plan.parts & {"external", "manufactured"})
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
         self._tools = make_tools(self.real)
         math, integrator, parts = self.options.math, self.scene.method.integrator, self.plan.parts
-        self._graphs: Graphs | None = None
-        self._tiles: TileLauncher | None = None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, bind_stages(self))
             return
@@ -124,8 +100,7 @@ class MassSpring(CudaSimulation):
             return
         if self._is_rk4:
             self._rk4 = make_rk4_stages(self.real, math, parts)
-            self._stage_p, self._stage_v = [self.new_array() for _ in range(2)], [self.new_array() for _ in range(2)]
-            self._total_p, self._total_v = self.new_array(), self.new_array()
+            self._allocate_rk4()
             launch, fused = self._launch_rk4, self._advance_steps
         else:
             self._passes = make_passes(self.real, math, integrator, parts)
@@ -144,62 +119,10 @@ class MassSpring(CudaSimulation):
 
     # ------------------------------------------------------------------ passes
 
-    def _pass(self, name: str, number: int) -> None:
-        """Launch one pass from the current buffer into the other; `number`: its place after the step counter."""
-        source, target = self._current, 1 - self._current
-        self._passes[name][self._grid](
-            self.position[source], self.velocity[source], self.position[target], self.velocity[target], self.record,
-            self.integers, self._counter, np.int64(number), self._pinned_row, self.pinned, *self._shape,
+    def _constants(self, number: int) -> tuple[Any, ...]:
+        return (
+            self.record, self.integers, self._counter, np.int64(number), self._pinned_row, self.pinned, *self.shape,
         )  # fmt: skip
-        self._current = target
-
-    def _launch_passes(self, parity: int, count: int) -> None:
-        self._current = parity
-        name = "middle" if "middle" in self._passes else "step"
-        for number in range(count):
-            self._pass(name, number)
-
-    def _launch_rk4(self, parity: int, count: int) -> None:
-        base = (self.position[0], self.velocity[0])
-        stages = (
-            (self._stage_p[0], self._stage_v[0]),
-            (self._stage_p[1], self._stage_v[1]),
-            (self._stage_p[0], self._stage_v[0]),
-            base,
-        )
-        for number in range(count):
-            source = base
-            for kernel, target in zip(self._rk4, stages, strict=True):
-                kernel[self._grid](
-                    *source, *base, self._total_p, self._total_v, *target, self.record, self.integers, self._counter,
-                    np.int64(number), self._pinned_row, self.pinned, *self._shape,
-                )  # fmt: skip
-                source = target
-
-    def _many(self, count: int) -> None:
-        """`count` equal passes (steps of RK4), by the kernel's own way."""
-        tiles = self._tiles
-        if tiles is None:
-            self._repeat(count, self._launch, 1)
-            return
-        if self.kernel == "tiles":
-            halo = tiles.tile.halo
-            launches, count = divmod(count, halo)
-            self._repeat(launches, tiles.launch_many, halo)
-        if count:
-            tiles.launch(0, count)
-            self._count_on(count)
-
-    def _advance_steps(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        self._many(steps)
-
-    def _advance_verlet(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        self._pass("opening", 0)
-        self._count_on(1)
-        self._many(steps - 1)
-        self._pass("closing", 0)
 
     def _advance_block(self, step: int, steps: int) -> None:
         self._set_counter(step)
@@ -207,11 +130,6 @@ class MassSpring(CudaSimulation):
         self._tiles.launch(0, steps + 1 if self.scene.method.integrator == "velocity-verlet" else steps)
 
     # ------------------------------------------------------------------ the contract
-
-    def _first_diverged(self) -> int:
-        if self._tiles is not None:
-            self._tiles.require_exchange()
-        return super()._first_diverged()
 
     def _to_host(self, array: Any) -> np.ndarray:
         host = array.copy_to_host(stream=self.stream)

@@ -100,7 +100,7 @@ class TileLauncher:
         s = self.simulation
         source, target = s._current, 1 - s._current
         states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
-        tail = (np.int64(passes), s.pinned, *s._shape)
+        tail = (np.int64(passes), s.pinned, *s.shape)
         if self.kernel == "resident":
             border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
             return (*states, *border, s.record, s.integers, s._counter, *tail)

@@ -1,0 +1,31 @@
+"""The whole numbers that kernels of quads read beside the record: seeds, the poked mass, how many colliders of each kind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
+
+INTEGERS = 9
+# POKED: 1 + it, 0 for none
+EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(INTEGERS)
+COUNTS = (PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS)
+COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # place, kind
+COLLIDERS = frozenset(COLLIDER_KINDS)
+
+
+def knows_time(parts: frozenset[str]) -> bool:
+    """Whether anything depends on the number of the step."""
+    return bool(parts & {"external", "gust", "motion"} or parts & COLLIDERS)
+
+
+def integers_of(scene: Scene) -> np.ndarray:
+    """(INTEGERS,) uint64, with nothing poked."""
+    found = np.zeros(INTEGERS, np.uint64)
+    found[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
+    found[WIND_SEED] = scene.wind.seed if scene.wind else 0
+    kinds = [kind for kind, _ in scene.colliders]
+    for place, kind in COLLIDER_COUNTS:
+        found[place] = kinds.count(kind)
+    return found

@@ -1,0 +1,58 @@
+"""What the position-based solvers on CUDA share: steps of many launches, captured in graphs of many steps.
+
+A solver launches a substep (`_substep`), and says of how many launches a step is (`_launches`).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from gpu_backend.core.launch import can_capture
+from gpu_backend.core.quad_simulation import QuadSimulation
+from model.core.errors import SceneError
+
+MAX_NODES = 4096  # launches of one graph
+LARGEST_CHUNK = 256  # steps of one graph
+KERNELS = ("graph", "launch", "stages")
+
+
+def launched_kernel(wanted: str | None, what: str) -> str:
+    """The kernel `wanted`, or the fastest there is, of solvers that only launch. Raises SceneError for any other."""
+    if wanted is not None and wanted not in KERNELS:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for {what} on the gpu")
+    return wanted or ("graph" if can_capture() else "launch")
+
+
+class SubstepSimulation(QuadSimulation):
+    """A position-based simulation on the GPU. See model/core/simulation.py for the contract."""
+
+    @abstractmethod
+    def _substep(self, place: int, substep: int) -> None:
+        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+
+    @property
+    @abstractmethod
+    def _launches(self) -> int:
+        """Of a step."""
+
+    def _launch(self, parity: int, steps: int) -> None:
+        """Launch `steps` steps, the first from the buffers `parity`."""
+        self._current = parity
+        for place in range(steps):
+            for substep in range(self.scene.method.substeps):
+                self._substep(place, substep)
+
+    def _advance_steps(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        chunk = LARGEST_CHUNK
+        while self._graphs is not None and steps:
+            if chunk <= steps and (chunk == 1 or chunk * self._launches <= MAX_NODES):
+                parity = self._current
+                self._graphs.replay(parity, chunk)
+                self._current = parity ^ (chunk * self.scene.method.substeps & 1)
+                steps -= chunk
+            else:
+                chunk //= 2
+        if steps:
+            self._launch(self._current, steps)
+            self._count_on(steps)

@@ -1,0 +1,93 @@
+"""What the mass-spring solvers on CUDA share: passes over the sheet, from one pair of buffers into the other."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gpu_backend.core.simulation import CudaSimulation
+
+
+class SheetPasses(CudaSimulation):
+    """Steps of a sheet as passes over it. A solver sets `_passes` (kernels by name: `step`, or `opening`, `middle` and
+    `closing` of velocity Verlet), or `_rk4` (four kernels, a step together), `_launch` (how many equal passes are
+    launched) and `_tiles` (of kernels that work tile by tile, else None)."""
+
+    _passes: dict[str, Any]
+    _rk4: Sequence[Any]
+    _launch: Callable[[int, int], None]
+    _tiles: Any = None
+
+    @abstractmethod
+    def _constants(self, number: int) -> tuple[Any, ...]:
+        """What a pass reads besides the buffers; `number`: its place after the step counter."""
+
+    def _pass(self, name: str, number: int) -> None:
+        """Launch one pass from the current buffer into the other; `number`: its place after the step counter."""
+        source, target = self._current, 1 - self._current
+        self._passes[name][self._grid](
+            self.position[source], self.velocity[source], self.position[target], self.velocity[target],
+            *self._constants(number),
+        )  # fmt: skip
+        self._current = target
+
+    def _launch_passes(self, parity: int, count: int) -> None:
+        self._current = parity
+        name = "middle" if "middle" in self._passes else "step"
+        for number in range(count):
+            self._pass(name, number)
+
+    def _allocate_rk4(self) -> None:
+        """Two states of stages, and the sums."""
+        self._stage_p, self._stage_v = [self.new_array() for _ in range(2)], [self.new_array() for _ in range(2)]
+        self._total_p, self._total_v = self.new_array(), self.new_array()
+
+    def _launch_rk4(self, parity: int, count: int) -> None:
+        base = (self.position[0], self.velocity[0])
+        stages = (
+            (self._stage_p[0], self._stage_v[0]),
+            (self._stage_p[1], self._stage_v[1]),
+            (self._stage_p[0], self._stage_v[0]),
+            base,
+        )
+        for number in range(count):
+            source = base
+            for kernel, target in zip(self._rk4, stages, strict=True):
+                kernel[self._grid](*source, *base, self._total_p, self._total_v, *target, *self._constants(number))
+                source = target
+
+    def _many(self, count: int) -> None:
+        """`count` equal passes (steps of RK4), by the kernel's own way."""
+        if self._tiles is None and self.kernel != "one-block":
+            self._repeat(count, self._launch, 1)
+            return
+        if self.kernel == "tiles":
+            halo = self._tiles.tile.halo
+            launches, count = divmod(count, halo)
+            self._repeat(launches, self._tiles.launch_many, halo)
+        if count:
+            self._launch_on_chip(count)
+            self._count_on(count)
+
+    def _launch_on_chip(self, count: int) -> None:
+        """`count` passes in one launch, the sheet, or a tile of it, on the chip."""
+        self._tiles.launch(0, count)
+
+    def _advance_steps(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        self._many(steps)
+
+    def _advance_verlet(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        self._pass("opening", 0)
+        self._count_on(1)
+        self._many(steps - 1)
+        self._pass("closing", 0)
+
+    # ------------------------------------------------------------------ the contract
+
+    def _first_diverged(self) -> int:
+        if self._tiles is not None:
+            self._tiles.require_exchange()
+        return super()._first_diverged()
