@@ -33,8 +33,8 @@ def _versions() -> Finding:
 
 
 def _cpu() -> Finding:
+    from cpu_backend.core.processor import processor_name
     from cpu_backend.core.threads import core_count, thread_count, threading_layer, wait_policy
-    from cpu_backend.mass_spring.grid.solver import processor_name
 
     try:
         thread_count("4x")

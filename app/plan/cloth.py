@@ -60,8 +60,8 @@ def implicit_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass,
 
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Each spring and each triangle once, on the way down the rows."""
+    from cpu_backend.core.processor import processor_name
     from cpu_backend.mass_spring.cloth.solver import choose_kernel
-    from cpu_backend.mass_spring.grid.solver import processor_name
 
     passes = cloth_passes(plan, np.dtype(PRECISIONS[precision]).itemsize, 1.0, "along rows, a band of rows a thread")
     why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet a force"

@@ -51,8 +51,8 @@ def _passes(plan: Plan, item: int, springs: float, way: float, note: str) -> tup
 
 def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """What a CPU makes of a step of the lab's grid of springs."""
+    from cpu_backend.core.processor import processor_name
     from cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
-    from cpu_backend.mass_spring.grid.solver import processor_name
 
     real = PRECISIONS[precision]
     kernel, why = default_kernel(scene, real)

@@ -26,7 +26,7 @@ def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints through index arrays, a parallel loop a colour."""
-    from cpu_backend.mass_spring.grid.solver import processor_name
+    from cpu_backend.core.processor import processor_name
     from cpu_backend.xpbd.mesh import choose_kernel
 
     why = "index arrays sorted by colour, all substeps of a call in one kernel"

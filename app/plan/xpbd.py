@@ -22,7 +22,7 @@ def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[P
 
 def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints without index arrays, colours one after another on the way down the rows."""
-    from cpu_backend.mass_spring.grid.solver import processor_name
+    from cpu_backend.core.processor import processor_name
     from cpu_backend.xpbd.solver import choose_kernel
 
     kernel = choose_kernel(None)
@@ -44,7 +44,7 @@ def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
 
 def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Clusters in compressed form, whole bodies a thread where there are enough of them."""
-    from cpu_backend.mass_spring.grid.solver import processor_name
+    from cpu_backend.core.processor import processor_name
     from cpu_backend.shape_matching.solver import choose_kernel
 
     why = "index arrays, all substeps of a call in one kernel; a thread does whole bodies where they share out evenly"

@@ -36,7 +36,7 @@ MIN_COPY_BYTES = 1 << 28  # of one array
 
 def machine_record() -> dict[str, Any]:
     """The facts, nothing measured: cpu, cores, caches [B], memory, versions, gpu ... None: not known, or none."""
-    from cpu_backend.mass_spring.grid.solver import processor_name
+    from cpu_backend.core.processor import processor_name
 
     record: dict[str, Any] = {
         "cpu": processor_name(),

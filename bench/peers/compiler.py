@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from bench.peers.base import PeerError
-from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.core.processor import processor_name
 from model.core.disk_cache import cache_folder
 
 COMPILERS = ("g++", "clang++")  # g++ first: it shares its OpenMP threads with numba, two teams would disturb each other

@@ -1,11 +1,8 @@
-"""What every solver on CPU threads does alike: where its state lies, how it is put aside, watched, and handed out.
-
-A state is planes of rows, positions first and velocities after them, one flat array (see core/layout.py); steps go from one
-of several such arrays to the next.
-"""
+"""What every solver on CPU threads does alike: its threads, and how its state is put aside, watched, and handed out."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -15,8 +12,13 @@ from numba import prange
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import Layout
+from cpu_backend.core.processor import processor_name
+from cpu_backend.core.threads import thread_count
+from model.core.errors import SceneError
 from model.core.plan import Executor
-from model.core.simulation import Simulation
+from model.core.simulation import Options, Simulation
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
 
 
 @cache
@@ -41,22 +43,108 @@ def make_first_diverged(real: Any, axes: int) -> Any:
     return compiler.kernel(first_diverged)
 
 
-class CpuSimulation(Simulation):
-    """The part of the contract (model/core/simulation.py) that does not hang on the solver.
+@cache
+def make_first_diverged_of(real: Any, axes: int) -> Any:
+    """first_diverged(position, velocity, slots, stride, bound, bands, bad): of each band the first bad particle, or -1, where
+    coordinate `axis` of particle k lies at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be seen."""
 
-    A solver sets `record`, `integers` (1 + poked particle at [1]), `_layout`, `_states` (flat, several of them), `_current`
-    (which is the state), `_kept`, `_bands` and `_executor`, and calls `_set_pins`.
+    def first_diverged(position, velocity, slots, stride, bound, bands, bad):
+        zero, particles = bound - bound, slots.size
+        for band in prange(bands):
+            bad[band] = -1
+            for k in range(particles * band // bands, particles * (band + 1) // bands):
+                good = True
+                for axis in range(axes):
+                    place = slots[k] + axis * stride
+                    good = good and abs(position[place]) <= bound  # false for NaN
+                    good = good and velocity[place] - velocity[place] == zero
+                if not good:
+                    bad[band] = k
+                    break
+
+    return Compiler(f"particles_{axes}d_{np.dtype(real).name}", "exact").kernel(first_diverged)
+
+
+def chosen_kernel(wanted: str | None, what: str, known: Sequence[str] = ("fused", "stages")) -> str:
+    """The kernel `wanted`, or the first one known. Raises SceneError for any other; `what`: of which solver."""
+    if wanted is not None and wanted not in known:
+        raise SceneError("--kernel", wanted, f"must be one of {', '.join(known)} for {what} on the cpu")
+    return wanted or known[0]
+
+
+class CpuSimulation(Simulation):
+    """The part of the contract (model/core/simulation.py) that does not hang on where the state lies.
+
+    `threads`: `1x`, `2x`, `4x` or a number. A solver sets `plan`, `kernel`, `integers` (1 + poked particle at [1]), `_bands`
+    (into how many parts the work is divided) and `_executor`; `bodies`, `kinds` are the rows of colliders and their kinds.
     """
 
     backend = "cpu"
-    record: np.ndarray
     integers: np.ndarray
+    _bands: int
+    _executor: Executor
+    _bad: np.ndarray
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads, self.device = thread_count(threads), processor_name()
+        self.record = self._record
+
+    def _seeds(self, count: int = 3) -> np.ndarray:
+        """(count,) uint64: the seed of external forces; 1 + the poked particle, 0 for none; the seed of gusts; ..."""
+        found = np.zeros(count, np.uint64)
+        found[0] = self.scene.external.seed if self.scene.external else 0
+        if count > 2:
+            found[2] = self.scene.wind.seed if self.scene.wind else 0
+        return found
+
+    def _set_colliders(self, rows: np.ndarray) -> None:
+        self.bodies = rows
+        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in self.scene.colliders], np.int64)
+
+    def _run(self, steps: int) -> None:
+        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
+        self._executor.run(self.step, steps)
+
+    def _parameters_changed(self) -> None:
+        self.record = self._record
+        self.integers[1] = self._poke_particle + 1
+
+    def synchronize(self) -> None:
+        """Nothing to wait for: a call returns when its steps are done."""
+
+    def close(self) -> None:
+        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        self.__dict__.pop("_executor", None)
+
+
+class ParticlesSimulation(CpuSimulation):
+    """Of particles in any order: a solver tells where they lie (`_places`)."""
+
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        """(positions, velocities, where each particle's first coordinate lies, how far the next lies from it), flat."""
+        raise NotImplementedError
+
+    def _first_diverged(self) -> int:
+        numba.set_num_threads(self._bands)
+        look = make_first_diverged_of(self.real, self.scene.dimensions)
+        look(*self._places(), self.real(self._bound), self._bands, self._bad)
+        bad = self._bad[self._bad >= 0]
+        return int(bad[0]) if len(bad) else -1
+
+
+class RowsSimulation(CpuSimulation):
+    """Of a sheet: a state is planes of rows, positions first and velocities after them, one flat array (see core/layout.py);
+    steps go from one of several such arrays to the next.
+
+    A solver sets `_layout`, `_states` (flat, several of them), `_current` (which is the state) and `_kept`, and calls
+    `_set_pins`.
+    """
+
     _layout: Layout
     _states: np.ndarray
     _current: int
     _kept: np.ndarray
-    _bands: int
-    _executor: Executor
 
     def _set_pins(self) -> None:
         """Where the pinned masses are, row by row; and what looking for a bad state needs."""
@@ -86,10 +174,6 @@ class CpuSimulation(Simulation):
         """(dimensions, pins): where the pinned masses are held. They never move, so any state tells."""
         return self._layout.view(self._kept)[: self.scene.dimensions, self._pin_row, self._pin_column]
 
-    def _run(self, steps: int) -> None:
-        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
-        self._executor.run(self.step, steps)
-
     def _keep(self) -> None:
         self._kept[...] = self._flat
 
@@ -101,10 +185,6 @@ class CpuSimulation(Simulation):
         self._first_diverged_kernel(self.current, self.real(self._bound), self._bad)
         rows = np.flatnonzero(self._bad >= 0)
         return int(rows[0] * self.body.columns + self._bad[rows[0]]) if len(rows) else -1
-
-    def _parameters_changed(self) -> None:
-        self.record = self._record
-        self.integers[1] = self._poke_particle + 1
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         axes = self.scene.dimensions
@@ -122,10 +202,3 @@ class CpuSimulation(Simulation):
         axes = self.scene.dimensions
         into[...] = self.current[:axes].reshape(axes, -1).T
         return into
-
-    def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
-
-    def close(self) -> None:
-        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
-        self.__dict__.pop("_executor", None)

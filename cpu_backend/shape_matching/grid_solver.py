@@ -13,9 +13,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
-from cpu_backend.core.simulation import CpuSimulation
-from cpu_backend.core.threads import thread_count
-from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.shape_matching.matching import STATES, make_matching_advance, make_matching_stages, scratch_rows
 from cpu_backend.shape_matching.matching_rows import CLUSTER
 from cpu_backend.xpbd.solver import choose_kernel
@@ -35,18 +33,14 @@ def aligned(rows: int, columns: int, real: Any) -> Layout:
     return Layout(rows, columns, stride, rows * stride)
 
 
-class ShapeMatching(CpuSimulation):
+class ShapeMatching(RowsSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
-        super().__init__(scene, options)
-        self.threads = thread_count(threads)
-        self.device = processor_name()
+        super().__init__(scene, options, threads)
         self.kernel = choose_kernel(options.kernel)
         self.plan = xpbd_plan(scene, options.live)
-        self.record = self._record
-        self.integers = np.zeros(2, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none
-        self.integers[0] = scene.external.seed if scene.external else 0
+        self.integers = self._seeds(2)
         rows, columns, region = self.body.rows, self.body.columns, scene.method.region
         self._tables = tuple(matching_axis(count, region).table(self.real) for count in (rows, columns))
         self._weights = (self.body.inverse_mass > 0).astype(self.real).reshape(rows, columns)

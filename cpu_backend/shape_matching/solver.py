@@ -8,20 +8,16 @@ stage. In `exact` math both give the same bits, for any number of threads.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numba
 import numpy as np
-from numba import prange
 
 from cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
 from cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
 from cpu_backend.contact.particles_project import PACES, make_settle_stage
-from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import aligned_zeros
-from cpu_backend.core.threads import thread_count
-from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.shape_matching.damping import at_damping, make_damping_stage
 from cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.shape_matching.lattice import make_lattice_stages
@@ -32,47 +28,20 @@ from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stag
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
 from cpu_backend.shape_matching.together import make_bodies_together
-from model.core.errors import SceneError
 from model.core.plan import Executor
-from model.core.simulation import Options, Simulation
+from model.core.simulation import Options
 from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import matching_factors, shaping
 from model.xpbd.plan import xpbd_plan
 
-KERNELS = ("fused", "stages")
 UNEVEN = 1.3  # the busiest thread's work over its fair part, from where on threads share bodies
 
 
 def choose_kernel(wanted: str | None) -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
-    if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for bodies on the cpu")
-    return wanted or "fused"
-
-
-@cache
-def make_first_diverged(real: Any) -> Any:
-    """first_diverged(position, velocity, slots, count, bound, bands, bad): of each band the first bad particle, or -1. No
-    fast math: NaN must be seen."""
-
-    def first_diverged(position, velocity, slots, count, bound, bands, bad):
-        zero, particles = bound - bound, slots.size
-        for band in prange(bands):
-            bad[band] = -1
-            for k in range(particles * band // bands, particles * (band + 1) // bands):
-                good = True
-                for axis in range(AXES):
-                    place = axis * count + slots[k]
-                    good = good and abs(position[place]) <= bound  # false for NaN
-                    good = good and velocity[place] - velocity[place] == zero
-                if not good:
-                    bad[band] = k
-                    break
-
-    return Compiler(f"bodies_{np.dtype(real).name}", "exact").kernel(first_diverged)
+    return chosen_kernel(wanted, "bodies")
 
 
 def _bounds(body_set: BodySet) -> tuple[np.ndarray, np.ndarray]:
@@ -88,16 +57,13 @@ def _quaternions(*planes: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate([one.reshape(QUATERNION, -1) for one in planes], axis=1).T)
 
 
-class Bodies(Simulation):
+class Bodies(ParticlesSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
-    backend = "cpu"
-
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
-        super().__init__(scene, options)
-        self.threads, self.device = thread_count(threads), processor_name()
+        super().__init__(scene, options, threads)
         self.kernel, self.plan = choose_kernel(options.kernel), xpbd_plan(scene, options.live)
-        self.record, real = self._record, self.real
+        real = self.real
         body_set = scene.body_set
         self.clusters = body_set.loose
         self.layout = layout_of(self.clusters, _bounds(body_set), real, self.threads)
@@ -110,8 +76,7 @@ class Bodies(Simulation):
         self._factors = np.zeros(len(self.layout.of_entry), real)
         self._own_factors = np.zeros(len(self.layout.of_own), real)
         self._poked = -1
-        self.bodies = collider_numbers(scene, real)
-        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        self._set_colliders(collider_numbers(scene, real))
         self._bands = max(1, min(self.threads, count // LANES))
         self._scratch = aligned_zeros(SCRATCH * LANES * self._bands, real)
         self._bad = np.zeros(self._bands, np.int64)
@@ -273,10 +238,6 @@ class Bodies(Simulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _run(self, steps: int) -> None:
-        numba.set_num_threads(self.threads)
-        self._executor.run(self.step, steps)
-
     def _state(self) -> tuple[np.ndarray, ...]:
         return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic
 
@@ -288,14 +249,8 @@ class Bodies(Simulation):
         for kept, array in zip(self._kept, self._state(), strict=True):
             array[:] = kept
 
-    def _first_diverged(self) -> int:
-        numba.set_num_threads(self.threads)
-        place = self.layout.slots, self.layout.count
-        make_first_diverged(self.real)(
-            self._even, self._velocity, *place, self.real(self._bound), self._bands, self._bad
-        )
-        bad = self._bad[self._bad >= 0]
-        return int(bad[0]) if len(bad) else -1
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        return self._even, self._velocity, self.layout.slots, self.layout.count
 
     def _parameters_changed(self) -> None:
         self.record = self._record
@@ -349,10 +304,3 @@ class Bodies(Simulation):
 
     def _read_deformation(self) -> np.ndarray:
         return self._look()[:, :9].reshape(-1, AXES, AXES).copy()
-
-    def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
-
-    def close(self) -> None:
-        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
-        self.__dict__.pop("_executor", None)

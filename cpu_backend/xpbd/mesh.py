@@ -8,81 +8,44 @@ threads.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-import numba
 import numpy as np
-from numba import prange
 
-from cpu_backend.core.compile import Compiler
-from cpu_backend.core.threads import thread_count
-from cpu_backend.mass_spring.grid.solver import processor_name
+from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
-from model.core.errors import SceneError
 from model.core.plan import Executor
-from model.core.simulation import Options, Simulation
+from model.core.simulation import Options
 from model.geometry.tables import vertex_attachments, wind_lists
 from model.geometry.topology import mesh_of
 from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import Family, families
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
-KERNELS = ("fused", "stages")
 WIDTH = 4  # numbers a mass: x, y, z and, of positions, its weight
 
 
 def choose_kernel(wanted: str | None) -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
-    if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a mesh on the cpu")
-    return wanted or "fused"
+    return chosen_kernel(wanted, "a mesh")
 
 
-@cache
-def make_first_diverged(real: Any) -> Any:
-    """first_diverged(position, velocity, bound, bands, bad): of each band the first bad mass, or -1. No fast math: NaN must
-    be seen."""
-
-    def first_diverged(position, velocity, bound, bands, bad):
-        zero, count = bound - bound, len(position)
-        for band in prange(bands):
-            bad[band] = -1
-            for k in range(count * band // bands, count * (band + 1) // bands):
-                good = True
-                for axis in range(3):
-                    good = good and abs(position[k, axis]) <= bound  # false for NaN
-                    good = good and velocity[k, axis] - velocity[k, axis] == zero
-                if not good:
-                    bad[band] = k
-                    break
-
-    return Compiler(f"mesh_{np.dtype(real).name}", "exact").kernel(first_diverged)
-
-
-class MeshPositionBased(Simulation):
+class MeshPositionBased(ParticlesSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
-    backend = "cpu"
-
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
-        super().__init__(scene, options)
+        super().__init__(scene, options, threads)
         assert scene.mesh is not None
-        self.threads, self.device = thread_count(threads), processor_name()
         self.kernel, self.plan = choose_kernel(options.kernel), xpbd_mesh_plan(scene, options.live)
-        self.record, real = self._record, self.real
-        self.integers = np.zeros(3, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none; seed of gusts
-        self.integers[::2] = [part.seed if part else 0 for part in (scene.external, scene.wind)]
-        self.bodies = collider_numbers(scene, real)
-        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        real, self.integers = self.real, self._seeds()
+        self._set_colliders(collider_numbers(scene, real))
         count = len(self.body.position)
         self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
         self._position[:, 3] = self.body.inverse_mass * scene.grid.mass
         self._kept = np.zeros((2, count, WIDTH), real)
         self._bands = max(1, min(self.threads, count))
-        self._bad = np.zeros(self._bands, np.int64)
+        self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
         self._wind = wind_lists(mesh_of(scene.mesh), "wind" in self.plan.parts)
         self._families = {kind: self._arrays(kind) for kind in ("structural", "bending")}
         self._attachments = vertex_attachments(scene, self.body, real, "attachments" in self.plan.parts)
@@ -158,36 +121,17 @@ class MeshPositionBased(Simulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _run(self, steps: int) -> None:
-        numba.set_num_threads(self.threads)
-        self._executor.run(self.step, steps)
-
     def _keep(self) -> None:
         self._kept[0], self._kept[1] = self._position, self._velocity
 
     def _restore(self) -> None:
         self._position[...], self._velocity[...] = self._kept
 
-    def _first_diverged(self) -> int:
-        numba.set_num_threads(self.threads)
-        state = self._position, self._velocity
-        make_first_diverged(self.real)(*state, self.real(self._bound), self._bands, self._bad)
-        bad = self._bad[self._bad >= 0]
-        return int(bad[0]) if len(bad) else -1
-
-    def _parameters_changed(self) -> None:
-        self.record = self._record
-        self.integers[1] = self._poke_particle + 1
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        return self._position.reshape(-1), self._velocity.reshape(-1), self._slots, 1
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         return np.ascontiguousarray(self._position[:, :3]), np.ascontiguousarray(self._velocity[:, :3])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self._position[:, :3], self._velocity[:, :3] = position, velocity
-
-    def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
-
-    def close(self) -> None:
-        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
-        self.__dict__.pop("_executor", None)

@@ -14,11 +14,9 @@ import numpy as np
 
 from cpu_backend.contact.self_contact import Contacts
 from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
-from cpu_backend.core.simulation import CpuSimulation
-from cpu_backend.core.threads import thread_count
+from cpu_backend.core.simulation import RowsSimulation, chosen_kernel
 from cpu_backend.mass_spring.cloth.normals import make_normals
 from cpu_backend.mass_spring.cloth.scratch import scratch_width, triples_of
-from cpu_backend.mass_spring.grid.solver import processor_name
 from cpu_backend.xpbd.forces import FORCES, WIND_PARTS
 from cpu_backend.xpbd.jacobi import displacement_triples
 from cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance
@@ -33,11 +31,9 @@ from model.core.errors import SceneError
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.mass_spring.cloth_parameters import collider_numbers
-from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.xpbd.plan import FAMILIES, JACOBI, xpbd_plan
 
-KERNELS = ("fused", "stages")
 NOT_YET = ("motion",)
 ROWS_OF_BAND = 2  # at least, in the Jacobi orderings: as far as a constraint leads
 UNREACHED = 1e18  # m: the reach of an attachment of a mass that is not there
@@ -45,11 +41,7 @@ UNREACHED = 1e18  # m: the reach of an attachment of a mass that is not there
 
 def choose_kernel(wanted: str | None) -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
-    if wanted is not None and wanted not in KERNELS:
-        raise SceneError(
-            "--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a position-based solver on the cpu"
-        )
-    return wanted or "fused"
+    return chosen_kernel(wanted, "a position-based solver")
 
 
 def contact_kernel(scene: Scene, wanted: str | None) -> str | None:
@@ -62,7 +54,7 @@ def contact_kernel(scene: Scene, wanted: str | None) -> str | None:
     return "stages"
 
 
-class PositionBased(CpuSimulation):
+class PositionBased(RowsSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
@@ -71,17 +63,11 @@ class PositionBased(CpuSimulation):
                 raise SceneError(
                     f"{name}.kind", kind, "is not known to the position-based solvers on the cpu; leave it out"
                 )
-        super().__init__(scene, options)
-        self.threads = thread_count(threads)
-        self.device = processor_name()
+        super().__init__(scene, options, threads)
         self.kernel = contact_kernel(scene, options.kernel) or choose_kernel(options.kernel)
         self.plan = xpbd_plan(scene, options.live)
-        self.record = self._record
-        seeds = (part.seed if part else 0 for part in (scene.external, scene.wind))
-        self.integers = np.zeros(3, np.uint64)  # seed of external forces; 1 + poked particle, 0 for none; seed of gusts
-        self.integers[::2] = list(seeds)
-        self.bodies = collider_numbers(scene, self.real)
-        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        self.integers = self._seeds()
+        self._set_colliders(collider_numbers(scene, self.real))
         self.tables = Tables(scene, self.body, self.real, self.plan.parts)
         self.attachments = self._attachments()
         self._current = 0

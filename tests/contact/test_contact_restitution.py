@@ -169,9 +169,9 @@ def test_a_scene_without_it_is_as_before() -> None:
         assert "restitution" not in none.as_dict()["contact"] and Scene(none.as_dict()).contact == plain.contact
         assert "contact-restitution" not in xpbd_parts(none) and not xpbd_plan(none).has("bounce")
     assert Scene(bounces.as_dict()).contact == bounces.contact
-    assert xpbd_parts(bounces) - xpbd_parts(plain) == {"contact-restitution", "rigid-bounce"} and xpbd_plan(bounces).has(
-        "bounce"
-    )
+    assert xpbd_parts(bounces) - xpbd_parts(plain) == {"contact-restitution", "rigid-bounce"} and xpbd_plan(
+        bounces
+    ).has("bounce")
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, float("nan"), True, "high"])

@@ -9,8 +9,7 @@ import numba
 import numpy as np
 
 from cpu_backend.core.layout import aligned_zeros, padded, plain
-from cpu_backend.core.simulation import CpuSimulation
-from cpu_backend.core.threads import thread_count
+from cpu_backend.core.simulation import RowsSimulation, chosen_kernel
 from cpu_backend.mass_spring.cloth.implicit import ImplicitSteps
 from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS, PLANES, make_cloth_advance
 from cpu_backend.mass_spring.cloth.normals import make_normals
@@ -18,48 +17,36 @@ from cpu_backend.mass_spring.cloth.rk4 import make_cloth_rk4
 from cpu_backend.mass_spring.cloth.scratch import AXES, scratch_width, triples_of
 from cpu_backend.mass_spring.cloth.stages import bind_cloth_stages
 from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
-from cpu_backend.mass_spring.grid.solver import processor_name
 from model.core.errors import SceneError
 from model.core.integrators import IMPLICIT
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.mass_spring.cloth_parameters import body_rows, pin_velocity
 from model.mass_spring.cloth_plan import cloth_plan, kicks_meet
-from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
-
-KERNELS = ("fused", "stages")
 
 
 def choose_kernel(wanted: str | None, integrator: str = "") -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
     if wanted == "stages" and integrator in IMPLICIT:
         raise SceneError("--kernel", wanted, f"must be fused for {integrator}, whose stages repeat until they are done")
-    if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for a cloth on the cpu")
-    return wanted or "fused"
+    return chosen_kernel(wanted, "a cloth")
 
 
-class ClothMassSpring(CpuSimulation):
+class ClothMassSpring(RowsSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number. `implicit`: what implicit Euler
     needs besides, else None."""
 
     implicit: ImplicitSteps | None = None
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
-        super().__init__(scene, options)
-        self.threads = thread_count(threads)
-        self.device = processor_name()
+        super().__init__(scene, options, threads)
         self.kernel = choose_kernel(options.kernel, scene.method.integrator)
         self.plan = cloth_plan(scene, options.live)
         rows, columns = self.body.rows, self.body.columns
-        self.record = self._record
-        seeds = (part.seed if part else 0 for part in (scene.external, scene.wind))
-        # seed of external forces; 1 + poked particle, 0 for none; seed of gusts; where the rows of pins begin
-        self.integers = np.zeros(4, np.uint64)
-        self.integers[:3:2] = list(seeds)
-        self.bodies, self.integers[PIN_ROWS] = body_rows(scene, self.body, self.real)
-        self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in scene.colliders], np.int64)
+        self.integers = self._seeds(4)  # and where the rows of pins begin
+        colliders, self.integers[PIN_ROWS] = body_rows(scene, self.body, self.real)
+        self._set_colliders(colliders)
         make_layout = plain(rows, columns, PLANES), padded(rows, columns, self.real, PLANES)
         self._layout = make_layout[self.kernel != "stages"]
         self._integers_of_layout = self._layout.integers()

@@ -7,16 +7,13 @@ own; mass_spring/grid/choice.py says which is taken when. In `exact` math all gi
 
 from __future__ import annotations
 
-import platform
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from cpu_backend.core.layout import aligned_zeros, padded, plain
 from cpu_backend.core.progress import new_flags
-from cpu_backend.core.simulation import CpuSimulation
-from cpu_backend.core.threads import thread_count
+from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.mass_spring.grid.choice import choose_kernel, tiling
 from cpu_backend.mass_spring.grid.kernels import SCRATCH_ROWS, make_advance
 from cpu_backend.mass_spring.grid.persistent import TEAM_FLAGS, TEAM_SCRATCH_ROWS, make_team_advance
@@ -29,32 +26,15 @@ from model.core.simulation import Options
 from model.scene.scene import Scene
 
 
-@cache
-def processor_name() -> str:
-    """The processor as it calls itself."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
-
-
-class MassSpring(CpuSimulation):
+class MassSpring(RowsSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
-        super().__init__(scene, options)
-        self.threads = thread_count(threads)
-        self.device = processor_name()
+        super().__init__(scene, options, threads)
         self.kernel = choose_kernel(scene, self.real, options.kernel)
         self.plan = mass_spring_plan(scene, options.live)
         rows, columns = self.body.rows, self.body.columns
-        self.record = self._record
-        self.integers = np.zeros(2, np.uint64)  # seed of the external force; 1 + poked particle, 0 for none
-        self.integers[0] = scene.external.seed if scene.external else 0
+        self.integers = self._seeds(2)
         self._layout = plain(rows, columns) if self.kernel == "stages" else padded(rows, columns, self.real)
         self._integers_of_layout = self._layout.integers()
         self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
