@@ -134,31 +134,36 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="every test and every variant; what runs without it, and all that is dear, with compiled kernels",
     )
+    parser.addoption("--rest", action="store_true", help="of --thorough what does not run without it")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The dearest first. Without --thorough leave out what ONLY_THOROUGH lists, windows, and what THINNED does not need, but
     nothing that is for a real GPU. With it only the variants that THINNED does not need run as plain Python."""
-    thorough = config.getoption("--thorough")
+    rest = config.getoption("--rest")
+    thorough = config.getoption("--thorough") or rest
     items.sort(key=lambda item: item.path.name not in DEAR)
     left_out = set()
+    dear = set()  # of those left out, what is compiled when it runs
     variants: dict[Any, list[Any]] = {}
     for item in items:
         on_gpu = item.get_closest_marker("gpu") is not None  # and held against the CPU on grids for it
         item.stash[in_plain_python] = not (thorough or on_gpu or listed(COMPILED, item))
+        if rest and item.path.name == "test_cuda_simulator.py":
+            dear.add(item)  # which asks the simulator's tests the same
         if listed(ONLY_THOROUGH, item) or item.get_closest_marker("display"):
-            left_out |= set() if thorough else {item}
+            dear.add(item)
         elif item.path.name in THINNED and hasattr(item, "callspec") and not on_gpu:
             variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
     for same in variants.values():
         cases = [{name: repr(value) for name, value in item.callspec.params.items()} for item in same]
         left_out |= set(same) - {same[place] for place in covering(cases)}
-    if thorough:
-        for item in left_out:
-            item.stash[in_plain_python] = True
-    else:
-        items[:] = [item for item in items if item not in left_out]
-        config.hook.pytest_deselected(items=list(left_out))
+    for item in left_out if thorough else ():
+        item.stash[in_plain_python] = True
+    if rest or not thorough:
+        wanted = left_out | dear if rest else set(items) - left_out - dear
+        config.hook.pytest_deselected(items=[item for item in items if item not in wanted])
+        items[:] = [item for item in items if item in wanted]
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks at its options

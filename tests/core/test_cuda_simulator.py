@@ -18,7 +18,7 @@ SHARES = 4  # processes, so that several workers have something to do
 @pytest.mark.skipif(importlib.util.find_spec("numba_cuda") is None, reason='needs numba-cuda: pip install -e ".[test]"')
 @pytest.mark.parametrize("share", range(SHARES))
 def test_kernels_under_the_cuda_simulator(share: int, request: pytest.FixtureRequest) -> None:
-    thorough = ["--thorough"] if request.config.getoption("--thorough") else []
+    thorough = [name for name in ("--thorough", "--rest") if request.config.getoption(name)]
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     result = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *thorough]
