@@ -8,28 +8,19 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.contact.neighbours import THREADS, Neighbours, neighbour_bytes
 from gpu_backend.contact.particles_bounce import make_bounce
-from gpu_backend.contact.particles_find import MIN_TABLE, make_find
 from gpu_backend.contact.particles_project import make_project
 from gpu_backend.core.quads import SIZE
-from gpu_backend.core.scan import Scan
 from model.contact.particle_parameters import (
     G_OWN,
     G_REACH,
-    MAX_NEIGHBOURS,
     contact_parts,
     kinds_of_particles,
     pair_rows,
     particle_contact_record,
 )
-from model.contact.self_contact_parameters import table_size
 from model.scene.scene import Scene
-
-THREADS = 128
-
-
-def _table(particles: int) -> int:
-    return max(MIN_TABLE, table_size(particles))
 
 
 def _meets_itself(scene: Scene) -> bool:
@@ -39,13 +30,11 @@ def _meets_itself(scene: Scene) -> bool:
 def particle_contact_bytes(scene: Scene, item: int) -> int:
     """Device memory for the contacts of a scene's particles, `item` bytes a scalar."""
     particles = scene.body_set.particle_count
-    quads = SIZE * item * (2 + _meets_itself(scene))
-    return particles * (quads + 4 * (MAX_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
+    return neighbour_bytes(particles, _meets_itself(scene), item) + SIZE * item * particles
 
 
 class ParticleContacts:
-    """The neighbours of each particle: `found` (particles,) int32, how many; `neighbours` (MAX_NEIGHBOURS * particles,), the
-    s-th of particle i in place s * particles + i; `bounces`: whether they do. `before`, `position`: quads of particles and
+    """Contacts among the `neighbours` of particles; `bounces`: whether they do. `before`, `position`: quads of particles and
     their weights, on the device."""
 
     def __init__(self, scene: Scene, real: Any, math: str, stream: Any):
@@ -58,28 +47,16 @@ class ParticleContacts:
         kind = np.zeros(len(body_set.copies), np.int32)
         kind[body_set.body] = kinds_of_particles(scene)
         self._pairs = self._new(body_set.body.astype(np.int32)), self._new(kind), np.int32(kinds)
-        rest = np.zeros((particles if own else 1, SIZE), real)
-        rest[:, :3] = body_set.clusters.position if own else 0
-        self._rest = self._new(rest.reshape(-1))
-        table = _table(particles) + 1  # the last number of its starts is that of all
-        self._counts, self._starts = self._integers(table), self._integers(table)
-        self._buckets, self._filled, self._sorted_particles, self._sorted_bodies, self.found = (
-            self._integers(particles) for _ in range(5)
-        )
-        self._sorted, self._touching = (self._new(np.zeros(SIZE * particles, real)) for _ in range(2))
-        self.neighbours = cuda.device_array(MAX_NEIGHBOURS * particles, np.int32, stream=stream)
-        self._lost = self._new(np.zeros(1, np.int64))
-        self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
-        self._find = make_find(real, own, many)
+        rest = body_set.clusters.position if own else None
+        self.neighbours = Neighbours(real, particles, self._pairs, rest, stream)
+        self._touching = self._new(np.zeros(SIZE * particles, real))
+        self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
         self.variant = own, many
         self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
         self._project = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, own, many)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
-
-    def _integers(self, count: int) -> Any:
-        return self._new(np.zeros(count, np.int32))
 
     def _record_of(self, scene: Scene) -> np.ndarray:
         """The record and the longest reach."""
@@ -89,7 +66,7 @@ class ParticleContacts:
     @property
     def finding(self) -> int:
         """Launches of `find`."""
-        return 7
+        return self.neighbours.launches
 
     @property
     def projecting(self) -> int:
@@ -104,13 +81,11 @@ class ParticleContacts:
     @property
     def lost(self) -> int:
         """How many neighbours were beyond the MAX_NEIGHBOURS of a particle, over all substeps so far."""
-        host = self._lost.copy_to_host(stream=self._stream)
-        cuda.synchronize()
-        return int(host[0])
+        return self.neighbours.lost
 
     def forget(self) -> None:
         """Nothing was lost so far."""
-        self._lost.copy_to_device(np.zeros(1, np.int64), stream=self._stream)
+        self.neighbours.forget()
 
     def change(self, scene: Scene) -> None:
         """Take over what may change while running."""
@@ -118,26 +93,27 @@ class ParticleContacts:
 
     def find(self, position: Any) -> None:
         """The neighbours of all particles where they are predicted to be."""
-        kernels, flat, ordered = self._find, self._flat, (self._sorted, self._sorted_particles, self._sorted_bodies)
-        kernels.hash_particles[flat](position, self.record, self._buckets, self._counts)
-        self._scan.run(self._counts, self._starts, self._starts)
-        kernels.fill_buckets[flat](self._buckets, self._starts, self._counts, self._filled)
-        kernels.arrange[flat](position, self._buckets, self._starts, self._filled, self._pairs[0], *ordered)
-        kernels.find_neighbours[flat](
-            position, self.record, self._buckets, self._starts, *ordered, *self._pairs, self._rest, self.neighbours,
-            self.found, self._lost,
-        )  # fmt: skip
+        self.neighbours.find(position, self.record)
 
     def project(self, before: Any, position: Any) -> None:
         """All sweeps over the contacts of the substep that began at `before`."""
-        arguments = self.found, self.neighbours, self.record, *self._pairs, self._touching
+        arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments)
 
     def count_impacts(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
         """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""
-        arguments = position, old, velocity, self.found, self.neighbours, self.record, *self._pairs, self._touching
+        arguments = (
+            position,
+            old,
+            velocity,
+            self.neighbours.found,
+            self.neighbours.table,
+            self.record,
+            *self._pairs,
+            self._touching,
+        )
         self._bounce.count[self._flat](*arguments)
         return arguments
 

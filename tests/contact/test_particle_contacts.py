@@ -63,7 +63,7 @@ def test_neighbours_are_those_of_asking_all(extent: float, bands: int, real: Any
     for _ in range(2):
         contacts.find(planes(position, real), weight.astype(real))
         expected = neighbours(scene, position.astype(real), weight, real)
-        found = contacts.neighbours()
+        found = contacts.neighbours.lists()
         assert [found.get(i, []) for i in range(particles)] == [others[:MAX_NEIGHBOURS] for others in expected]
         lost += sum(max(0, len(others) - MAX_NEIGHBOURS) for others in expected)
         assert contacts.lost == lost
@@ -133,7 +133,7 @@ def test_a_collision_keeps_momentum() -> None:
     body_set, m = scene.body_set, scene.body_set.clusters.mass[:, None]
     with opened(scene) as simulation:
         simulation.advance(10)
-        state, met = simulation.state(), simulation.contacts.neighbours()
+        state, met = simulation.state(), simulation.contacts.neighbours.lists()
     assert met and np.abs(state.velocity - body_set.velocity).max() > 0.5
     change = (m * (state.velocity - body_set.velocity)).sum(axis=0)
     assert np.abs(change).max() < 10 * 8 * (m * 2.0**-53 * 0.6 / 0.01).sum()

@@ -1,0 +1,68 @@
+"""Who is near to whom among particles, on CPU threads: a service for whatever happens between particles that are near."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.particles_find import AXES, BOX, PLACES, ROOM, TABLE, make_find_stage
+from cpu_backend.core.layout import aligned_zeros
+from model.contact.particle_parameters import MAX_NEIGHBOURS
+from model.formulas.cluster import LANES
+
+CELLS = 12  # of the table for a particle: with less it goes round for what falls in a column
+
+
+class Neighbours:
+    """The neighbours of particles that lie in planes of `count`, found by `bands` threads.
+
+    `body`, `kind` (count,) int32 and `rest` (3 count,): of each particle its body, the kind of that, and where it lay at
+    rest: within a body only those are neighbours that were none at rest. `kinds`: how many; which pairs of them are
+    neighbours, and how near, the pairs' rows of a record say (model/contact/particle_parameters.py).
+
+    Lists are in the order of cells, then of numbers, the same for any number of threads. `lost`: neighbours beyond the
+    MAX_NEIGHBOURS of a particle, since it was made. `search` is what kernels take: what was given, tables, particles in
+    the order of cells, and `found`.
+    """
+
+    def __init__(
+        self, real: Any, math: str, body: np.ndarray, kind: np.ndarray, rest: np.ndarray, kinds: int, bands: int
+    ):
+        self.bands, self.kinds, count = bands, kinds, len(body)
+        cells, most, ahead = CELLS * max(count, LANES), count * MAX_NEIGHBOURS, count + LANES
+        numbers = (np.zeros(n, np.int64) for n in (BOX * bands, TABLE, bands, bands, bands, bands))
+        boxes, table, totals, begins, active, self._lost = numbers
+        buckets, starts = np.zeros(count, np.int32), np.zeros(cells + 1, np.int32)
+        tables = np.zeros(AXES * count, np.int32), boxes, table, buckets, starts, totals
+        order, bodies, rooms = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
+        in_order = order, aligned_zeros(PLACES * ahead, real), bodies, rooms
+        who, entries = (np.zeros(n, np.uint32) for n in (count, most))  # unsigned: no index from the end
+        many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
+        self.found = who, many, entries, pairs, begins, active, self._lost
+        self.search = (body, kind, rest), tables, in_order, self.found
+        self._find = make_find_stage(real, math)
+
+    def find(self, position: np.ndarray, weights: np.ndarray, record: np.ndarray, reach: Any) -> None:
+        """From positions, three planes, flat; `weights` (count,): what weighs 0 is nobody's neighbour. `record`, `reach`:
+        rows of pairs, and the longest way between neighbours."""
+        self._find(self.bands, position, weights, record, reach, self.kinds, *self.search)
+
+    @property
+    def lost(self) -> int:
+        return int(self._lost.sum())
+
+    def count(self) -> int:
+        """How many pairs were found, each told by both of its particles."""
+        return sum(len(others) for others in self.lists().values())
+
+    def lists(self) -> dict[int, list[int]]:
+        """Of each particle's place that has any, the places of its neighbours in their order."""
+        who, many, entries, _, begins, active, _ = self.found
+        lists: dict[int, list[int]] = {}
+        for first, number in zip(begins, active, strict=True):
+            entry = int(first) * MAX_NEIGHBOURS
+            for n in range(int(first), int(first + number)):
+                lists[int(who[n])] = entries[entry : entry + many[n]].tolist()
+                entry += int(many[n])
+        return lists

@@ -1,0 +1,84 @@
+"""Who is near to whom among particles, on CUDA: a service for whatever happens between particles that are near."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.particles_find import MIN_TABLE, make_find
+from gpu_backend.core.quads import SIZE
+from gpu_backend.core.scan import Scan
+from model.contact.particle_parameters import MAX_NEIGHBOURS
+from model.contact.self_contact_parameters import table_size
+
+THREADS = 128
+
+
+def _table(particles: int) -> int:
+    return max(MIN_TABLE, table_size(particles))
+
+
+def neighbour_bytes(particles: int, own: bool, item: int) -> int:
+    """Device memory for the neighbours of so many particles, `item` bytes a scalar; `own`: within bodies, too."""
+    return particles * (SIZE * item * (1 + own) + 4 * (MAX_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
+
+
+class Neighbours:
+    """`found` (particles,) int32: how many neighbours each particle has; `table` (MAX_NEIGHBOURS * particles,): the s-th of
+    particle i in place s * particles + i, in the order of cells, then of numbers.
+
+    `pairs`: (the body of each particle, the kind of each body, how many kinds); which of them are neighbours, and how near,
+    the pairs' rows of a record say (model/contact/particle_parameters.py). `rest` (particles, 3) [m] where some body's
+    particles may be neighbours among themselves (`own`): those that were none at rest. Launches alone, so that they can be
+    captured in a graph.
+    """
+
+    launches = 7  # of `find`
+
+    def __init__(self, real: Any, particles: int, pairs: tuple[Any, ...], rest: np.ndarray | None, stream: Any):
+        self._stream, self._pairs, own = stream, pairs, rest is not None
+        quads = np.zeros((particles if own else 1, SIZE), real)
+        quads[:, :3] = 0 if rest is None else rest
+        self._rest = self._new(quads.reshape(-1))
+        table = _table(particles) + 1  # the last number of its starts is that of all
+        self._counts, self._starts = self._integers(table), self._integers(table)
+        self._buckets, self._filled, self._sorted_particles, self._sorted_bodies, self.found = (
+            self._integers(particles) for _ in range(5)
+        )
+        self._sorted = self._new(np.zeros(SIZE * particles, real))
+        self.table = cuda.device_array(MAX_NEIGHBOURS * particles, np.int32, stream=stream)
+        self._lost = self._new(np.zeros(1, np.int64))
+        self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
+        self._find = make_find(real, own, int(pairs[2]) > 1)
+
+    def _new(self, array: np.ndarray) -> Any:
+        return cuda.to_device(array, stream=self._stream)
+
+    def _integers(self, count: int) -> Any:
+        return self._new(np.zeros(count, np.int32))
+
+    def find(self, position: Any, record: Any) -> None:
+        """From quads of positions, whose fourth number is the weight: what weighs 0 is nobody's neighbour. `record`: rows of
+        pairs, and the longest way between neighbours."""
+        kernels, flat, ordered = self._find, self._flat, (self._sorted, self._sorted_particles, self._sorted_bodies)
+        kernels.hash_particles[flat](position, record, self._buckets, self._counts)
+        self._scan.run(self._counts, self._starts, self._starts)
+        kernels.fill_buckets[flat](self._buckets, self._starts, self._counts, self._filled)
+        kernels.arrange[flat](position, self._buckets, self._starts, self._filled, self._pairs[0], *ordered)
+        kernels.find_neighbours[flat](
+            position, record, self._buckets, self._starts, *ordered, *self._pairs, self._rest, self.table, self.found,
+            self._lost,
+        )  # fmt: skip
+
+    @property
+    def lost(self) -> int:
+        """How many neighbours were beyond the MAX_NEIGHBOURS of a particle, over all searches so far."""
+        host = self._lost.copy_to_host(stream=self._stream)
+        cuda.synchronize()
+        return int(host[0])
+
+    def forget(self) -> None:
+        """Nothing was lost so far."""
+        self._lost.copy_to_device(np.zeros(1, np.int64), stream=self._stream)
