@@ -18,7 +18,13 @@ from model.scene.scene import Scene, load_scene
 # masses, in which shares (test_matching.py, test_soft_body.py); their goals here are by singular values, as no kernel's are.
 # Of a mesh collider the triangles are shared, not their tree; of a distance field the samples, not what lies between them.
 SHARED = {
-    "xpbd_mesh.py": {"model.xpbd.mesh_constraints", "model.geometry.topology", "model.core.build"},
+    "xpbd_mesh.py": {
+        "model.xpbd.mesh_constraints",
+        "model.geometry.topology",
+        "model.core.build",
+        "model.scene.sheets",
+    },
+    "contacts.py": {"model.scene.self_collision"},
     "shape_matching.py": {"model.shape_matching.clusters", "model.shape_matching.matching"},
     "cluster_material.py": {"model.shape_matching.clusters"},
     "cloth.py": {"model.contact.mesh_collider", "model.geometry.distance_field"},
