@@ -209,11 +209,18 @@ def lab(
 
 
 @app.command(epilog="Example: softlab scenes")
-def scenes() -> None:
-    """List the scenes that come with the lab."""
-    from app.command.tables import print_scenes
+def scenes(
+    fields: Annotated[
+        str | None, typer.Option(metavar="KIND", help="Instead what a table of this kind may hold, e.g. wind.")
+    ] = None,
+) -> None:
+    """List the scenes that come with the lab, or the fields of a table of a scene file."""
+    from app.command.tables import print_fields, print_scenes
 
-    print_scenes(out)
+    if fields is not None:
+        print_fields(out, fields)
+    else:
+        print_scenes(out)
 
 
 @app.command(epilog="Example: softlab plan lab-grid --measure")

@@ -39,7 +39,7 @@ def constant(module: str, name: str) -> Any:
 
 def facts() -> dict[str, str]:
     """Name in the text -> the number as it is printed."""
-    block = constant("gpu_backend/mass_spring/grid/kernels.py", "BLOCK")
+    block = constant("gpu_backend/core/sheet.py", "BLOCK")
     passes = constant("gpu_backend/core/launch.py", "CHUNKS")
     scene = load_scene("lab-grid")
     plan = mass_spring_plan(scene)

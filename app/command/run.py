@@ -25,7 +25,7 @@ from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
 from model.geometry.overlaps import overlap_lines
 from model.scene.scene import Scene
-from model.scene.sheets import mesh_lines
+from model.scene.sheets import mesh_lines, rest_lines
 from model.shape_matching.spare import counts
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
@@ -121,7 +121,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    notes = [*mesh_lines(scene), *body_lines(scene), *collider_lines(scene), *overlap_lines(scene)]
+    lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines
+    notes = [line for told in lines for line in told(scene)]
     steps = step_count(scene, request, notes)
     target = check_targets(scene, request, steps, notes)
     initial = read_state(request.initial, scene) if request.initial else None

@@ -12,6 +12,7 @@ from rich.table import Column, Table
 
 from app.command.doctor import Finding
 from model.core.families import stability_limit
+from model.scene.fields import about, rows_of
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
 from model.shape_matching.spare import counts
@@ -74,6 +75,17 @@ def print_scenes(console: Console) -> None:
         limit = stability_limit(scene)
         told = "none" if isinf(limit) else f"{limit:.4g}"
         table.add_row(name, size, str(grid.pinned), method.name, f"{method.dt:.4g}", told)
+    console.print(table)
+
+
+def print_fields(console: Console, kind: str) -> None:
+    """What a table of a scene file may hold. Raises SceneError."""
+    table = Table(
+        *(Column(head, overflow="fold") for head in ("field", "default", "allowed", "")), box=None, pad_edge=False
+    )
+    for row in rows_of(kind):
+        table.add_row(row.name, row.default, row.allowed, escape(row.note))
+    console.print(f"[{kind}]: {about(kind)}\n", markup=False)
     console.print(table)
 
 

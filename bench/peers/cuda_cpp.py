@@ -24,7 +24,7 @@ CHUNKS = (256, 32, 4, 2)  # steps in a graph; even, so that the two buffers are 
 OPTIONS = ("--use_fast_math", "--std=c++17")
 TYPES = {"float32": ("-DReal=float", "-DPair=float2"), "float64": ("-DReal=double", "-DPair=double2")}
 MAX_BLOCKS_DOWN = 65535  # the hardware's limit in the second direction
-REMEDY = "pip install 'softlab[cuda13]' (or cuda12)"
+REMEDY = "pip install -e '.[cuda13]' (or cuda12)"
 
 
 def _driver() -> Any:

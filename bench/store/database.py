@@ -115,7 +115,7 @@ class Store:
                 with check_source(file, f"the store is a file, such as {DEFAULT_PATH}").open("rb") as opened:
                     head = opened.read(16)
                 if head and head != b"SQLite format 3\0":
-                    raise InputError(f"{file} is not a SQLite file; give another path (text exports: softlab merge)")
+                    raise InputError(f"{file} is neither a store nor a .csv export of one; give another path")
                 return True
             if self.readonly:
                 raise InputError(f"{file}: no such store; measure first (softlab sweep), or give another path")

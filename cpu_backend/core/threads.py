@@ -69,7 +69,7 @@ def thread_count(word: str | int) -> int:
     elif text.isascii() and text.isdigit() and int(text) >= 1:
         count = int(text)
     else:
-        raise SceneError("--threads", word, "must be 1x, 2x, 4x (times the cores) or a number of at least 1")
+        raise SceneError("--threads", word, "must be 1x, 2x, 4x (times the cores), auto, or a number of at least 1")
     import numba
 
     most = int(getattr(numba.config, "NUMBA_NUM_THREADS"))  # noqa: B009 - numba fills its config at run time

@@ -50,7 +50,8 @@ class SceneError(SoftlabError):
 
     def __init__(self, field: str, value: object, allowed: str):
         self.field, self.value, self.allowed = field, value, allowed
-        super().__init__(f"{shortened(field, LONGEST_FIELD)} = {shown(value)}: {allowed}")
+        given = "" if value is None else f" = {shown(value)}"  # nothing was
+        super().__init__(f"{shortened(field, LONGEST_FIELD)}{given}: {allowed}")
 
 
 class InputError(SoftlabError):

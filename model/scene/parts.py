@@ -55,7 +55,7 @@ class Grid(Part):
     columns: Count  # masses
     spacing: Positive = 1.0  # m
     mass: Positive = 0.01  # kg, each
-    pinned: Pins = "none"
+    pinned: Pins = "none"  # none, top, edges, top-corners ..., every:K of the top row, or [[row, column], ...]
 
     @field_validator("pinned", mode="before")
     @classmethod

@@ -45,7 +45,7 @@ class Scene(SceneParts):
                 "grid",
                 sheets or None,
                 "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
-                "or bodies: soft_body, soft_sheet, rigid_body",
+                "or bodies: soft_body, soft_sheet, soft_lattice, rigid_body",
             )
         check_fit(self)
         if self.one("method") is None:

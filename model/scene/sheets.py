@@ -26,6 +26,17 @@ def mesh_lines(scene: Scene) -> list[str]:
     return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]
 
 
+def rest_lines(scene: Scene) -> list[str]:
+    """What to tell of a grid whose springs begin far from their rest length, which has a default of its own."""
+    springs, spacing = scene.springs, scene.grid.spacing
+    if springs is None or springs.rest_length == 0 or 0.5 <= spacing / springs.rest_length <= 2:
+        return []
+    return [
+        f"springs begin at {spacing / springs.rest_length:.3g} of their rest length (grid.spacing = {spacing:g} m, "
+        f"springs.rest_length = {springs.rest_length:g} m)"
+    ]
+
+
 def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(particles, 3) float64: of the scene's cloth or mesh."""
     if scene.mesh:

@@ -53,6 +53,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         "float_type": "must be a number",
         "finite_number": "must be a finite number",
         "bool_type": "must be true or false",
+        "model_type": 'must be a table of its fields, such as { name = "star" }',
     }
     allowed = words.get(first["type"], message)
     if first["type"] == "greater_than":

@@ -217,7 +217,7 @@ def test_parameters_that_cannot_be(fields, field, words):
 
 
 def test_a_spacing_must_be_given():
-    with pytest.raises(SceneError, match="particle_spacing = None: must be given"):
+    with pytest.raises(SceneError, match="particle_spacing: must be given"):
         SoftBody.from_mesh(ball())
 
 

@@ -186,7 +186,7 @@ def test_small_numbers_and_units() -> None:
 
 def test_facts_are_those_of_the_code() -> None:
     found = facts()
-    block = constant("gpu_backend/mass_spring/grid/kernels.py", "BLOCK")
+    block = constant("gpu_backend/core/sheet.py", "BLOCK")
     assert int(found["block-threads"]) == block[0] * block[1]
     assert found["bytes-per-mass"] == "32"  # position and velocity, two axes, read and written once in float32
     with pytest.raises(LookupError):

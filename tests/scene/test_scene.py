@@ -11,6 +11,7 @@ from model.core.errors import SceneError
 from model.core.plan import present_parts
 from model.scene.reader import catalogue, parse_settings, parse_value
 from model.scene.scene import Scene, load_scene
+from model.scene.sheets import rest_lines
 
 MINIMAL = {"grid": {"rows": 3, "columns": 4}}
 SETTABLE = [
@@ -154,3 +155,9 @@ def test_written_as_toml_it_reads_back(tmp_path):
     file.write_text('title = "Mine"\n[grid]\nrows = 5\ncolumns = 2\npinned = [[0, 1]]\n', encoding="utf-8")
     scene = load_scene(file)
     assert (scene.name, scene.title, scene.grid.pinned) == ("mine", "Mine", [(0, 1)])
+
+
+def test_springs_that_begin_far_from_rest_are_told():
+    assert rest_lines(load_scene("lab-grid")) == [] and rest_lines(load_scene("jelly-drop")) == []
+    (line,) = rest_lines(load_scene("lab-grid").replace({"grid.spacing": 0.1}))
+    assert line.startswith("springs begin at 0.1 of their rest length")

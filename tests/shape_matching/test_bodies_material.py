@@ -349,7 +349,7 @@ def test_parameters_are_written_where_they_say_something_and_bake_nothing(tmp_pa
     "fields,word",
     [
         ({"linear": 1.5}, "linear"),
-        ({"plastic_threshold": 0.1}, "plastic_creep = None: must be over 0"),
+        ({"plastic_threshold": 0.1}, "plastic_creep: must be over 0"),
         ({"plastic_creep": 1.0, "plastic_limit": 1.0}, "plastic_limit"),
         ({"cluster_damping": -1.0}, "cluster_damping"),
     ],

@@ -46,7 +46,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     if not np.isfinite(error):
         return None, "the reference did not converge"
     if error < 10 * estimate / scene.grid.spacing:
-        return None, f"below what the reference resolves ({10 * estimate / scene.grid.spacing:.1e} of the spacing)"
+        unsure = f"it is itself uncertain by {estimate / scene.grid.spacing:.1e} of the spacing"
+        return None, f"below what the reference resolves: {unsure}; an earlier --time may be known better"
     return error, None
 
 

@@ -1,0 +1,134 @@
+"""What the tables of a scene file may hold: read from the parts themselves, their defaults and the comments beside them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from dataclasses import dataclass
+from typing import Any, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le
+from pydantic.fields import FieldInfo
+
+from model.core.errors import SceneError
+from model.scene.parts import Part
+from model.scene.scene_parts import KINDS
+from model.scene.words import suggestion
+
+REQUIRED = "(must be given)"
+WIDE = 2**31 - 1  # a bound that nobody meets: what an index or a seed can hold
+
+
+@dataclass(frozen=True)
+class Row:
+    """A field of a table: its `default` as a file would have it, what is `allowed`, and a `note`: its unit, mostly."""
+
+    name: str
+    default: str
+    allowed: str
+    note: str
+
+
+def kind_named(kind: str) -> type[Part]:
+    """The part of that kind. Raises SceneError."""
+    if kind not in KINDS:
+        raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, KINDS)}; known: {', '.join(KINDS)}")
+    return KINDS[kind]
+
+
+def about(kind: str) -> str:
+    """What a table of that kind is, in the words of its part. Raises SceneError."""
+    owners = [owner for owner in kind_named(kind).__mro__ if issubclass(owner, Part) and owner is not Part]
+    return " ".join(" ".join((owner.__doc__ or "").split()) for owner in owners)
+
+
+def rows_of(kind: str) -> list[Row]:
+    """The fields of a table of that kind, in their order. Raises SceneError."""
+    part = kind_named(kind)
+    notes = _notes(part)
+    return [
+        Row(name, _default(field), _allowed(field), notes.get(name, "")) for name, field in part.model_fields.items()
+    ]
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return REQUIRED
+    value: Any = field.get_default(call_default_factory=True)
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    return str(list(value)) if isinstance(value, tuple) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _allowed(field: FieldInfo) -> str:
+    """Bounds, or the words that it takes."""
+    marks = [*field.metadata, *_marks(field.annotation)]
+    bounds = [f"> {_number(m.gt)}" for m in marks if isinstance(m, Gt)]
+    bounds += [f">= {_number(m.ge)}" for m in marks if isinstance(m, Ge)]
+    bounds += [f"<= {_number(m.le)}" for m in marks if isinstance(m, Le) and m.le < WIDE]  # type: ignore[operator]
+    words = [word for word in _leaves(field.annotation) if isinstance(word, str)]
+    return ", ".join(dict.fromkeys(bounds or words))
+
+
+def _number(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _marks(annotation: Any) -> list[Any]:
+    """Bounds within an annotation: of `Positive | None`, of a list's numbers."""
+    found: list[Any] = []
+    for part in get_args(annotation):
+        if isinstance(part, FieldInfo):
+            found += part.metadata
+        found += _marks(part)
+    return found
+
+
+def _leaves(annotation: Any) -> list[Any]:
+    """The values of all literals within an annotation."""
+    if not get_args(annotation):
+        return []
+    if str(get_origin(annotation)) == "typing.Literal":
+        return list(get_args(annotation))
+    return [leaf for part in get_args(annotation) for leaf in _leaves(part)]
+
+
+def _notes(part: type[Part]) -> dict[str, str]:
+    """The comment beside each field, where it has one: in the part's source and in those it inherits from."""
+    found: dict[str, str] = {}
+    for owner in reversed(part.__mro__):
+        if issubclass(owner, Part) and owner is not Part:
+            found |= dict(
+                re.findall(r"^    (\w+): [^#\n]*  # (?!type:|noqa|fmt:)(.*)$", inspect.getsource(owner), re.MULTILINE)
+            )
+    return found
+
+
+def document() -> str:
+    """docs/scene.md: every kind of table, its fields, defaults, bounds and units."""
+    lines = [
+        "# Scene files",
+        "",
+        "A TOML file: `title`, and tables. A table is of the kind that it is called by, or that its `kind` says, so that",
+        'a scene can have several of a kind: `[ball]` with `kind = "sphere"`. SI units. What is left out has the default; a',
+        "table that is not there is not simulated. `softlab scenes --fields wind` prints one of these on the terminal; this",
+        "page is made by `model/scene/fields.py`, and a test holds it to the code. Scenes to begin with, in",
+        "`model/catalogue/`: `lab-grid.toml` (a grid), `cloth-sphere.toml`, `cloth-xpbd.toml`, `jelly-drop.toml` (bodies).",
+        "",
+        "| kinds | what for |",
+        "|---|---|",
+        "| grid, springs, damping, gravity, external, perturbation, manufactured, method | masses in a plane |",
+        "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
+        "| mesh | a cloth of triangles |",
+        "| plane, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
+        "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies |",
+    ]
+    for kind in KINDS:
+        lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]
+        cells = ((row.name, row.default, row.allowed, row.note) for row in rows_of(kind))
+        lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]
+    return "\n".join(lines) + "\n"
