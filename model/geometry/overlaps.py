@@ -1,4 +1,4 @@
-"""Pinned masses that begin inside a collider: they stay where they are, and whoever made the scene is told."""
+"""Masses that begin inside a collider: pinned ones stay, free ones are thrown out, and whoever made the scene is told."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from model.core.build import build
 from model.formulas import colliders, distance_field, triangle_tree
 from model.mass_spring.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
 from model.scene.scene import Scene
+
+MAX_ASKED = 2000  # free masses: a tenth of a second
 
 
 def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, numbers: np.ndarray | None) -> float:
@@ -27,21 +29,33 @@ def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, numbers:
 
 
 def overlap_lines(scene: Scene) -> list[str]:
-    """A sentence for each collider that has pinned masses in it, or nearer than its thickness, when the scene begins."""
-    if scene.bodies:  # theirs are copies that wait, not pins
+    """A sentence for each collider that has pinned masses in it, or nearer than its thickness, when the scene begins, and for
+    each in which free ones lie deep: by more than half a spacing. Of large sheets only so many masses are asked."""
+    if scene.bodies or not scene.colliders:  # bodies' pins are copies that wait
         return []
     body = build(scene)
-    pinned = body.position[body.pinned]
-    if not len(pinned) or not scene.colliders:
-        return []
+    pinned, free = body.position[body.pinned], body.position[body.inverse_mass > 0]
+    some = free[:: -(-len(free) // MAX_ASKED) or 1]
     formulas, lines = colliders.make(float), []
     for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
         numbers = collider.numbers(float) if isinstance(collider, SurfaceCollider) else None
-        away = (_distance(formulas, kind, p - row[B_X : B_Z + 1], row, numbers) for p in pinned)
-        inside = sum(distance < row[B_THICKNESS] for distance in away)
+
+        def away(points: np.ndarray, kind: str = kind, row: np.ndarray = row, numbers: Any = numbers) -> list[float]:
+            return [_distance(formulas, kind, p - row[B_X : B_Z + 1], row, numbers) for p in points]
+
+        inside = sum(distance < row[B_THICKNESS] for distance in away(pinned))
         if inside:
             lines.append(
                 f"{inside} of {len(pinned)} pinned masses begin inside a {kind} or nearer than its thickness: they stay, and "
                 "what hangs on them is pushed out beside them"
+            )
+        if kind == "mesh_collider":  # a surface, without an inside
+            continue
+        deep = sum(distance < -scene.grid.spacing / 2 for distance in away(some))
+        if deep:
+            about = f"about {deep * len(free) // len(some)}" if len(some) < len(free) else str(deep)
+            lines.append(
+                f"{about} of {len(free)} free masses begin deep inside a {kind}: the first step moves them to its surface "
+                "and draws their springs out; begin beside it"
             )
     return lines

@@ -1,5 +1,6 @@
 """Pinned masses inside a collider are told of, collider by collider; what only comes near them is not."""
 
+import numpy as np
 import pytest
 
 from model.geometry.overlaps import overlap_lines
@@ -25,7 +26,17 @@ def test_pins_inside_a_collider_are_counted(kind):
 def test_nothing_is_told_where_nothing_overlaps():
     far = Scene({"cloth": CLOTH, "structural": {}, "sphere": {"center": [0.0, 5.0, 0.0], "radius": 0.1}})
     assert overlap_lines(far) == []
-    assert (
-        overlap_lines(Scene({"cloth": CLOTH | {"pinned": "none"}, "structural": {}, "sphere": BODIES["sphere"]})) == []
-    )
+    small = BODIES["sphere"] | {"radius": 0.04}  # nothing free lies deeper in it than half a spacing
+    assert overlap_lines(Scene({"cloth": CLOTH | {"pinned": "none"}, "structural": {}, "sphere": small})) == []
     assert overlap_lines(Scene({"grid": {"rows": 2, "columns": 2, "pinned": "top"}})) == []
+
+
+def test_free_masses_deep_inside_are_told():
+    """A sheet of 9 x 9 masses, 0.1 m apart, through the middle of a ball of 0.25 m: those within 0.2 m of its centre."""
+    sheet = {"rows": 9, "columns": 9, "spacing": 0.1, "origin": (-0.4, 0.4, 0.0)}
+    scene = Scene({"cloth": sheet, "structural": {}, "sphere": {"radius": 0.25}})
+    x = 0.1 * np.arange(-4, 5)
+    deep = int((np.hypot(x[:, None], x) < 0.2 - 1e-9).sum())
+    (line,) = overlap_lines(scene)
+    assert line.startswith(f"{deep} of 81 free masses begin deep inside a sphere")
+    assert overlap_lines(scene.replace({"sphere.radius": 0.02})) == []
