@@ -31,6 +31,7 @@ COMPILED = {
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
 # file, then patterns of tests' names; further lines of a file begin with a space.
 ONLY_THOROUGH = table("""
+test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_restitution.py *bodies-0.001* *bodies-0.004*
 # CPU machine code: each solver keeps a case or two, of the fused kernel and the most parts
@@ -46,7 +47,7 @@ test_xpbd_cpu_reference.py test_fast_math*
 test_cpu_assembly.py *fused-float64-fast*
 test_cloth_assembly.py *
 test_xpbd_assembly.py *
-test_implicit.py test_any_number*implicit-euler? test_order_one_against* test_float32_stops*
+test_implicit.py test_any_number*implicit-euler? test_order_one_against* test_float32_stops* test_any_number*
     test_energy_falls*implicit-euler? test_energy_falls*
 test_cpu_bits.py test_bits*semi* test_bits*explicit* test_bits*lab* test_bits*taylor* test_bits*rk4*
 test_lattice.py test_against_the_reference_and_the_same* test_contacts_and_spares* test_float32_loses*
@@ -66,12 +67,13 @@ test_shapes.py *octopus-4* *letters*
 test_stability.py test_the_measured_edge*rk4* test_the_measured_edge*taylor*
 test_xpbd_laws.py test_small_steps_rope* test_tethers*cpu-jacobi? test_tethers*
 test_xpbd_reference.py test_first_order*along* test_small_steps_rope
-test_rebound.py test_a_brick_that_lands*cpu* test_bodies_that_meet*
+test_rebound.py test_a_brick_that_lands*cpu* test_bodies_that_meet* test_a_brick_that_lands*
 test_shapes3d.py *closed*mesh2*
 # scenes of the catalogue, and cases that break solvers
 test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? test_bodies_fall*soft-pile?
+    test_bodies_fall*soft-rain?
     test_bodies_fall*two-worlds? test_bodies_fall*two-worlds-moon?
-test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see*
+test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see* test_the_laws*A10?point*
     test_the_laws*A10?plane* test_the_laws*A10?line*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
