@@ -266,7 +266,7 @@ def test_a_pipe_is_no_export(tmp_path: Path) -> None:
 def test_a_file_that_is_no_store_is_left_alone(tmp_path: Path, data: bytes) -> None:
     file = tmp_path / "results.sqlite"
     file.write_bytes(data)
-    with pytest.raises(InputError, match=r"not a SQLite file|damaged"):
+    with pytest.raises(InputError, match=r"neither a store nor|damaged"):
         Store(file)
     assert file.read_bytes() == data
 
