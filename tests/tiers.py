@@ -1,4 +1,4 @@
-"""What runs by default, how, and what is for `pytest --thorough` alone (CI runs both)."""
+"""What runs by default, how, and what is for `pytest --thorough` alone."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ test_reading.py test_neither_figures*
 test_labbook.py test_the_book*None*
 test_crowds.py test_quick_is*
 test_plan.py test_a_stage_that_does_more*
-# under the CUDA simulator: each kernel once; real GPUs and CI run the rest
+# under the CUDA simulator: each kernel once; real GPUs run the rest
 test_simulated_cloth_tiles.py *
 test_simulated_scatter.py test_the_cost*
 test_simulated_rebound.py *stages? *float64*
