@@ -20,6 +20,7 @@ from bench.experiments.sweep import FULL, QUICK
 from bench.measure.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
 from bench.store.results import SPREAD_LIMIT
 from cpu_backend.core.threads import MULTIPLES
+from gpu_backend.core.sheet import BLOCK
 from labbook.words import percent, seconds
 from model.core.digest import ROOT
 from model.core.divergence import DIVERGED_SIZE
@@ -39,14 +40,13 @@ def constant(module: str, name: str) -> Any:
 
 def facts() -> dict[str, str]:
     """Name in the text -> the number as it is printed."""
-    block = constant("gpu_backend/core/sheet.py", "BLOCK")
     passes = constant("gpu_backend/core/launch.py", "CHUNKS")
     scene = load_scene("lab-grid")
     plan = mass_spring_plan(scene)
     return {
-        "block-columns": str(block[0]),
-        "block-rows": str(block[1]),
-        "block-threads": str(block[0] * block[1]),
+        "block-columns": str(BLOCK[0]),
+        "block-rows": str(BLOCK[1]),
+        "block-threads": str(BLOCK[0] * BLOCK[1]),
         "graph-passes": str(max(passes)),
         "pair-bytes": str(np.dtype(np.complex64).itemsize),
         "pair-bytes-double": str(np.dtype(np.complex128).itemsize),

@@ -52,10 +52,6 @@ class Neighbours:
     def lost(self) -> int:
         return int(self._lost.sum())
 
-    def count(self) -> int:
-        """How many pairs were found, each told by both of its particles."""
-        return sum(len(others) for others in self.lists().values())
-
     def lists(self) -> dict[int, list[int]]:
         """Of each particle's place that has any, the places of its neighbours in their order."""
         who, many, entries, _, begins, active, _ = self.found

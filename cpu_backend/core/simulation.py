@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -14,7 +15,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import Layout
 from cpu_backend.core.processor import processor_name
 from cpu_backend.core.threads import thread_count
-from model.core.errors import SceneError
+from model.core.options import unknown_kernel
 from model.core.plan import Executor
 from model.core.simulation import Options, Simulation
 from model.scene.cloth import COLLIDER_KINDS
@@ -68,7 +69,7 @@ def make_first_diverged_of(real: Any, axes: int) -> Any:
 def chosen_kernel(wanted: str | None, what: str, known: Sequence[str] = ("fused", "stages")) -> str:
     """The kernel `wanted`, or the first one known. Raises SceneError for any other; `what`: of which solver."""
     if wanted is not None and wanted not in known:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(known)} for {what} on the cpu")
+        raise unknown_kernel(wanted, known, f"for {what} on the cpu")
     return wanted or known[0]
 
 
@@ -121,9 +122,9 @@ class CpuSimulation(Simulation):
 class ParticlesSimulation(CpuSimulation):
     """Of particles in any order: a solver tells where they lie (`_places`)."""
 
+    @abstractmethod
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         """(positions, velocities, where each particle's first coordinate lies, how far the next lies from it), flat."""
-        raise NotImplementedError
 
     def _first_diverged(self) -> int:
         numba.set_num_threads(self._bands)

@@ -35,7 +35,7 @@ class Neighbours:
     captured in a graph.
     """
 
-    launches = 7  # of `find`
+    launches = 7  # of `find`, each of `flat`: a thread a particle
 
     def __init__(self, real: Any, particles: int, pairs: tuple[Any, ...], rest: np.ndarray | None, stream: Any):
         self._stream, self._pairs, own = stream, pairs, rest is not None
@@ -50,7 +50,7 @@ class Neighbours:
         self._sorted = self._new(np.zeros(SIZE * particles, real))
         self.table = cuda.device_array(MAX_NEIGHBOURS * particles, np.int32, stream=stream)
         self._lost = self._new(np.zeros(1, np.int64))
-        self._scan, self._flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
+        self._scan, self.flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
         self._find = make_find(real, own, int(pairs[2]) > 1)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -62,7 +62,7 @@ class Neighbours:
     def find(self, position: Any, record: Any) -> None:
         """From quads of positions, whose fourth number is the weight: what weighs 0 is nobody's neighbour. `record`: rows of
         pairs, and the longest way between neighbours."""
-        kernels, flat, ordered = self._find, self._flat, (self._sorted, self._sorted_particles, self._sorted_bodies)
+        kernels, flat, ordered = self._find, self.flat, (self._sorted, self._sorted_particles, self._sorted_bodies)
         kernels.hash_particles[flat](position, record, self._buckets, self._counts)
         self._scan.run(self._counts, self._starts, self._starts)
         kernels.fill_buckets[flat](self._buckets, self._starts, self._counts, self._filled)

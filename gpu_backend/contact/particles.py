@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.neighbours import THREADS, Neighbours, neighbour_bytes
+from gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
 from gpu_backend.contact.particles_bounce import make_bounce
 from gpu_backend.contact.particles_project import make_project
 from gpu_backend.core.quads import SIZE
@@ -50,7 +50,7 @@ class ParticleContacts:
         rest = body_set.clusters.position if own else None
         self.neighbours = Neighbours(real, particles, self._pairs, rest, stream)
         self._touching = self._new(np.zeros(SIZE * particles, real))
-        self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
+        self._flat = self.neighbours.flat
         self.variant = own, many
         self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
         self._project = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, own, many)

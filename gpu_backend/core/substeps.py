@@ -9,7 +9,7 @@ from abc import abstractmethod
 
 from gpu_backend.core.launch import can_capture
 from gpu_backend.core.quad_simulation import QuadSimulation
-from model.core.errors import SceneError
+from model.core.options import unknown_kernel
 
 MAX_NODES = 4096  # launches of one graph
 LARGEST_CHUNK = 256  # steps of one graph
@@ -19,7 +19,7 @@ KERNELS = ("graph", "launch", "stages")
 def launched_kernel(wanted: str | None, what: str) -> str:
     """The kernel `wanted`, or the fastest there is, of solvers that only launch. Raises SceneError for any other."""
     if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} for {what} on the gpu")
+        raise unknown_kernel(wanted, KERNELS, f"for {what} on the gpu")
     return wanted or ("graph" if can_capture() else "launch")
 
 

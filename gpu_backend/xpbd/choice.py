@@ -19,6 +19,7 @@ from gpu_backend.mass_spring.grid.tile_launch import device_limits
 from gpu_backend.xpbd.sweep import shared_bytes
 from gpu_backend.xpbd.tile import PERIOD, SheetTile, span, whole
 from model.core.errors import SceneError
+from model.core.options import unknown_kernel
 from model.scene.scene import Scene
 from model.xpbd.plan import colour_order, families
 
@@ -154,9 +155,7 @@ def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | Non
         return default_choice(scene, real, parts, device_limits()) if can_capture() else Choice("launch")
     kernel, _, tile = asked.partition(":")
     if kernel not in XPBD_KERNELS or (tile and kernel not in ("tiled", "one-block")):
-        raise SceneError(
-            "--kernel", asked, f"must be one of {', '.join(XPBD_KERNELS)} for a position-based solver on the gpu"
-        )
+        raise unknown_kernel(asked, XPBD_KERNELS, "for a position-based solver on the gpu")
     if kernel == "graph" and not can_capture():
         raise SceneError("--kernel", asked, "the CUDA simulator cannot capture graphs; use launch")
     if scene.self_collision and kernel in ("tiled", "one-block"):

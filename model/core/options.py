@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,3 +38,8 @@ class Options:
         for name in self.live:
             if name not in LIVE_PATHS:
                 raise SceneError("live", name, f"must be of {', '.join(LIVE_PATHS)}")
+
+
+def unknown_kernel(wanted: str | None, known: Iterable[str], where: str) -> SceneError:
+    """The error for a kernel that a solver does not have; `where`: "for a mesh on the cpu"."""
+    return SceneError("--kernel", wanted, f"must be one of {', '.join(known)} {where}")

@@ -16,7 +16,7 @@ from model.scene.scene import Scene
 MAX_ASKED = 2000  # free masses: a tenth of a second
 
 
-def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, numbers: np.ndarray | None) -> float:
+def _distance(formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, d: np.ndarray) -> float:
     """Of a point that lies at `d` [m] from the collider's own point, to its surface [m]. `numbers`: of a tree or a field."""
     if kind == "mesh_collider":
         return sqrt(triangle_tree.make(float).nearest(numbers, 0, *d.tolist(), inf)[0])
@@ -26,6 +26,13 @@ def _distance(formulas: Any, kind: str, d: np.ndarray, row: np.ndarray, numbers:
     if kind in ("sphere", "capsule"):
         own.append(float(row[B_RADIUS]))
     return float(getattr(formulas, kind)(*d.tolist(), *own)[0])
+
+
+def _distances(
+    formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, points: np.ndarray
+) -> list[float]:
+    """Of points (n, 3) [m], to the collider's surface [m]."""
+    return [_distance(formulas, kind, row, numbers, p - row[B_X : B_Z + 1]) for p in points]
 
 
 def overlap_lines(scene: Scene) -> list[str]:
@@ -39,11 +46,8 @@ def overlap_lines(scene: Scene) -> list[str]:
     formulas, lines = colliders.make(float), []
     for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
         numbers = collider.numbers(float) if isinstance(collider, SurfaceCollider) else None
-
-        def away(points: np.ndarray, kind: str = kind, row: np.ndarray = row, numbers: Any = numbers) -> list[float]:
-            return [_distance(formulas, kind, p - row[B_X : B_Z + 1], row, numbers) for p in points]
-
-        inside = sum(distance < row[B_THICKNESS] for distance in away(pinned))
+        shape = formulas, kind, row, numbers
+        inside = sum(distance < row[B_THICKNESS] for distance in _distances(*shape, pinned))
         if inside:
             lines.append(
                 f"{inside} of {len(pinned)} pinned masses begin inside a {kind} or nearer than its thickness: they stay, and "
@@ -51,7 +55,7 @@ def overlap_lines(scene: Scene) -> list[str]:
             )
         if kind == "mesh_collider":  # a surface, without an inside
             continue
-        deep = sum(distance < -scene.grid.spacing / 2 for distance in away(some))
+        deep = sum(distance < -scene.grid.spacing / 2 for distance in _distances(*shape, some))
         if deep:
             about = f"about {deep * len(free) // len(some)}" if len(some) < len(free) else str(deep)
             lines.append(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from model.core.family import SolverFamily
 from model.core.integrators import explicit_limit, integrators_for
 from model.core.parameters import parameter_record
@@ -39,21 +41,15 @@ GRID = SolverFamily(
     reference="bench.reference.mass_spring",
 )
 
-CLOTH = SolverFamily(
+CLOTH = replace(
+    GRID,
     name="mass-spring cloth",
     accepts=lambda scene: _is_stepped(scene) and scene.cloth is not None,
     plan=cloth_plan,
     record=cloth_record,
-    limit=explicit_limit,
-    limited_by_net=True,
-    note=_note,
-    stored=stored_in_springs,
-    strain=sheet_strain,
-    spring_count=sheet_spring_count,
     solvers={
         "cpu": "cpu_backend.mass_spring.cloth.solver:ClothMassSpring",
         "gpu": "gpu_backend.mass_spring.cloth.solver:ClothMassSpring",
     },
     passes={"cpu": "app.plan.cloth:cloth_on_cpu", "gpu": "app.plan.cloth:cloth_on_gpu"},
-    reference="bench.reference.mass_spring",
 )

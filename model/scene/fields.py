@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from dataclasses import dataclass
-from typing import Any, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
@@ -92,7 +92,7 @@ def _leaves(annotation: Any) -> list[Any]:
     """The values of all literals within an annotation."""
     if not get_args(annotation):
         return []
-    if str(get_origin(annotation)) == "typing.Literal":
+    if get_origin(annotation) is Literal:
         return list(get_args(annotation))
     return [leaf for part in get_args(annotation) for leaf in _leaves(part)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -48,14 +49,12 @@ SHEET = SolverFamily(
     reference="bench.reference.xpbd",
 )
 
-MESH = SolverFamily(
+MESH = replace(
+    SHEET,
     name="position-based mesh",
     accepts=lambda scene: scene.mesh is not None,
     plan=xpbd_mesh_plan,
-    record=xpbd_record,
-    limit=projection_limit,
     limited_by_net=False,
-    note=projection_note,
     stored=_stored_in_mesh,
     strain=lambda scene, position, kind, plastic: edge_strain(scene, position, kind),
     spring_count=lambda scene: sum(len(family.corners) for family in families(scene)),

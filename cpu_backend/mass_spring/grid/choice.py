@@ -30,6 +30,7 @@ from cpu_backend.core.threads import threading_layer
 from cpu_backend.mass_spring.grid.tiled import halo, tile_buffer
 from model.core.errors import SceneError
 from model.core.memory import readable
+from model.core.options import unknown_kernel
 from model.scene.scene import Scene
 
 KERNELS = ("fused", "team", "tiled", "stages")
@@ -61,7 +62,7 @@ def tiling(real: Any, columns: int, levels: int = LEVELS, tile_bytes: int = TILE
 def choose_kernel(scene: Scene, real: Any, wanted: str | None) -> str:
     """The kernel `wanted`, or the quickest for the scene. Raises SceneError where the one wanted cannot run."""
     if wanted is not None and wanted not in KERNELS:
-        raise SceneError("--kernel", wanted, f"must be one of {', '.join(KERNELS)} on the cpu")
+        raise unknown_kernel(wanted, KERNELS, "on the cpu")
     if scene.method.integrator == "rk4":
         if wanted in ("team", "tiled"):
             raise SceneError("--kernel", wanted, "must be fused or stages for the integrator rk4, which has stages")

@@ -17,6 +17,7 @@ from gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cloth_tile
 from gpu_backend.mass_spring.grid.choice import parsed_tile
 from gpu_backend.mass_spring.grid.tile_launch import device_limits
 from model.core.errors import SceneError
+from model.core.options import unknown_kernel
 from model.mass_spring.cloth_plan import kicks_meet
 from model.scene.scene import Scene
 
@@ -141,7 +142,7 @@ def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | No
         return default_cloth_kernel(scene, real, parts)[0] if can_capture() else "launch"
     kernel, _, tile = asked.partition(":")
     if kernel not in CLOTH_KERNELS or (tile and kernel not in ON_TILES):
-        raise SceneError("--kernel", asked, f"must be one of {', '.join(CLOTH_KERNELS)} for a cloth on the gpu")
+        raise unknown_kernel(asked, CLOTH_KERNELS, "for a cloth on the gpu")
     if kernel == "graph" and not can_capture():
         raise SceneError("--kernel", asked, "the CUDA simulator cannot capture graphs; use launch")
     reason = why_not_one_block(scene, real, parts) if kernel == "one-block" else ""

@@ -21,6 +21,7 @@ from gpu_backend.mass_spring.grid.stages import bind_stages
 from gpu_backend.mass_spring.grid.tile_launch import TileLauncher
 from gpu_backend.mass_spring.passes import SheetPasses
 from model.core.errors import SceneError
+from model.core.options import unknown_kernel
 from model.core.plan import Executor, mass_spring_plan
 from model.core.simulation import Options
 from model.scene.scene import Scene
@@ -52,7 +53,7 @@ class MassSpring(SheetPasses):
         else:
             self.kernel, self.tile = named_tile(self.options.kernel)
         if self.kernel not in KERNELS or (self.tile and self.kernel not in ON_TILES):
-            raise SceneError("--kernel", self.options.kernel, f"must be one of {', '.join(KERNELS)} on the gpu")
+            raise unknown_kernel(self.options.kernel, KERNELS, "on the gpu")
         if self.kernel == "graph" and not can_capture():
             raise SceneError("--kernel", "graph", "the CUDA simulator cannot capture graphs; use launch")
         if self.kernel in ON_TILES:
