@@ -35,7 +35,7 @@ def stiffness_paths(scene: Scene) -> dict[str, float]:
     """Dotted path -> stiffness [N/m] of every kind of spring in the scene that gives, as it is now; pbd asks for none."""
     if scene.method.solver == "pbd":
         return {}
-    springs = {"springs": scene.springs} if scene.springs else scene.cloth_springs
+    springs = {"springs": scene.springs} if scene.springs else scene.constraints
     return {f"{kind}.stiffness": one.stiffness for kind, one in springs.items() if not one.inextensible}
 
 

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numba import cuda as numba_cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.mass_spring.grid.kernels import make_tools
-from gpu_backend.mass_spring.grid.point import kernel_options, make_moves
+from gpu_backend.mass_spring.grid.point import make_moves
 from gpu_backend.mass_spring.grid.solver import MassSpring
 from model.core.parameters import K_STIFFNESS, K_STIFFNESS_REST
 from model.core.plan import Executor

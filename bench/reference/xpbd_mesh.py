@@ -19,7 +19,7 @@ from bench.reference.steps import Poke
 from model.geometry.topology import mesh_of, pinned_vertices
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
-from model.xpbd.mesh_constraints import families
+from model.xpbd.mesh_constraints import constraint_sets
 
 
 @dataclass(frozen=True)
@@ -126,21 +126,21 @@ def items_of(scene: Scene, inextensible: bool = False) -> list[Item]:
     """The scene's constraints in the order in which they are projected."""
     assert scene.mesh is not None
     rest = mesh_of(scene.mesh).position
-    found = []
-    for family in families(scene):
-        part = scene.cloth_springs[family.kind]
+    items = []
+    for found in constraint_sets(scene):
+        part = scene.constraints[found.kind]
         softness = 0.0 if inextensible or part.inextensible else 1 / part.stiffness
-        for corners in family.corners:
+        for corners in found.corners:
             at_rest = rest[corners]
-            if family.model == "distance":
+            if found.model == "distance":
                 length = float(np.linalg.norm(at_rest[1] - at_rest[0]))
-                found.append(Item(corners, distance(length), softness, part.damping))
+                items.append(Item(corners, distance(length), softness, getattr(part, "damping", 0.0)))
                 continue
             one = hinge(at_rest)
             area = one.edge * sum(one.heights) / 2
-            make = isometric if family.model == "isometric" else dihedral
-            found.append(Item(corners, make(at_rest), softness * area / 3))
-    return found
+            make = isometric if found.model == "isometric" else dihedral
+            items.append(Item(corners, make(at_rest), softness * area / 3))
+    return items
 
 
 def project(

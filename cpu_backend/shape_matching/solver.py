@@ -16,6 +16,7 @@ import numpy as np
 from cpu_backend.contact.bodies_bounce import make_bodies_bounce_stage
 from cpu_backend.contact.particles import NO_CONTACTS, ParticleContacts
 from cpu_backend.contact.particles_project import PACES, make_settle_stage
+from cpu_backend.core.constraints import make_constraint_stage
 from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.shape_matching.damping import at_damping, make_damping_stage
@@ -23,7 +24,6 @@ from cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, S
 from cpu_backend.shape_matching.lattice import make_lattice_stages
 from cpu_backend.shape_matching.lattice_layout import Lattices
 from cpu_backend.shape_matching.layout import layout_of
-from cpu_backend.shape_matching.links import make_link_stage
 from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
@@ -34,6 +34,7 @@ from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import matching_factors, shaping
+from model.shape_matching.links import LINKS
 from model.xpbd.plan import xpbd_plan
 
 UNEVEN = 1.3  # the busiest thread's work over its fair part, from where on threads share bodies
@@ -88,7 +89,7 @@ class Bodies(ParticlesSimulation):
         self._apart = self._apart and not body_set.lattices
         self._material = ClusterArrays(self.clusters, self.layout, self.plan.parts, real)
         self._kept = [np.zeros_like(array) for array in self._state()]
-        self._links = ends, np.zeros((links.count, 2), real), np.zeros(links.count, real), links.starts
+        self._links = ends, np.zeros((links.count, 2), real), np.zeros((links.count, 1), real), links.starts
         self.contacts: ParticleContacts | None = None
         if scene.contact:
             place = self.layout.slots, count, self._bands
@@ -121,7 +122,7 @@ class Bodies(ParticlesSimulation):
             )  # fmt: skip
         else:
             make_bodies_together(*variant)(
-                self._bands, *times, self._even, self._odd, *middle, self._links, *own, *last,
+                self._bands, *times, self._even, self._odd, *middle, (self._links,), *own, *last,
                 self.contacts.arrays if self.contacts else NO_CONTACTS,
                 *(self._lattices.arrays, self._lattices.frames) if self._lattices.copies else ((), ()),
             )  # fmt: skip
@@ -139,7 +140,7 @@ class Bodies(ParticlesSimulation):
         settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
         bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math, at_rebound(self.plan.parts))
         whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
-        project_links = make_link_stage(self.real, self.options.math)
+        project_links = make_constraint_stage(self.real, self.options.math, LINKS, in_planes=True)
         now = {
             "substep": -1,
             "step": -1,
@@ -191,7 +192,8 @@ class Bodies(ParticlesSimulation):
         def link(number: int) -> Callable[[int, float], None]:
             def run(step: int, offset: float) -> None:
                 colour, fresh = starts[number : number + 2], now["links"] < len(starts) - 1
-                project_links(bands, *colour, position, self._weights, ends, values, multipliers, fresh)
+                given = position, self._weights, before, ends, values, multipliers, fresh, self.record
+                project_links(bands, *colour, *given)
                 now["links"] += 1
 
             return run

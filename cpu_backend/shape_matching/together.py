@@ -13,17 +13,18 @@ from cpu_backend.contact.particles_bounce import make_bounce
 from cpu_backend.contact.particles_find import make_find
 from cpu_backend.contact.particles_project import PACES, make_project, make_settle
 from cpu_backend.core.compile import Compiler
+from cpu_backend.core.constraints import make_colours, make_planes, make_projections
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.shape_matching.damping import at_damping, make_damping
 from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching, make_particles
 from cpu_backend.shape_matching.lattice import make_lattice_matching
-from cpu_backend.shape_matching.links import make_link_projection
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
 from model.formulas.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
+from model.shape_matching.links import LINKS
 
 
 @cache
@@ -38,7 +39,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
-    project = make_link_projection(compiler, real)
+    sweep_links = make_colours(compiler, [make_projections(compiler, real, LINKS, make_planes(compiler))])
     has_contacts, has_pace = "contacts" in parts, bool(parts & PACES)
     find, settle = make_find(real, math), make_settle(compiler, real, parts)
     take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
@@ -71,12 +72,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                 )  # fmt: skip
             for iteration in range(iterations):
                 if has_links:
-                    ends, values, multipliers, starts = links
-                    for colour in range(starts.size - 1):
-                        begins, size = starts[colour], starts[colour + 1] - starts[colour]
-                        for band in shares(team, member, bands):
-                            low, high = begins + size * band // bands, begins + size * (band + 1) // bands
-                            project(low, high, after, weights, ends, values, multipliers, iteration == 0)
+                    sweep_links(team, member, bands, after, weights, before, links, iteration == 0, record)
                 if clusters > 0:
                     for band in shares(team, member, bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))

@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.core.constraints import make_constraint_stage, no_sets, set_arrays
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.geometry.tables import vertex_attachments, wind_lists
+from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import Family, families
+from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
 WIDTH = 4  # numbers a mass: x, y, z and, of positions, its weight
@@ -47,22 +48,14 @@ class MeshPositionBased(ParticlesSimulation):
         self._bands = max(1, min(self.threads, count))
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
         self._wind = wind_lists(mesh_of(scene.mesh), "wind" in self.plan.parts)
-        self._families = {kind: self._arrays(kind) for kind in ("structural", "bending")}
-        self._attachments = vertex_attachments(scene, self.body, real, "attachments" in self.plan.parts)
+        self._sets = list(constraint_sets(scene))
+        if "attachments" in self.plan.parts:
+            self._sets.append(attachment_set(scene, self.body))
+        self._projections = projections_of(self.plan.parts)
+        self._set_arrays = tuple(set_arrays(*both, real) for both in zip(self._sets, self._projections, strict=True))
         staged = self.kernel == "stages"
         self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
         self.reset()
-
-    def _arrays(self, kind: str) -> tuple[np.ndarray, ...]:
-        """(corners, values, multipliers, starts) of a family, empty where there is none."""
-        found = [family for family in families(self.scene) if family.kind == kind]
-        if not found:
-            empty = np.zeros((0, 1), self.real)
-            return np.zeros((0, 4), np.int32), empty, empty, np.zeros(1, np.int32)
-        (family,) = found
-        axes = 3 if family.model == "isometric" else 1
-        rows = len(family.corners) if f"{kind}-compliance" in self.plan.parts else 0
-        return family.corners, family.values.astype(self.real), np.zeros((rows, axes), self.real), family.starts
 
     def _variant(self) -> tuple[Any, str, frozenset[str]]:
         return self.real, self.options.math, self.plan.parts - ALWAYS  # so that fewer variants are compiled
@@ -71,8 +64,7 @@ class MeshPositionBased(ParticlesSimulation):
         method = self.scene.method
         make_mesh_advance(*self._variant())(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
-            self.record, self.integers, self._wind, self._families["structural"], self._families["bending"],
-            *self._attachments, self.bodies, self.kinds,
+            self.record, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
@@ -92,15 +84,15 @@ class MeshPositionBased(ParticlesSimulation):
             arguments = position, velocity, before, self.record, self.integers, self._wind
             stage.predict(bands, step, number(step), *arguments)
 
-        def project(family: Family, colour: int, name: str) -> Callable[[int, float], None]:
-            corners, values, multipliers, _ = self._families[family.kind]
-            kernel = stage.edges if family.kind == "structural" else stage.bends
-            start, stop = int(family.starts[colour]), int(family.starts[colour + 1])
+        def project(place: int, colour: int, name: str) -> Callable[[int, float], None]:
+            corners, values, multipliers, starts = self._set_arrays[place]
+            kernel = make_constraint_stage(self.real, self.options.math, self._projections[place], in_planes=False)
+            start, stop = int(starts[colour]), int(starts[colour + 1])
 
             def run(step: int, offset: float) -> None:
-                fresh = name not in seen
+                given = position, position, before, corners, values, multipliers, name not in seen, self.record
                 seen.add(name)
-                kernel(bands, start, stop, position, before, corners, values, multipliers, fresh, self.record)
+                kernel(bands, start, stop, *given)
 
             return run
 
@@ -109,14 +101,13 @@ class MeshPositionBased(ParticlesSimulation):
 
         found: dict[str, Callable[[int, float], None]] = {
             "predict": predict,
-            "attachments": lambda step, offset: stage.attach(bands, position, *self._attachments),
             "update velocity": lambda step, offset: stage.update(bands, before, position, velocity, self.record),
             "collide": collide,
         }
-        for family in families(self.scene):
-            for colour in range(family.colours):
-                name = stage_name(family, colour)
-                found[name] = project(family, colour, name)
+        for place, one in enumerate(self._sets):
+            for colour in range(one.colours):
+                name = stage_name(one.kind, one.model, colour)
+                found[name] = project(place, colour, name)
         return found
 
     # ------------------------------------------------------------------ the contract

@@ -1,4 +1,4 @@
-"""One vertex or one constraint of a mesh at a time, and the loops over many: for CPU threads.
+"""One vertex of a mesh at a time, and the loops over many, and over constraints (core/constraints.py): for CPU threads.
 
 A mass is a row of four numbers: x, y, z and its weight in the positions. Of a colour no two constraints share a mass, so that
 threads take any part of it: the state's bits depend on neither their number nor their order.
@@ -14,19 +14,19 @@ import numpy as np
 
 from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
+from cpu_backend.core.constraints import make_colours, make_projections, make_rows
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
-from cpu_backend.xpbd.mesh_projections import make_projection
 from model.formulas import distance, random
 from model.mass_spring.cloth_parameters import C_DRAG, C_DT, C_EXTERNAL, C_GRAVITY, C_LIFT, C_POKE_X
 from model.scene.cloth import COLLIDER_KINDS
+from model.xpbd.mesh_constraints import projections_of
 from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP
 
 AXES = 3
 
 
-ALONE = 256  # constraints of a colour that one thread does sooner than threads come together: some microseconds
 ALWAYS = {"gauss-seidel", "load", "pins"}  # parts that change no code: every mass has its weight, 0 where it is pinned
 
 
@@ -91,30 +91,6 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return begin
 
 
-def make_attach(compiler: Compiler, real: Any) -> Any:
-    """attach(first, last, position, anchors, reaches): the long-range attachments of masses, `anchors` and `reaches`
-    (vertices, count)."""
-    formulas = distance.make(real, compiler.compiled)
-    tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
-    zero = real(0)
-
-    @compiler.compiled
-    def attach(first, last, position, anchors, reaches):
-        for k in range(first, last):
-            if position[k, 3] == zero:
-                continue
-            for n in range(anchors.shape[1]):
-                a = anchors[k, n]
-                dx, dy = position[k, 0] - position[a, 0], position[k, 1] - position[a, 1]
-                dz = position[k, 2] - position[a, 2]
-                factor = tether(squared_length(dx, dy, dz), reaches[k, n])
-                position[k, 0] = tethered(position[k, 0], position[a, 0], dx, factor)
-                position[k, 1] = tethered(position[k, 1], position[a, 1], dy, factor)
-                position[k, 2] = tethered(position[k, 2], position[a, 2], dz, factor)
-
-    return attach
-
-
 def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """`update(first, last, before, position, velocity, record)`: velocities of the substep;
     `collide(first, last, substep, before, position, velocity, record, bodies, kinds)`: what masses meet."""
@@ -148,24 +124,13 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
     return SimpleNamespace(update=update, collide=collide)
 
 
-def make_functions(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """All loops over a part of the masses or of a colour."""
-    ends = make_end(compiler, real, parts)
-    return SimpleNamespace(
-        begin=make_begin(compiler, real, parts), attach=make_attach(compiler, real), update=ends.update,
-        collide=ends.collide, edges=make_projection(compiler, real, parts, "structural"),
-        bends=make_projection(compiler, real, parts, "bending"),
-    )  # fmt: skip
-
-
 @cache
 def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages, a parallel loop each; all but `predict` as in the functions that they call, with the number of `bands`
-    that a loop falls into instead of its bounds (and a colour's bounds before)."""
+    """The stages, a parallel loop each: `predict`; `update` and `collide` as in the functions that they call, with the number
+    of `bands` that a loop falls into instead of its bounds. Those of constraints: core/constraints.py."""
     compiler = Compiler(cloth_variant("mesh_stages", real, math, parts), math)
-    made = make_functions(compiler, real, parts)
-    begin, attach_some, update_some, collide_some = made.begin, made.attach, made.update, made.collide
-    edges_some, bends_some = made.edges, made.bends
+    begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
+    update_some, collide_some = ends.update, ends.collide
 
     def predict(team, member, bands, step, substep, position, velocity, before, record, integers, wind_lists):
         count = len(position)
@@ -177,18 +142,6 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             first, last = count * band // bands, count * (band + 1) // bands
             begin(first, last, step, substep, before, velocity, position, record, integers, wind_lists)
 
-    def edges(band, bands, start, stop, position, before, corners, values, multipliers, fresh, record):
-        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
-        edges_some(first, last, position, before, corners, values, multipliers, fresh, record)
-
-    def bends(band, bands, start, stop, position, before, corners, values, multipliers, fresh, record):
-        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
-        bends_some(first, last, position, before, corners, values, multipliers, fresh, record)
-
-    def attach(band, bands, position, anchors, reaches):
-        count = len(position)
-        attach_some(count * band // bands, count * (band + 1) // bands, position, anchors, reaches)
-
     def update(band, bands, before, position, velocity, record):
         count = len(position)
         update_some(count * band // bands, count * (band + 1) // bands, before, position, velocity, record)
@@ -198,29 +151,28 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         first, last = count * band // bands, count * (band + 1) // bands
         collide_some(first, last, substep, before, position, velocity, record, bodies, kinds)
 
-    found = {f.__name__: compiler.banded(f) for f in (edges, bends, attach, update, collide)}
-    return SimpleNamespace(predict=compiler.team(predict), **found)
+    return SimpleNamespace(
+        predict=compiler.team(predict), update=compiler.banded(update), collide=compiler.banded(collide)
+    )
 
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists,
-    edge_family, bend_family, anchors, reaches, bodies, kinds): many steps in one call; a family: (corners, values,
-    multipliers, starts)."""
+    """advance(bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists, sets,
+    bodies, kinds): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints."""
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
-    made = make_functions(compiler, real, parts)
-    begin, attach, update, collide = made.begin, made.attach, made.update, made.collide
-    edges, bends = made.edges, made.bends
-    has_edges, has_bends = "structural" in parts, "bending" in parts
-    has_attachments, has_bodies = "attachments" in parts, bool(parts & set(COLLIDER_KINDS))
+    begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
+    update, collide = ends.update, ends.collide
+    rows = make_rows(compiler)
+    projects = [make_projections(compiler, real, projection, rows) for projection in projections_of(parts)]
+    sweep, has_constraints = make_colours(compiler, projects), bool(projects)
+    has_bodies = bool(parts & set(COLLIDER_KINDS))
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists,
-        edge_family, bend_family, anchors, reaches, bodies, kinds,
+        sets, bodies, kinds,
     ):  # fmt: skip
         count = len(position)
-        edge_corners, edge_values, edge_multipliers, edge_starts = edge_family
-        bend_corners, bend_values, bend_multipliers, bend_starts = bend_family
         for pass_number in range(steps * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
@@ -231,29 +183,9 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 begin(first, last, frame, number, before, velocity, position, record, integers, wind_lists)
-            for iteration in range(iterations):
-                fresh = iteration == 0
-                if has_edges:
-                    for colour in range(len(edge_starts) - 1):
-                        start, many = np.int64(edge_starts[colour]), edge_starts[colour + 1] - edge_starts[colour]
-                        parts = bands if many >= ALONE else 1
-                        for band in shares(team, member, parts):
-                            edges(
-                                start + many * band // parts, start + many * (band + 1) // parts, position, before,
-                                edge_corners, edge_values, edge_multipliers, fresh, record,
-                            )  # fmt: skip
-                if has_bends:
-                    for colour in range(len(bend_starts) - 1):
-                        start, many = np.int64(bend_starts[colour]), bend_starts[colour + 1] - bend_starts[colour]
-                        parts = bands if many >= ALONE else 1
-                        for band in shares(team, member, parts):
-                            bends(
-                                start + many * band // parts, start + many * (band + 1) // parts, position, before,
-                                bend_corners, bend_values, bend_multipliers, fresh, record,
-                            )  # fmt: skip
-                if has_attachments:
-                    for band in shares(team, member, bands):
-                        attach(count * band // bands, count * (band + 1) // bands, position, anchors, reaches)
+            if has_constraints:
+                for iteration in range(iterations):
+                    sweep(team, member, bands, position, position, before, sets, iteration == 0, record)
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 update(first, last, before, position, velocity, record)

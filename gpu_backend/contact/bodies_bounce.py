@@ -11,10 +11,9 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.particles_bounce import make_lack
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.mass_spring.grid.point import kernel_options
 from gpu_backend.shape_matching.kernels import ROWS
 from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.formulas import particle_contact, rebound

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import cloth, colliders, distance_field, triangle_tree
 from model.mass_spring.cloth_parameters import (
     B_DYNAMIC,

@@ -12,11 +12,9 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.particles_find import make_pairs
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
 from model.formulas import particle_contact
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.core.build import Body
 from model.core.errors import SceneError
 from model.formulas import cloth, motion

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.grid.point import kernel_options
 from model.contact.self_contact_parameters import MAX_CONTACTS, S_DYNAMIC, S_STATIC
 from model.formulas import contact
 

@@ -26,6 +26,19 @@ def variant_name(real: Any, *words: object) -> str:
     return "_".join(part.replace("-", "_") for part in parts)
 
 
+def kernel_options(math: str) -> dict[str, Any]:
+    """Options of cuda.jit for a math."""
+    return {"fastmath": math == "fast"}
+
+
+def inlined(math: str) -> Any:
+    """Decorator of device functions that take arrays in registers: a call would push them into local memory."""
+    options = kernel_options(math)
+    if not simulated():
+        options["forceinline"] = True
+    return cuda.jit(device=True, **options)
+
+
 def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
     """cuda.jit(**options)(function), its machine code kept on disk. Without a writable folder the kernel is compiled in each
     process anew (NUMBA_CACHE_DIR mends it). The simulator takes no options.

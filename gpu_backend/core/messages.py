@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.device import simulated
-from gpu_backend.mass_spring.grid.strips import inlined
 
 
 def message_size(real: Any) -> int:

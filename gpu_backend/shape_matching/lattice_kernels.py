@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.grid.point import kernel_options
 from model.formulas import lattice, rotation
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN
 

@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import inlined
 from gpu_backend.xpbd.kernels import make_place
 from model.formulas import shape_matching
 from model.scene.scene import Scene

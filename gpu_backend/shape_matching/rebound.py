@@ -13,10 +13,9 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.mass_spring.grid.point import kernel_options
 from gpu_backend.shape_matching.damping import make_damping_ends, make_gather, make_slow
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
 from gpu_backend.xpbd.kernels import make_clock

@@ -16,6 +16,7 @@ from numba import cuda
 
 from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
 from gpu_backend.contact.particles_project import make_contact_ends
+from gpu_backend.core.constraints import make_projections
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
@@ -23,7 +24,6 @@ from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
-from gpu_backend.shape_matching.links import make_link_projection
 from gpu_backend.shape_matching.material import ClusterMaterial
 from gpu_backend.shape_matching.rebound import Rebounds
 from gpu_backend.shape_matching.stages import bind_bodies_stages
@@ -33,6 +33,7 @@ from model.formulas.cluster import MOMENTS
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
+from model.shape_matching.links import LINKS
 from model.xpbd.plan import xpbd_plan
 
 
@@ -117,7 +118,7 @@ class Bodies(SubstepSimulation):
         self._tools, self._cluster_kernels = make_cloth_tools(self.real), make_bodies_clusters(*variant)
         self._ends = make_bodies_ends(*variant, self._parts)
         self._contact_ends: Any = make_contact_ends(*variant, self._parts) if self.contacts else None
-        self._project_links = make_link_projection(*variant) if "links" in self._parts else None
+        self._project_links = make_projections(*variant, LINKS) if "links" in self._parts else None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, bind_bodies_stages(self))
             return
@@ -158,8 +159,9 @@ class Bodies(SubstepSimulation):
         start, stop = starts[number], starts[number + 1]
         assert self._project_links is not None
         self._project_links[self._over(int(stop - start), THREADS)](
-            position, self._link_ends, self._link_values, self._multipliers, start, stop, starts[-1], fresh
-        )
+            position, position, self._link_ends, self._link_values, self._multipliers, start, stop, starts[-1],
+            np.int32(fresh), self.record,
+        )  # fmt: skip
 
     # ------------------------------------------------------------------ a step
 

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import distance
 from model.xpbd.parameters import (
     CONSTANTS,
-    CONSTRAINTS,
+    OF_SHEETS,
     X_BOTH,
     X_COMPLIANCE,
     X_CONSTRAINT,
@@ -49,9 +49,9 @@ def compliant(parts: frozenset[str], family: Family) -> bool:
 @cache
 def make_constants(math: str) -> Any:
     """constants(record): those of the constraints as a tuple, read once: in a loop they would be read again after each
-    barrier. Those of `CONSTRAINTS[n]` begin at n * len(CONSTANTS)."""
-    c = X_CONSTRAINT[CONSTRAINTS[0]]
-    assert len(CONSTRAINTS) * len(CONSTANTS) == 24
+    barrier. Those of a sheet; of `OF_SHEETS[n]` they begin at n * len(CONSTANTS)."""
+    c = X_CONSTRAINT[OF_SHEETS[0]]
+    assert len(OF_SHEETS) * len(CONSTANTS) == 24
 
     @inlined(math)
     def constants(r):
@@ -93,7 +93,7 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
     """pair(position, before, a, b, multiplier, constants) -> the multiplier afterwards: projects the constraint between the
     masses at places a (the first) and b of both arrays, and moves both in `position`."""
     kind = "stiff" if "alternating" in parts and family.kind == "structural" and colour else family.kind
-    start = CONSTRAINTS.index(kind) * len(CONSTANTS)
+    start = OF_SHEETS.index(kind) * len(CONSTANTS)
     rest, compliance, damping = start + X_REST, start + X_COMPLIANCE, start + X_DAMPING
     stiffening, both, one_free = start + X_STIFFENING, start + X_BOTH, start + X_ONE
     change_of = make_change(real, math, parts, family.kind, axes)
@@ -178,7 +178,7 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
 
     def make_pull(kind: str, number: int) -> Any:
         """By the constraint that has place `number` among those of its kind."""
-        start, odd_start = CONSTRAINTS.index(kind) * len(CONSTANTS), CONSTRAINTS.index("stiff") * len(CONSTANTS)
+        start, odd_start = OF_SHEETS.index(kind) * len(CONSTANTS), OF_SHEETS.index("stiff") * len(CONSTANTS)
         can_alternate = alternates and kind == "structural"
         has_compliance, has_damper = kind in soft, f"{kind}-damping" in parts
         slot = np.int32(4 * soft.index(kind) + number if has_compliance else 0)

@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.integers import knows_time
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.sheet import BLOCK
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import inlined
 from gpu_backend.xpbd.constraints import compliant, make_constants, make_gather, make_pair
 from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
 from model.xpbd.plan import JACOBI, Family, families

@@ -1,9 +1,9 @@
 """Position-based dynamics (XPBD, PBD) of a triangle mesh on CUDA: constraints in index arrays sorted by colour.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. A substep: `begin` predicts positions; `iterations` times every
-colour of the edges, then of the hinges, is projected by a launch, then the long-range attachments; `end` makes velocities and
-lets masses meet the colliders. Kernels: `launch`, and `graph`, the same captured as a CUDA graph; `stages`, stage by stage.
-In `exact` math all give the same bits, and the CPU's.
+colour of the edges, the hinges, the long-range attachments is projected by a launch (core/constraints.py); `end`
+makes velocities and lets masses meet the colliders. Kernels: `launch`, and `graph`, the same captured as a CUDA graph;
+`stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
 """
 
 from __future__ import annotations
@@ -15,22 +15,23 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.core.constraints import make_projections
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.xpbd.kernels import make_attach, make_end
+from gpu_backend.xpbd.kernels import make_end
 from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
-from gpu_backend.xpbd.mesh_projections import make_mesh_projection
 from gpu_backend.xpbd.stages import make_xpbd_stages
+from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.geometry.tables import vertex_attachments, wind_lists
+from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import Family, families
+from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
 THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
@@ -49,8 +50,8 @@ class MeshPositionBased(SubstepSimulation):
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
         needed = 8 * SIZE * self.particle_count * item
-        for family in families(self.scene):
-            needed += family.corners.nbytes + (family.values.size + 3 * len(family.corners)) * item
+        for found in constraint_sets(self.scene):
+            needed += found.corners.nbytes + (found.values.size + 3 * len(found.corners)) * item
         self._require_memory(needed, "mesh", f"{self.particle_count} vertices")
 
     # ------------------------------------------------------------------ arrays
@@ -61,9 +62,6 @@ class MeshPositionBased(SubstepSimulation):
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         assert scene.mesh is not None
         self._lists = [self.on_device(array) for array in wind_lists(mesh_of(scene.mesh))]  # for normals too
-        anchors, reaches = vertex_attachments(scene, self.body, real, "attachments" in self.plan.parts)
-        self.attachments = anchors.shape[1] if "attachments" in self.plan.parts else 0  # of a mass
-        self.anchors, self.reaches = self.on_device(anchors), self.on_device(reaches)
 
     # ------------------------------------------------------------------ kernels
 
@@ -72,10 +70,12 @@ class MeshPositionBased(SubstepSimulation):
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
-        self._attach = make_attach(*variant)
+        sets = list(constraint_sets(self.scene))
+        if "attachments" in self.plan.parts:
+            sets.append(attachment_set(self.scene, self.body))
         self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
-        for family in families(self.scene):
-            self._colours += self._projections(family)
+        for found, projection in zip(sets, projections_of(self.plan.parts), strict=True):
+            self._colours += self._projections(found, projection)
         if self.kernel == "stages":
             self._executor = Executor(self.plan, self._stages())
             return
@@ -86,14 +86,13 @@ class MeshPositionBased(SubstepSimulation):
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
-    def _projections(self, family: Family) -> list[tuple[str, Callable[[Any, Any, bool], None]]]:
-        """(stage, project(before, position, fresh)) of every colour of a family."""
-        parts, count = self.plan.parts, len(family.corners)
-        kernel = make_mesh_projection(self.real, self.options.math, parts, family.kind)
-        soft = f"{family.kind}-compliance" in parts
-        planes = (3 if family.model == "isometric" else 1) if soft else 0
-        multipliers = self.on_device(np.zeros(max(1, planes * count), self.real))
-        corners, values = self.on_device(family.corners.T), self.on_device(family.values.T.astype(self.real))
+    def _projections(
+        self, found: ConstraintSet, projection: Projection
+    ) -> list[tuple[str, Callable[[Any, Any, bool], None]]]:
+        """(stage, project(before, position, fresh)) of every colour of a set of constraints."""
+        kernel, count = make_projections(self.real, self.options.math, projection), len(found.corners)
+        multipliers = self.on_device(np.zeros(max(1, projection.soft * projection.multipliers * count), self.real))
+        corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(self.real))
 
         def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
             launch, bounds = self._over(stop - start, THREADS), (np.int32(start), np.int32(stop), np.int32(count))
@@ -101,12 +100,8 @@ class MeshPositionBased(SubstepSimulation):
                 position, before, corners, values, multipliers, *bounds, np.int32(fresh), self.record
             )
 
-        bounds = family.starts.tolist()
-        return [(stage_name(family, c), project(*bounds[c : c + 2])) for c in range(family.colours)]
-
-    def _attach_all(self, before: Any, position: Any) -> None:
-        if self.attachments:
-            self._attach[self._flat](position, before, self.anchors, self.reaches, np.int32(self.attachments))
+        bounds, name = found.starts.tolist(), (found.kind, found.model)
+        return [(stage_name(*name, c), project(*bounds[c : c + 2])) for c in range(found.colours)]
 
     # ------------------------------------------------------------------ a step
 
@@ -120,14 +115,13 @@ class MeshPositionBased(SubstepSimulation):
         for iteration in range(self.scene.method.iterations):
             for _, project in self._colours:
                 project(before, now, iteration == 0)
-            self._attach_all(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
 
     @property
     def _launches(self) -> int:
         """Of a step."""
         method = self.scene.method
-        return method.substeps * (2 + method.iterations * (len(self._colours) + (self.attachments > 0)))
+        return method.substeps * (2 + method.iterations * len(self._colours))
 
     def _stages(self) -> dict[str, Callable[[int, float], None]]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
@@ -164,7 +158,6 @@ class MeshPositionBased(SubstepSimulation):
 
         return {name: colour(name, project) for name, project in self._colours} | {
             "predict": predict,
-            "attachments": lambda step, offset: self._attach_all(before, position),
             "update velocity": update,
             "collide": collide,
         }

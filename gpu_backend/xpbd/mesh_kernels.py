@@ -1,6 +1,6 @@
 """CUDA kernels of a mesh's step, a thread a mass: the prediction with all forces, and normals for drawing.
 
-Velocities, colliders and attachments are the sheets' (xpbd/kernels.py); constraints are in xpbd/mesh_projections.py.
+Velocities and colliders are the sheets' (xpbd/kernels.py); constraints are in core/constraints.py.
 """
 
 from __future__ import annotations
@@ -12,23 +12,22 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import inlined
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_accelerations, make_motion
 from model.formulas import cloth, distance, wind
 from model.mass_spring.cloth_parameters import C_DRAG, C_LIFT
+from model.scene.cloth import CONSTRAINT_KINDS
 
 AXES = 3
 
 
 def forces_of(parts: frozenset[str]) -> frozenset[str]:
     """The parts that the kernels over masses depend on: those about constraints are not."""
-    return frozenset(part for part in parts if part.split("-")[0] not in ("structural", "bending"))
+    return frozenset(part for part in parts if part.split("-")[0] not in CONSTRAINT_KINDS)
 
 
 @cache

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.contact.colliders import make_collide
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import EXTERNAL_SEED, POKED
 from gpu_backend.core.quads import load_quad
 from gpu_backend.mass_spring.cloth.point import make_wind
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import distance, random
 from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X, C_POKE_Y, C_POKE_Z
 from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.grid.strips import inlined
 from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_gather, make_pair
 from gpu_backend.xpbd.kernels import compact_shape
 from gpu_backend.xpbd.tile import SheetTile

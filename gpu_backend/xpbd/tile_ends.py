@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.mass_spring.grid.strips import inlined
 from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
 from gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from gpu_backend.xpbd.constraints import dampers, make_constants
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.sweep import copies, make_jacobi_sweep, make_sweep, register_multipliers

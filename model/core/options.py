@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from model.core.errors import SceneError
-from model.scene.cloth import SPRING_KINDS
+from model.scene.cloth import CONSTRAINT_KINDS
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
@@ -16,7 +16,7 @@ LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compi
     "gravity": ("gravity.enabled", "gravity.acceleration"),
     "poke": (),
     "dt": ("method.dt",),
-    "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in SPRING_KINDS)),
+    "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in CONSTRAINT_KINDS)),
     "damping": ("damping.coefficient",),
     "wind": ("wind.velocity", "wind.density", "wind.drag", "wind.lift"),
 }

@@ -25,7 +25,7 @@ from model.core.families import family_of, stability_limit
 from model.core.options import LIVE_PATHS, PRECISIONS, Options
 from model.core.plan import Executor, Plan
 from model.core.state import State, checked_arrays
-from model.scene.cloth import SPRING_KINDS
+from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.shape_matching import spare
 from model.shape_matching.cluster_tables import checked_plastic, checked_rotation
@@ -287,7 +287,7 @@ class Simulation(Backend):
         if path not in allowed:
             raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
         part = path.partition(".")[0]
-        if part in ("springs", *SPRING_KINDS, "wind") and part not in self.scene.parts:
+        if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in self.scene.parts:
             raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
         if path in LIVE_PATHS["stiffness"] and self.scene.method.solver == "pbd":
             raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")

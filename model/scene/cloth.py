@@ -164,3 +164,4 @@ CLOTH_KINDS: dict[str, type[Part]] = {
 SURFACE_KINDS = ("mesh_collider", "distance_field")  # colliders made from a mesh
 COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", *SURFACE_KINDS)
 SPRING_KINDS = ("structural", "shear", "bending")
+CONSTRAINT_KINDS = SPRING_KINDS  # what a mesh may have, in the order in which they are projected

@@ -19,6 +19,7 @@ from model.scene.bodies import BODY_KINDS, Placed
 from model.scene.cloth import (
     CLOTH_KINDS,
     COLLIDER_KINDS,
+    CONSTRAINT_KINDS,
     SPRING_KINDS,
     Cloth,
     ClothSprings,
@@ -32,6 +33,7 @@ from model.scene.particle_contact import Contact
 from model.scene.parts import (
     GRID_KINDS,
     Damping,
+    Elastic,
     External,
     Gravity,
     Grid,
@@ -56,7 +58,7 @@ KINDS: dict[str, type[Part]] = (
     | {"contact": Contact}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-ELASTIC_KINDS = ("springs", *SPRING_KINDS)
+ELASTIC_KINDS = ("springs", *CONSTRAINT_KINDS)
 SEVERAL = (
     *SHEETS,
     *BODY_KINDS,
@@ -139,6 +141,11 @@ class SceneParts:
     def cloth_springs(self) -> dict[str, ClothSprings]:
         """The cloth's springs by kind, those it has, in the order structural, shear, bending."""
         return {kind: part for kind in SPRING_KINDS if (part := self.one(kind)) is not None}
+
+    @property
+    def constraints(self) -> dict[str, Elastic]:
+        """What holds a mesh together by kind, in the order of CONSTRAINT_KINDS; of a cloth its springs."""
+        return {kind: part for kind in CONSTRAINT_KINDS if (part := self.one(kind)) is not None}
 
     @property
     def wind(self) -> Wind | None:

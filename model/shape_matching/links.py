@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.core.constraints import Projection
+from model.formulas.constraints import distance
 from model.xpbd.colouring import Colouring, colour
+
+LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_compliance", True),))
 
 
 @dataclass(frozen=True, eq=False)

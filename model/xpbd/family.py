@@ -11,7 +11,7 @@ from model.core.family import SolverFamily
 from model.core.integrators import fastest_damping
 from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
 from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import edge_strain, families, mesh_energy
+from model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
 from model.xpbd.mesh_plan import xpbd_mesh_plan
 from model.xpbd.parameters import xpbd_record
 from model.xpbd.plan import xpbd_plan
@@ -29,7 +29,7 @@ def projection_note(scene: Scene) -> str:
 
 
 def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
-    by_kind = {kind: mesh_energy(scene, position, kind) for kind in scene.cloth_springs}
+    by_kind = {kind: mesh_energy(scene, position, kind) for kind in scene.constraints}
     return sum(by_kind.values()), by_kind
 
 
@@ -57,7 +57,7 @@ MESH = replace(
     limited_by_net=False,
     stored=_stored_in_mesh,
     strain=lambda scene, position, kind, plastic: edge_strain(scene, position, kind),
-    spring_count=lambda scene: sum(len(family.corners) for family in families(scene)),
+    spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene)),
     solvers={"cpu": "cpu_backend.xpbd.mesh:MeshPositionBased", "gpu": "gpu_backend.xpbd.mesh:MeshPositionBased"},
     passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
     reference="bench.reference.xpbd_mesh",

@@ -1,82 +1,158 @@
-"""The constraints of a mesh, sorted by colours, as arrays that both backends read; and the energies they stand for."""
+"""The constraints of a mesh, sorted by colours, as arrays that both backends read; and the energies they stand for.
+
+A new kind of constraint is an entry of MODELS: its projection (model/formulas/constraints), the corners and values that a
+mesh has of it, and how far it is from rest.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from model.formulas import bending as formulas
+from model.core.build import Body
+from model.core.constraints import ConstraintSet, Projection
+from model.formulas import bending as bending_formulas
+from model.formulas import distance as distance_formulas
+from model.formulas.constraints import dihedral, distance, isometric, tether
 from model.geometry.mesh import TriangleMesh
+from model.geometry.tables import UNREACHED, vertex_attachments
 from model.geometry.topology import edge_lengths, mesh_of, triangle_areas
-from model.scene.cloth import Bending
+from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.xpbd.colouring import colour
+from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_STIFFENING
+
+FLAT = 1e-9  # of the edge: a shorter vector k at rest is made of the rounded coordinates of a flat hinge
+Arrays = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Family:
-    """Constraints of one kind: colour c is those from `starts[c]` to before `starts[c + 1]`; no two of it share a vertex.
+class Model:
+    """What a constraint is: its projection, of `corners`, `values` and `multipliers`, and its `operations`.
 
-    `corners` (constraints, 2 or 4) int32: the ends of a distance, or a hinge's edge and its wings (MeshEdges.winged).
-    `values` (constraints, n) float64. A distance: rest length [m]. An isometric hinge: K of a, b, c, d, length of k at rest
-    [m], (A_c + A_d) / 3 [m^2]. A dihedral one: edge at rest [m], tan(theta/4) at rest, (A_c + A_d) / 3 [m^2].
+    `made(mesh, kind)`: (corners (n, corners) int32, values (n, values) float64) of the scene's part `kind` on a mesh.
+    `violation(position (vertices, 3), corners, values)`: (how far each is from rest, what its stiffness is divided by), so
+    that it stores stiffness / divisor * violation^2 / 2 [J]. `can_damp`: it knows a damper.
     """
 
-    kind: str  # of the scene's part
-    model: str  # distance, isometric, dihedral
-    corners: np.ndarray
-    values: np.ndarray
-    starts: np.ndarray
-
-    @property
-    def colours(self) -> int:
-        return len(self.starts) - 1
-
-
-FLAT = 1e-9  # of the edge: a shorter vector k at rest is made of the rounded coordinates of a flat hinge
+    make: Callable[..., Any]
+    corners: int
+    values: int
+    operations: int
+    made: Callable[[TriangleMesh, str], Arrays]
+    violation: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
+    multipliers: int = 1
+    can_damp: bool = False
 
 
-def families(scene: Scene) -> tuple[Family, ...]:
-    """The scene's constraints: edges, then bending, those it has. Kept with the mesh."""
+def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
+    """The scene's constraints in the order in which they are projected: edges, then bending, those it has. Kept with the
+    mesh."""
     part = scene.mesh
     assert part is not None
     mesh = mesh_of(part)
-    made = _made.setdefault(mesh, {})
-    for name in wanted(scene):
-        if name not in made:
-            made[name] = _family(mesh, *name)
-    return tuple(made[name] for name in wanted(scene))
+    known = _known.setdefault(mesh, {})
+    for kind, name in wanted(scene):
+        if (kind, name) not in known:
+            corners, values = MODELS[name].made(mesh, kind)
+            known[kind, name] = coloured(kind, name, corners, values, len(mesh.position))
+    return tuple(known[name] for name in wanted(scene))
 
 
 def wanted(scene: Scene) -> tuple[tuple[str, str], ...]:
-    """(kind, model) of the families of the scene."""
-    found = {"structural": "distance"} if "structural" in scene.cloth_springs else {}
-    bending = scene.cloth_springs.get("bending")
-    if isinstance(bending, Bending):
-        found["bending"] = bending.model
-    return tuple(found.items())
+    """(kind, model) of the scene's constraints."""
+    return tuple((kind, model_of(kind, getattr(part, "model", None))) for kind, part in scene.constraints.items())
 
 
-_made: WeakKeyDictionary[TriangleMesh, dict[tuple[str, str], Family]] = WeakKeyDictionary()  # colouring takes a while
+def model_of(kind: str, told: str | None = None) -> str:
+    """The model of a kind of part: what the part tells, or the kind's own name, or distances."""
+    return told or (kind if kind in MODELS else "distance")
 
 
-def _family(mesh: TriangleMesh, kind: str, model: str) -> Family:
-    if kind == "structural":
-        corners, values = mesh.edges.edges, edge_lengths(mesh)[:, None]
-    elif model == "distance":
-        corners = mesh.edges.winged[:, 2:]
-        values = _lengths(mesh.position, corners)[:, None]
-    else:
-        corners = mesh.edges.winged
-        values = (isometric_values if model == "isometric" else dihedral_values)(mesh)
-    found = colour(corners, len(mesh.position))
-    return Family(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)
+_known: WeakKeyDictionary[TriangleMesh, dict[tuple[str, str], ConstraintSet]] = WeakKeyDictionary()  # colouring is slow
+
+
+def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
+    """The set of such constraints, sorted by colours."""
+    found = colour(corners, particles)
+    return ConstraintSet(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)
+
+
+def attachment_set(scene: Scene, body: Body) -> ConstraintSet:
+    """The long-range attachments: of each vertex the nearest ones, then the second nearest, ..., a colour each; the anchors
+    are pinned, so that each moves one vertex alone."""
+    anchors, reaches = vertex_attachments(scene, body, np.float64)
+    held = (body.inverse_mass > 0) & (reaches[:, 0] < UNREACHED)
+    vertices = np.flatnonzero(held).astype(np.int32)
+    corners = [np.stack([vertices, anchors[held, n]], axis=1) for n in range(anchors.shape[1])]
+    values = [reaches[held, n, None] for n in range(anchors.shape[1])]
+    starts = len(vertices) * np.arange(anchors.shape[1] + 1)
+    return ConstraintSet(
+        "attachments", "tether", np.concatenate(corners), np.concatenate(values), starts.astype(np.int32)
+    )
+
+
+TETHER = Projection("attachments", tether.make, corners=2, values=1, moves=1, soft=False)
+
+
+def projection_of(kind: str, parts: frozenset[str]) -> Projection:
+    """How the constraints of a kind of part are projected in a scene of such parts (model/xpbd/mesh_plan.py)."""
+    if kind == "attachments":
+        return TETHER
+    name = model_of(kind, next((name for name in MODELS if f"{kind}-{name}" in parts), None))
+    model, soft, damped = MODELS[name], f"{kind}-compliance" in parts, f"{kind}-damping" in parts
+    begin = X_CONSTRAINT[kind]
+    return Projection(
+        f"{kind}_{name}",
+        model.make,
+        model.corners,
+        model.values,
+        model.multipliers,
+        soft=soft,
+        damped=damped,
+        flags=(("soft", soft), ("damped", damped)) if model.can_damp else (),
+        constants=(begin + X_COMPLIANCE, begin + X_DAMPING, begin + X_STIFFENING),
+    )
+
+
+def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
+    """Of a scene of such parts, in the order in which they are projected."""
+    kinds = [kind for kind in (*CONSTRAINT_KINDS, "attachments") if kind in parts]
+    return tuple(projection_of(kind, parts) for kind in kinds)
+
+
+def operations_of(projection: Projection) -> int:
+    """Floating-point operations of one constraint."""
+    if projection.make is tether.make:
+        return distance_formulas.OPERATIONS_ATTACHMENT
+    if projection.make is distance.make:
+        each = distance_formulas.OPERATIONS_SOFT if projection.soft else distance_formulas.OPERATIONS_RIGID
+        return each + distance_formulas.OPERATIONS_DAMPER * projection.damped
+    return next(model.operations for model in MODELS.values() if model.make is projection.make)
+
+
+# ---------------------------------------------------------------------- distances
+
+
+def _distances(mesh: TriangleMesh, kind: str) -> Arrays:
+    ends = mesh.edges.winged[:, 2:] if kind == "bending" else mesh.edges.edges
+    rest = _lengths(mesh.position, ends) if kind == "bending" else edge_lengths(mesh)
+    return ends, rest[:, None]
+
+
+def _stretch(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
+    return _lengths(position, corners) - values[:, 0], 1.0
 
 
 def _lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return np.linalg.norm(position[ends[:, 1]] - position[ends[:, 0]], axis=1)
+
+
+# ---------------------------------------------------------------------- hinges
 
 
 def _thirds(mesh: TriangleMesh) -> np.ndarray:
@@ -120,6 +196,18 @@ def quarter_tangents(position: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     return np.tan(np.arctan2(sine, np.einsum("nk,nk->n", n, m)) / 4) * (size > 0)
 
 
+def _curvature(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arrays:
+    k = np.einsum("nc,nck->nk", values[:, :4], position[corners] - position[corners[:, :1]])
+    return np.linalg.norm(k, axis=1) - values[:, 4], values[:, 5]
+
+
+def _angle(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arrays:
+    return 4 * values[:, 0] * (quarter_tangents(position, corners) - values[:, 1]), values[:, 2]
+
+
+# ---------------------------------------------------------------------- what is told of a mesh
+
+
 def edges_of(scene: Scene, kind: str = "structural") -> tuple[np.ndarray, np.ndarray]:
     """(ends (n, 2) int32, rest lengths (n,) [m]) of a mesh: its edges; of `bending` the ways between wings."""
     part = scene.mesh
@@ -137,20 +225,19 @@ def edge_strain(scene: Scene, position: np.ndarray, kind: str = "structural") ->
 
 def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:
     """The energy [J] that a mesh's constraints of a kind hold at `position` (vertices, 3)."""
-    springs = scene.cloth_springs[kind]
-    (family,) = (f for f in families(scene) if f.kind == kind)
-    corners, values, p = family.corners, family.values, np.asarray(position, np.float64)
-    stiffness: float | np.ndarray = springs.storing_stiffness
-    if family.model == "distance":
-        held = _lengths(p, corners) - values[:, 0]
-    elif family.model == "isometric":
-        k = np.einsum("nc,nck->nk", values[:, :4], p[corners] - p[corners[:, :1]])
-        held = np.linalg.norm(k, axis=1) - values[:, 4]
-        stiffness = stiffness / values[:, 5]
-    else:
-        held = 4 * values[:, 0] * (quarter_tangents(p, corners) - values[:, 1])
-        stiffness = stiffness / values[:, 2]
-    return float(np.sum(stiffness * held**2) / 2)
+    (found,) = (one for one in constraint_sets(scene) if one.kind == kind)
+    violation, divisor = MODELS[found.model].violation(np.asarray(position, np.float64), found.corners, found.values)
+    return float(np.sum(scene.constraints[kind].storing_stiffness / divisor * violation**2) / 2)
 
 
-OPERATIONS = {"isometric": formulas.OPERATIONS_ISOMETRIC, "dihedral": formulas.OPERATIONS_DIHEDRAL}
+MODELS = {
+    "distance": Model(distance.make, 2, 1, distance_formulas.OPERATIONS_SOFT, _distances, _stretch, can_damp=True),
+    "isometric": Model(
+        isometric.make, 4, 6, bending_formulas.OPERATIONS_ISOMETRIC,
+        lambda mesh, kind: (mesh.edges.winged, isometric_values(mesh)), _curvature, multipliers=3,
+    ),
+    "dihedral": Model(
+        dihedral.make, 4, 3, bending_formulas.OPERATIONS_DIHEDRAL,
+        lambda mesh, kind: (mesh.edges.winged, dihedral_values(mesh)), _angle,
+    ),
+}  # fmt: skip

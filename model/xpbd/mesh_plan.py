@@ -7,32 +7,22 @@ from model.formulas import colliders, distance, wind
 from model.formulas import random as random_formulas
 from model.mass_spring.cloth_plan import TRIANGLES_EACH
 from model.scene.scene import Scene
-from model.xpbd.mesh_constraints import OPERATIONS, Family, families
+from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from model.xpbd.plan import xpbd_parts
 
 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: a sheet's (model/xpbd/plan.py), and `bending-isometric` or `bending-dihedral`. Every mass
-    has a weight of its own (`load`)."""
-    parts = set(xpbd_parts(scene, live)) | {"load"}
-    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
-    if model != "distance":
-        parts.add(f"bending-{model}")
-    return frozenset(parts)
+    """The parts that need code: a sheet's (model/xpbd/plan.py), and the model of each kind of constraint, as
+    `bending-isometric`. Every mass has a weight of its own (`load`)."""
+    models = {f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind)}
+    return xpbd_parts(scene, live) | {"load"} | models
 
 
-def stage_name(family: Family, colour: int) -> str:
-    """Of the plan, for one colour of a family."""
-    what = "edges" if family.kind == "structural" else f"{family.model} bending"
-    return f"project {what} {colour}"
-
-
-def operations_of(family: Family, parts: frozenset[str]) -> int:
-    """Floating-point operations of one constraint."""
-    if family.model != "distance":
-        return OPERATIONS[family.model]
-    soft = distance.OPERATIONS_SOFT if f"{family.kind}-compliance" in parts else distance.OPERATIONS_RIGID
-    return soft + distance.OPERATIONS_DAMPER * (f"{family.kind}-damping" in parts)
+def stage_name(kind: str, model: str, colour: int) -> str:
+    """Of the plan, for one colour of a set of constraints."""
+    if kind == "attachments":
+        return f"attachments {colour}"
+    return f"project {'edges' if kind == 'structural' else kind if kind == model else f'{model} {kind}'} {colour}"
 
 
 def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
@@ -43,13 +33,16 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     forces += TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18) * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []
-    for family in families(scene):
-        for number in range(family.colours):
-            many = int(family.starts[number + 1] - family.starts[number])
-            each = round(operations_of(family, parts) * many / particles)
-            colours.append(Stage(stage_name(family, number), 1, 1, each))
+    for found in constraint_sets(scene):
+        operations = operations_of(projection_of(found.kind, parts))
+        for number in range(found.colours):
+            many = int(found.starts[number + 1] - found.starts[number])
+            colours.append(
+                Stage(stage_name(found.kind, found.model, number), 1, 1, round(operations * many / particles))
+            )
     if "attachments" in parts and scene.attachments:
-        colours.append(Stage("attachments", 1, 1, scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT))
+        names = (stage_name("attachments", "tether", number) for number in range(scene.attachments.anchors))
+        colours += [Stage(name, 1, 1, distance.OPERATIONS_ATTACHMENT) for name in names]
     stages: list[Node | Stage] = [
         Stage("predict", 2, 2, forces),
         Node("iteration", tuple(colours), method.iterations),

@@ -12,17 +12,18 @@ from model.core.clock import START, Clock
 from model.core.integrators import damping_rate
 from model.core.parameters import rounded_record
 from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
-from model.scene.cloth import SPRING_KINDS
+from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.shape_matching.clusters import matching_share
 from model.shape_matching.matching import matching_stiffness
 
-CONSTRAINTS = (
+OF_SHEETS = (
     "structural",
     "stiff",
     "shear",
     "bending",
 )  # stiff: every second structural one, where a grid's alternate
+CONSTRAINTS = (*OF_SHEETS, *(kind for kind in CONSTRAINT_KINDS if kind not in OF_SHEETS))
 CONSTANTS = (
     "rest",  # m
     "compliance",  # alpha m / h^2, of no unit; 0: inextensible
@@ -36,7 +37,7 @@ XPBD_PARAMETERS = (
     "inverse_substep",  # 1/h, 1/s
     "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
     "braking",  # h c / m
-    *(f"distance_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
+    *(f"constraint_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
     "matching",  # how far masses go towards the goals of their clusters in an iteration
     "matching_rest",  # m, between neighbours of a cluster at rest
 )
@@ -44,15 +45,15 @@ X_INVERSE_SUBSTEP, X_KEEP, X_DRAG, X_MATCHING, X_MATCHING_REST = (
     XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "braking", "matching", "matching_rest")
 )
 # where a kind's constants begin
-X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"distance_{kind}_rest") for kind in CONSTRAINTS}
+X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"constraint_{kind}_rest") for kind in CONSTRAINTS}
 X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
 
 
 OWN_FIELDS = {  # of the scene, by the value that follows from them
     "inverse_substep": "method.dt",
     "braking": "damping.coefficient",
-    **{f"distance_{kind}_compliance": f"{kind}.stiffness" for kind in SPRING_KINDS},
-    "distance_stiff_compliance": "springs.stiffness_ratio",
+    **{f"constraint_{kind}_compliance": f"{kind}.stiffness" for kind in CONSTRAINT_KINDS},
+    "constraint_stiff_compliance": "springs.stiffness_ratio",
     "matching": "springs.stiffness",
 }
 
@@ -63,9 +64,9 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
     if scene.springs and kind in ("structural", "stiff"):
         softness = scene.springs.softness(scene.springs.stiffness_ratio if kind == "stiff" else 1.0)
         rest, damping = scene.springs.rest_length, 0.0
-    elif kind in scene.cloth_springs:
-        springs = scene.cloth_springs[kind]
-        softness, rest, damping = springs.softness(), REACH[kind] * grid.spacing, springs.damping
+    elif kind in scene.constraints:
+        part = scene.constraints[kind]
+        softness, rest, damping = part.softness(), REACH.get(kind, 0.0) * grid.spacing, getattr(part, "damping", 0.0)
     else:
         return (0.0,) * len(CONSTANTS)
     h = method.dt / method.substeps
@@ -89,7 +90,7 @@ def xpbd_record(
     values |= {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
     for kind in CONSTRAINTS:
         constants = constraint_constants(scene, kind)
-        values |= {f"distance_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
+        values |= {f"constraint_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
     method, matching = scene.method, 0.0
     if method.matches_shapes:
         matching = matching_share(matching_stiffness(scene), h, method.iterations)

@@ -75,18 +75,18 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     def gives(springs: Elastic) -> bool:
         return method.solver == "xpbd" and (not springs.inextensible or "stiffness" in live)
 
-    kinds = {kind: springs for kind, springs in scene.cloth_springs.items()}
     if scene.springs:
         parts.add("structural")
         if gives(scene.springs):
             parts.add("structural-compliance")
         if scene.springs.alternate:
             parts.add("alternating")
-    for kind, springs in kinds.items():
+    for kind, part in scene.constraints.items():
+        parts.add(kind)
         parts.discard(f"{kind}-damping")
-        if gives(springs):
+        if gives(part):
             parts.add(f"{kind}-compliance")
-            if springs.damping > 0:
+            if getattr(part, "damping", 0.0) > 0:
                 parts.add(f"{kind}-damping")
     if scene.loads:
         parts.add("load")

@@ -38,7 +38,7 @@ def leaks(source: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.py")), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", sorted(FOLDER.rglob("*.py")), ids=lambda file: file.stem)
 def test_formulas_hold_no_constant_of_float64(file: Path) -> None:
     assert leaks(file.read_text(encoding="utf-8")) == []
 

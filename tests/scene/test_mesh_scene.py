@@ -20,7 +20,7 @@ from model.geometry.normals import vertex_normals
 from model.geometry.topology import mesh_of
 from model.scene.scene import Scene, load_scene
 from model.scene.sheets import mesh_lines, scene_normals, triangles_of
-from model.xpbd.mesh_constraints import families
+from model.xpbd.mesh_constraints import constraint_sets
 
 GARMENT = {"mesh": {"file": "garment.obj", "pinned": "top"}, "structural": {}, "method": {"solver": "xpbd"}}
 
@@ -159,7 +159,7 @@ def test_one_diagonal_is_the_clothes_surface() -> None:
     way = sheets.Way
     closed = sheets.sheet(5, 4, {(1, 0): way(0.1, 0.01), (0, 1): way(0.1, 0.01), (1, 1): way(0.1 * np.sqrt(2), 0.01)})
     wanted = {(int(a), int(b)): r for a, b, r in zip(closed.first, closed.second, closed.rest_length, strict=True)}
-    (edges,) = (family for family in families(mesh) if family.kind == "structural")
+    (edges,) = (one for one in constraint_sets(mesh) if one.kind == "structural")
     found = {(int(a), int(b)): r for (a, b), r in zip(edges.corners, edges.values[:, 0], strict=True)}
     assert found.keys() == wanted.keys()
     np.testing.assert_allclose([found[key] for key in wanted], list(wanted.values()), rtol=1e-12)
@@ -169,7 +169,7 @@ def test_one_diagonal_is_the_clothes_surface() -> None:
 
 @pytest.mark.parametrize("name", PARTS)
 def test_no_two_constraints_of_a_colour_share_a_vertex(name: str) -> None:
-    for family in families(mesh_scene(name)):
+    for family in constraint_sets(mesh_scene(name)):
         for colour in range(family.colours):
             corners = family.corners[family.starts[colour] : family.starts[colour + 1]]
             assert len(np.unique(corners)) == corners.size > 0
@@ -193,7 +193,7 @@ def test_energies_are_those_of_the_constraints() -> None:
         scene = mesh_scene(name)
         position = build(scene).position
         found, wanted = energies(scene, position, np.zeros_like(position)), {"structural": 0.0, "bending": 0.0}
-        edges = len(families(scene)[0].corners)
+        edges = len(constraint_sets(scene)[0].corners)
         for number, item in enumerate(reference.items_of(scene)):
             values, _ = item.of(position[item.corners])
             wanted["structural" if number < edges else "bending"] += float(values @ values) / 2 / item.compliance

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from kernel_text import kernel_text
 
+from model.shape_matching.links import LINKS
+
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction"})
 LETTERS = {  # of each kernel's arguments, see kernel_text.py
     "sum_up": "RIIIRR",
@@ -16,7 +18,7 @@ LETTERS = {  # of each kernel's arguments, see kernel_text.py
     "move": "RIIRR",
     "begin": "RRRRU",
     "finish": "RRRIIRRRRULlll",
-    "project": "RIRRllll",
+    "project": "RRIRRiiiiR",
 }
 
 
@@ -24,11 +26,11 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(name: str, real: Any, math: str) -> str:
+    from gpu_backend.core.constraints import make_projections
     from gpu_backend.shape_matching.kernels import make_bodies_clusters, make_bodies_ends
-    from gpu_backend.shape_matching.links import make_link_projection
 
     made = SimpleNamespace(**vars(make_bodies_clusters(real, math)), **vars(make_bodies_ends(real, math, PARTS)))
-    made.project = make_link_projection(real, math)
+    made.project = make_projections(real, math, LINKS)
     return kernel_text(getattr(made, name), LETTERS[name], real, math)
 
 

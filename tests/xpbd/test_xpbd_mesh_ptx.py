@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from model.xpbd.mesh_constraints import projection_of
+
 AIR = frozenset({"wind", "gust", "external", "gravity", "poke", "damping", "pins", "load", "gauss-seidel"})
 SOFT = frozenset({"structural-compliance", "bending-compliance"})
 FAMILIES = {
@@ -16,6 +18,7 @@ FAMILIES = {
     "distances": ("bending", SOFT),
     "isometric": ("bending", SOFT | {"bending-isometric"}),
     "dihedral": ("bending", SOFT | {"bending-dihedral"}),
+    "attachments": ("attachments", SOFT),
 }
 
 
@@ -38,10 +41,11 @@ def ptx(kernel: Any, real: Any, math: str, *arguments: str) -> str:
 
 
 def projection(name: str, real: Any, math: str) -> str:
-    from gpu_backend.xpbd.mesh_projections import make_mesh_projection
+    from gpu_backend.core.constraints import make_projections
 
     kind, parts = FAMILIES[name]
-    return ptx(make_mesh_projection(real, math, parts | {kind}, kind), real, math, "RRIRRiiiiR")
+    projection = projection_of(kind, parts | {kind})
+    return ptx(make_projections(real, math, projection), real, math, "RRIRRiiiiR")
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

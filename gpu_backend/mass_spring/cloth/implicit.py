@@ -16,14 +16,12 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.blocks import read_flag
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.launch import prepare
 from gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.core.errors import SceneError
 from model.formulas import implicit
 from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE

@@ -13,10 +13,10 @@ from typing import Any
 
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.contact.pins import make_pins
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import implicit
 from model.mass_spring.cloth_parameters import C_DT
 from model.mass_spring.implicit_parameters import S_OWN, S_RATE

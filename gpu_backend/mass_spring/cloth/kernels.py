@@ -13,13 +13,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import cloth
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.contact.pins import make_pins
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import integrators
 from model.mass_spring.cloth_parameters import (
     C_DAMPING,

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import EXTERNAL_SEED, POKED, WIND_SEED, knows_time
 from gpu_backend.core.quads import load_quad
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
 from model.mass_spring.cloth_parameters import (
     C_BENDING,

@@ -25,15 +25,14 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.blocks import raise_flag, read_flag
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.core.messages import make_messages, pause
 from gpu_backend.core.planes import near
 from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
 from gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from gpu_backend.mass_spring.grid.tiles import PATIENCE
 
 # Cycles between a block's own sending and its first look at others' messages. All blocks send at about the same time, and a

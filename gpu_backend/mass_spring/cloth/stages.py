@@ -16,12 +16,11 @@ from numba import cuda
 
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.contact.pins import make_pins
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from gpu_backend.mass_spring.grid.point import kernel_options
 from model.formulas import integrators
 from model.mass_spring.cloth_parameters import (
     C_DAMPING,

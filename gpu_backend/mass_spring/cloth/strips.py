@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.planes import near, put_near
 from gpu_backend.core.quads import load_quad
@@ -29,7 +30,6 @@ from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
 from gpu_backend.mass_spring.cloth.point import make_wind
 from gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
-from gpu_backend.mass_spring.grid.strips import inlined
 from model.formulas import cloth_springs
 from model.mass_spring.cloth_parameters import C_BENDING, C_GRAVITY, C_SHEAR, C_STRUCTURAL, CLOTH_PARAMETERS
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.core.planes import near
 from gpu_backend.core.quads import load_quad, store_quad
@@ -26,8 +26,7 @@ from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from gpu_backend.mass_spring.cloth.strips import make_cloth_strips
 from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, plane_shape, reach_of, tile_bytes
-from gpu_backend.mass_spring.grid.point import kernel_options
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
 BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system takes for each block

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.pairs import load_pair, store_pair
-from gpu_backend.mass_spring.grid.point import kernel_options, make_moves, make_point_functions
+from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 from model.core.parameters import (
     K_DT,
     K_HALF_DT,

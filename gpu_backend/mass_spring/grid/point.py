@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.core.compile import kernel_options
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.pairs import load_pair
 from model.core.parameters import (
@@ -38,11 +39,6 @@ from model.core.parameters import (
     K_STIFFNESS_REST,
 )  # fmt: skip
 from model.formulas import integrators, manufactured, random, springs
-
-
-def kernel_options(math: str) -> dict[str, Any]:
-    """Options of cuda.jit for a math."""
-    return {"fastmath": math == "fast"}
 
 
 @cache

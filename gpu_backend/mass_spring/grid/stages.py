@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel, variant_name
-from gpu_backend.mass_spring.grid.point import kernel_options, make_point_functions
+from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.mass_spring.grid.point import make_point_functions
 from model.core.parameters import (
     K_DAMPING,
     K_DT,

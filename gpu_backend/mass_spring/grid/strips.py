@@ -15,23 +15,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
+from gpu_backend.core.compile import inlined
 from gpu_backend.core.device import simulated
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.core.tiling import Tile
-from gpu_backend.mass_spring.grid.point import kernel_options, make_point_functions
+from gpu_backend.mass_spring.grid.point import make_point_functions
 from model.core.parameters import PARAMETERS
 
 RECORD = len(PARAMETERS)
-
-
-def inlined(math: str) -> Any:
-    """Decorator of device functions that take arrays in registers: a call would push them into local memory."""
-    options = kernel_options(math)
-    if not simulated():
-        options["forceinline"] = True
-    return cuda.jit(device=True, **options)
 
 
 ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; the simulator knows none

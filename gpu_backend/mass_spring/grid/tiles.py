@@ -25,12 +25,12 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.blocks import load_fresh_pair, raise_flag, read_flag
-from gpu_backend.core.compile import make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.core.tiling import Tile
-from gpu_backend.mass_spring.grid.point import kernel_options, make_moves, make_point_functions
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT, inlined, make_strips, pair_type, shared_bytes
+from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_strips, pair_type, shared_bytes
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
 SHARED_MEMORY = 227 << 10  # bytes of a multiprocessor (compute capability 9.0; smaller ones hold fewer blocks)

@@ -1,0 +1,192 @@
+"""The executor of position-based constraints on CPU threads: some of a colour, one after the other.
+
+Corners, values and multipliers are rows of arrays, a row a constraint; what a projection computes is in
+model/formulas/constraints. Of a colour no two constraints move the same particle, so that threads take any part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from model.core.constraints import ConstraintSet, Projection
+from model.core.tuples import each_of, tuple_of
+
+ALONE = 256  # constraints of a colour that one thread does sooner than threads come together: some microseconds
+SetArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def set_arrays(found: ConstraintSet, projection: Projection, real: Any) -> SetArrays:
+    """(corners, values, multipliers, starts) of a set, as kernels take them."""
+    rows = len(found.corners) if projection.soft else 0
+    return (
+        np.ascontiguousarray(found.corners, np.int32),
+        np.ascontiguousarray(found.values, real),
+        np.zeros((rows, projection.multipliers), real),
+        found.starts.astype(np.int32),
+    )
+
+
+def no_sets(real: Any) -> tuple[SetArrays, ...]:
+    """In place of the sets where a scene has no constraints."""
+    empty = np.zeros((0, 1), real)
+    return ((np.zeros((0, 2), np.int32), empty, empty, np.zeros(1, np.int32)),)
+
+
+def make_rows(compiler: Compiler) -> SimpleNamespace:
+    """Particles as rows x, y, z, weight: `point(position, weights, k)`, `weight(...)`, `put(position, weights, k, point)`;
+    `weights` are not looked at."""
+
+    @compiler.compiled
+    def point(position, weights, k):
+        return position[k, 0], position[k, 1], position[k, 2]
+
+    @compiler.compiled
+    def weight(position, weights, k):
+        return position[k, 3]
+
+    @compiler.compiled
+    def put(position, weights, k, point):
+        position[k, 0], position[k, 1], position[k, 2] = point
+
+    return SimpleNamespace(point=point, weight=weight, put=put)
+
+
+def make_planes(compiler: Compiler) -> SimpleNamespace:
+    """The same of particles in three planes, as many numbers each as there are `weights`."""
+
+    @compiler.compiled
+    def point(position, weights, k):
+        count = weights.size
+        return position[k], position[count + k], position[2 * count + k]
+
+    @compiler.compiled
+    def weight(position, weights, k):
+        return weights[k]
+
+    @compiler.compiled
+    def put(position, weights, k, point):
+        count = weights.size
+        position[k], position[count + k], position[2 * count + k] = point
+
+    return SimpleNamespace(point=point, weight=weight, put=put)
+
+
+def make_projections(compiler: Compiler, real: Any, projection: Projection, particles: SimpleNamespace) -> Any:
+    """project(first, last, position, weights, before, corners, values, multipliers, fresh, record): constraints `first` to
+    before `last`. `multipliers` (constraints, n) count as 0 where `fresh`; `particles`: make_rows or make_planes."""
+    compiled = compiler.compiled
+    one = projection.make(real, compiled, **dict(projection.flags)).project
+    point, weight, put = particles.point, particles.weight, particles.put
+    is_soft, is_damped = projection.soft, projection.damped
+    zero, neutral = real(0), real(1)
+    has_constants = projection.constants is not None
+    c_compliance, c_damping, c_stiffening = projection.constants or (0, 0, 0)
+
+    def point_at(n: int) -> Any:
+        return compiled(lambda position, weights, corners, k: point(position, weights, corners[k, n]))
+
+    def weight_at(n: int) -> Any:
+        return compiled(lambda position, weights, corners, k: weight(position, weights, corners[k, n]))
+
+    def put_at(n: int) -> Any:
+        @compiled
+        def put_one(position, weights, corners, k, moved):
+            put(position, weights, corners[k, n], moved)
+
+        return put_one
+
+    def value_at(n: int) -> Any:
+        return compiled(lambda values, fresh, unused, k: values[k, n])
+
+    def multiplier_at(n: int) -> Any:
+        @compiled
+        def multiplier(multipliers, fresh, unused, k):
+            if is_soft and not fresh:
+                return multipliers[k, n]
+            return zero
+
+        return multiplier
+
+    def keep_at(n: int) -> Any:
+        @compiled
+        def keep(multipliers, fresh, unused, k, multiplier):
+            multipliers[k, n] = multiplier
+
+        return keep
+
+    points_of = tuple_of(projection.corners, point_at, compiled)
+    weights_of = tuple_of(projection.corners, weight_at, compiled)
+    values_of = tuple_of(projection.values, value_at, compiled)
+    multipliers_of = tuple_of(projection.multipliers, multiplier_at, compiled)
+    put_all, keep_all = (
+        each_of(projection.moved, put_at, compiled),
+        each_of(projection.multipliers, keep_at, compiled),
+    )
+
+    @compiled
+    def project(first, last, position, weights, before, corners, values, multipliers, fresh, record):
+        constants = zero, zero, neutral
+        if has_constants:
+            constants = record[c_compliance], record[c_damping], record[c_stiffening]
+        for k in range(first, last):
+            points = points_of(position, weights, corners, k)
+            old = points_of(before, weights, corners, k) if is_damped else points
+            so_far = multipliers_of(multipliers, fresh, values, k)
+            moved, total = one(
+                points, old, weights_of(position, weights, corners, k), values_of(values, fresh, values, k), so_far,
+                constants,
+            )  # fmt: skip
+            put_all(position, weights, corners, k, moved)
+            if is_soft:
+                keep_all(multipliers, fresh, values, k, total)
+
+    return project
+
+
+def make_colours(compiler: Compiler, projects: Sequence[Any]) -> Any:
+    """sweep(team, member, bands, position, weights, before, sets, fresh, record): all constraints once, set by set and colour
+    by colour. `projects`: make_projections of each set; `sets`: their set_arrays; at least one."""
+    found: Any = None
+    for number in range(len(projects) - 1, -1, -1):
+        found = _of_set(compiler, number, projects[number], found)
+    return found
+
+
+def _of_set(compiler: Compiler, number: int, project: Any, others: Any) -> Any:
+    """The sweep of set `number`, and then of the `others`."""
+    has_others = others is not None
+
+    @compiler.compiled
+    def sweep(team, member, bands, position, weights, before, sets, fresh, record):
+        corners, values, multipliers, starts = sets[number]
+        for colour in range(starts.size - 1):
+            start, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
+            parts = bands if many >= ALONE else 1
+            for part in shares(team, member, parts):
+                first, last = start + many * part // parts, start + many * (part + 1) // parts
+                project(first, last, position, weights, before, corners, values, multipliers, fresh, record)
+        if has_others:
+            others(team, member, bands, position, weights, before, sets, fresh, record)
+
+    return sweep
+
+
+@cache
+def make_constraint_stage(real: Any, math: str, projection: Projection, in_planes: bool) -> Any:
+    """stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, record): a parallel loop over
+    one colour, by itself."""
+    compiler = Compiler(f"{projection.name}_{np.dtype(real).name}_{math}", math)
+    project = make_projections(compiler, real, projection, (make_planes if in_planes else make_rows)(compiler))
+
+    def stage(band, bands, start, stop, position, weights, before, corners, values, multipliers, fresh, record):
+        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
+        project(first, last, position, weights, before, corners, values, multipliers, fresh, record)
+
+    return compiler.banded(stage)

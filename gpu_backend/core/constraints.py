@@ -1,0 +1,105 @@
+"""The executor of position-based constraints on CUDA: a thread for each constraint of a colour, no two of which move the
+same particle.
+
+Corners, values and multipliers are flat and lie column by column, so that neighbouring threads read neighbouring numbers;
+what a projection computes is in model/formulas/constraints.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from model.core.constraints import Projection
+from model.core.tuples import each_of, tuple_of
+
+
+@cache
+def make_projections(real: Any, math: str, projection: Projection) -> Any:
+    """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): constraints `start` to
+    before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0 where
+    `fresh`."""
+    one = device_formulas(projection.make, real, math, **dict(projection.flags)).project
+    inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
+    zero, neutral = real(0), real(1)
+    has_constants = projection.constants is not None
+    c_compliance, c_damping, c_stiffening = projection.constants or (0, 0, 0)
+
+    def quad_at(n: int) -> Any:
+        return inline(lambda position, corners, count, k: load_quad(position, corners[n * count + k]))
+
+    def put_at(n: int) -> Any:
+        @inline
+        def put(position, corners, count, k, quad):
+            store_quad(position, corners[n * count + k], quad[0], quad[1], quad[2], quad[3])
+
+        return put
+
+    def point_at(n: int) -> Any:
+        return inline(lambda quads, count, unused, k: (quads[n][0], quads[n][1], quads[n][2]))
+
+    def weight_at(n: int) -> Any:
+        return inline(lambda quads, count, unused, k: quads[n][3])
+
+    def moved_at(n: int) -> Any:
+        return inline(lambda points, quads, unused, k: (points[n][0], points[n][1], points[n][2], quads[n][3]))
+
+    def value_at(n: int) -> Any:
+        return inline(lambda values, fresh, count, k: values[n * count + k])
+
+    def multiplier_at(n: int) -> Any:
+        @inline
+        def multiplier(multipliers, fresh, count, k):
+            if is_soft:
+                if not fresh:
+                    return multipliers[n * count + k]
+            return zero
+
+        return multiplier
+
+    def keep_at(n: int) -> Any:
+        @inline
+        def keep(multipliers, fresh, count, k, multiplier):
+            multipliers[n * count + k] = multiplier
+
+        return keep
+
+    quads_of, points_of, weights_of = (
+        tuple_of(projection.corners, item, inline) for item in (quad_at, point_at, weight_at)
+    )
+    values_of, multipliers_of = (
+        tuple_of(projection.values, value_at, inline),
+        tuple_of(projection.multipliers, multiplier_at, inline),
+    )
+    moved_of, put_all = (
+        tuple_of(projection.moved, moved_at, inline),
+        each_of(projection.moved, put_at, inline),
+    )
+    keep_all = each_of(projection.multipliers, keep_at, inline)
+
+    def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
+        k, count = np.int32(start + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
+        if k < stop:
+            constants = zero, zero, neutral
+            if has_constants:
+                constants = record[c_compliance], record[c_damping], record[c_stiffening]
+            quads = quads_of(position, corners, count, k)
+            points = points_of(quads, count, count, k)
+            old = points
+            if is_damped:
+                old = points_of(quads_of(before, corners, count, k), count, count, k)
+            moved, total = one(
+                points, old, weights_of(quads, count, count, k), values_of(values, fresh, count, k),
+                multipliers_of(multipliers, fresh, count, k), constants,
+            )  # fmt: skip
+            put_all(position, corners, count, k, moved_of(moved, quads, count, k))
+            if is_soft:
+                keep_all(multipliers, fresh, count, k, total)
+
+    return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))

@@ -1,0 +1,59 @@
+"""Constraints as data: what a backend's executor of position-based constraints needs to know of them.
+
+A constraint is corners, values, a colour and a projection function (model/formulas/constraints). No two constraints of a
+colour move the same particle, so that all of a colour are projected at once, in any order, to the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Projection:
+    """How the constraints of a set are projected: what a kernel is compiled for.
+
+    `make`, `flags`: the factory in model/formulas/constraints, and its flags. Of one constraint: how many `corners`, of which
+    the first `moves` are moved (None: all); `values`; `multipliers`, which are kept through a substep's iterations where it
+    is `soft`. `damped`: it asks where its corners were when the substep began. `constants`: where in the solver's record
+    compliance, damping and stiffening lie; None: it takes none of them.
+    """
+
+    name: str
+    make: Callable[..., Any]
+    corners: int
+    values: int
+    multipliers: int = 1
+    moves: int | None = None
+    soft: bool = True
+    damped: bool = False
+    flags: tuple[tuple[str, bool], ...] = ()
+    constants: tuple[int, int, int] | None = None
+
+    @property
+    def moved(self) -> int:
+        """How many corners it moves."""
+        return self.corners if self.moves is None else self.moves
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintSet:
+    """Constraints of one kind: colour c is those from `starts[c]` to before `starts[c + 1]`.
+
+    `kind`: of the scene's part; `model`: its name among MODELS (model/xpbd/mesh_constraints.py); `corners` (constraints,
+    corners) int32: particles; `values` (constraints, values) float64, as the projection takes them.
+    """
+
+    kind: str
+    model: str
+    corners: np.ndarray
+    values: np.ndarray
+    starts: np.ndarray
+
+    @property
+    def colours(self) -> int:
+        return len(self.starts) - 1

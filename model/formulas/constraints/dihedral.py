@@ -1,0 +1,51 @@
+"""A hinge's angle, values (edge at rest [m], tan(theta/4) at rest, (A_c + A_d) / 3 [m^2]): see model/formulas/bending.py."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.bending import make as make_bending
+from model.formulas.distance import make as make_distance
+
+
+def make(real, compiled=plain):
+    """See the package."""
+    formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
+    softness, hinge, by_ends, dot = formulas.softness, formulas.hinge, formulas.by_ends, formulas.dot
+    steepness, gradient_sum, dihedral_change = formulas.steepness, formulas.gradient_sum, formulas.dihedral_change
+    shifted = formulas.shifted
+
+    @compiled
+    def shift(point, weight, gx, gy, gz, change):
+        x, y, z = point
+        return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
+
+    @compiled
+    def project(points, before, weights, values, multipliers, constants):
+        a, b, c, d = points
+        wa, wb, wc, wd = weights
+        edge, rest, area = values
+        t, cx, cy, cz, dx, dy, dz, along_c, along_d = hinge(
+            b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2], d[0] - a[0], d[1] - a[1],
+            d[2] - a[2],
+        )  # fmt: skip
+        ax, bx = by_ends(along_c, along_d, cx, dx)
+        ay, by = by_ends(along_c, along_d, cy, dy)
+        az, bz = by_ends(along_c, along_d, cz, dz)
+        steep = steepness(edge, t)
+        weight = gradient_sum(
+            steep, wa, wb, wc, wd, dot(ax, ay, az, ax, ay, az), dot(bx, by, bz, bx, by, bz),
+            dot(cx, cy, cz, cx, cy, cz), dot(dx, dy, dz, dx, dy, dz),
+        )  # fmt: skip
+        compliance = softness(constants[0], area)
+        inverse = reciprocal(weight, constants[2], compliance)
+        multiplier = multipliers[0]
+        change, turned = dihedral_change(edge, t, rest, steep, inverse, compliance, multiplier)
+        moved = (
+            shift(a, wa, ax, ay, az, turned), shift(b, wb, bx, by, bz, turned), shift(c, wc, cx, cy, cz, turned),
+            shift(d, wd, dx, dy, dz, turned),
+        )  # fmt: skip
+        return moved, (multiplier + change,)
+
+    return SimpleNamespace(project=project)
