@@ -82,7 +82,8 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
     """project(first, last, position, weights, before, corners, values, multipliers, fresh, record): constraints `first` to
     before `last`. `multipliers` (constraints, n) count as 0 where `fresh`; `particles`: make_rows or make_planes."""
     compiled = compiler.compiled
-    one = projection.make(real, compiled, **dict(projection.flags)).project
+    # a call of it would hand dozens of numbers over in memory
+    one = compiler.inlined(projection.make(real, compiled, **dict(projection.flags)).project.py_func)
     point, weight, put = particles.point, particles.weight, particles.put
     is_soft, is_damped = projection.soft, projection.damped
     zero, neutral = real(0), real(1)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from model.core.errors import SceneError
 from model.scene.bodies import BODY_KINDS
-from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
+from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.particle_contact import MAX_KINDS
 from model.scene.parts import Elastic, Method
 from model.scene.scene_parts import SceneParts
 from model.scene.xpbd import XPBD_KINDS
 
+OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
 MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
@@ -111,6 +112,9 @@ def _check_mesh(scene: SceneParts) -> None:
     bending = next((name for name, kind in scene.kinds.items() if kind == "bending"), "bending")
     model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
     if scene.mesh is None:
+        for name, kind in scene.kinds.items():
+            if kind in OF_MESHES:
+                raise SceneError(f"{name}.kind", kind, "is for a mesh, which a cloth and a grid are not; leave it out")
         if model != "distance":
             raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
         return
