@@ -54,7 +54,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
         table.add_row(key.replace("_", " "), f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
-        table.add_row(label, ("not known: " if report["error"] is None else "") + report["error_reason"])
+        table.add_row(label, ("not known: " if report["error"] is None else "") + escape(report["error_reason"]))
     console.print(table)
     if report["method"].endswith(" lab") and report["error"]:
         console.print(

@@ -122,6 +122,23 @@ def dihedral(rest_corners: np.ndarray, flat: float = 1e-9) -> Constraint:
     return of
 
 
+def volume(rest_corners: np.ndarray) -> Constraint:
+    """Six times the volume, less that at rest; gradients by the areas of the opposite faces."""
+
+    def sixfold(p: np.ndarray) -> float:
+        return float(np.linalg.det(p[1:] - p[0]))
+
+    rest = sixfold(rest_corners)
+
+    def of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        faces = ((1, 3, 2), (0, 2, 3), (0, 3, 1), (0, 1, 2))  # opposite to each corner, seen from it
+        gradients = [-np.cross(p[j] - p[i], p[k] - p[i]) for i, j, k in faces]
+        inwards = np.array(gradients) * np.sign(rest) if rest else np.array(gradients)
+        return np.array([sixfold(p) - rest]), -inwards[None]
+
+    return of
+
+
 def items_of(scene: Scene, inextensible: bool = False) -> list[Item]:
     """The scene's constraints in the order in which they are projected."""
     assert scene.mesh is not None
@@ -135,6 +152,10 @@ def items_of(scene: Scene, inextensible: bool = False) -> list[Item]:
             if found.model == "distance":
                 length = float(np.linalg.norm(at_rest[1] - at_rest[0]))
                 items.append(Item(corners, distance(length), softness, getattr(part, "damping", 0.0)))
+                continue
+            if found.model == "volume":
+                sixth = abs(float(np.linalg.det(at_rest[1:] - at_rest[0])))
+                items.append(Item(corners, volume(at_rest), softness * 6 * sixth))
                 continue
             one = hinge(at_rest)
             area = one.edge * sum(one.heights) / 2

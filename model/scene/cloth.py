@@ -69,6 +69,17 @@ class Bending(ClothSprings):
     model: Literal["distance", "isometric", "dihedral"] = "distance"
 
 
+class Volume(Elastic):
+    """A filling of a closed mesh: tetrahedra between its vertices, each of which keeps its volume.
+
+    Each holds the energy stiffness / 2 * (V - V0)^2 / V0 of its volume V, as a nearly incompressible matter of that bulk
+    modulus does; against shear it does nothing. There are no particles inside: a tetrahedron reaches from side to side.
+    """
+
+    stiffness: Positive = 1e4  # Pa, the bulk modulus
+    compliance: NotNegative | None = None  # 1/Pa; 0: incompressible
+
+
 class Wind(Part):
     """Air that moves: a force on every triangle from its velocity relative to the air.
 
@@ -153,6 +164,7 @@ CLOTH_KINDS: dict[str, type[Part]] = {
     "structural": Structural,
     "shear": Shear,
     "bending": Bending,
+    "volume": Volume,
     "wind": Wind,
     "plane": Plane,
     "sphere": Sphere,
@@ -164,4 +176,4 @@ CLOTH_KINDS: dict[str, type[Part]] = {
 SURFACE_KINDS = ("mesh_collider", "distance_field")  # colliders made from a mesh
 COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", *SURFACE_KINDS)
 SPRING_KINDS = ("structural", "shear", "bending")
-CONSTRAINT_KINDS = SPRING_KINDS  # what a mesh may have, in the order in which they are projected
+CONSTRAINT_KINDS = (*SPRING_KINDS, "volume")  # what a mesh may have, in the order in which they are projected

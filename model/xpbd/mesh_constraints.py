@@ -15,18 +15,22 @@ import numpy as np
 
 from model.core.build import Body
 from model.core.constraints import ConstraintSet, Projection
+from model.core.errors import InputError
 from model.formulas import bending as bending_formulas
 from model.formulas import distance as distance_formulas
-from model.formulas.constraints import dihedral, distance, isometric, tether
+from model.formulas.constraints import dihedral, distance, isometric, tether, volume
 from model.geometry.mesh import TriangleMesh
 from model.geometry.tables import UNREACHED, vertex_attachments
 from model.geometry.topology import edge_lengths, mesh_of, triangle_areas
+from model.geometry.voxels import winding_numbers
 from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.xpbd.colouring import colour
 from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_STIFFENING
 
 FLAT = 1e-9  # of the edge: a shorter vector k at rest is made of the rounded coordinates of a flat hinge
+SHAKE = 1e-4  # of the mean edge
+FLAT_TETRAHEDRON = 1e-3  # six times the volume, over the mean edge cubed: flatter ones hold nothing
 Arrays = tuple[np.ndarray, np.ndarray]
 
 
@@ -205,6 +209,52 @@ def _angle(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arr
     return 4 * values[:, 0] * (quarter_tangents(position, corners) - values[:, 1]), values[:, 2]
 
 
+# ---------------------------------------------------------------------- volumes
+
+
+def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
+    """(n, 4) int32: the tetrahedra of the vertices' Delaunay triangulation whose centres lie inside the closed mesh, corners
+    so that volumes are positive. Vertices are shaken by SHAKE of an edge for it: of five on one sphere it is not unique.
+
+    Raises InputError: an open mesh, or one with nothing inside.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
+    p, edge = mesh.position, float(edge_lengths(mesh).mean())
+    if mesh.boundary_loops:
+        raise InputError(
+            f"volume: needs a closed mesh; this one has {mesh.boundary_loops} rims: close them, or leave it out"
+        )
+    shaken = p + SHAKE * edge * np.random.default_rng(0).uniform(-1, 1, p.shape)
+    try:
+        corners = Delaunay(shaken).simplices.astype(np.int32)
+    except QhullError:
+        corners = np.zeros((0, 4), np.int32)
+    inside = np.abs(winding_numbers(p[corners].mean(axis=1), p, mesh.triangles)) > 0.5
+    corners = corners[inside & (np.abs(sixfold_volumes(p, corners)) > FLAT_TETRAHEDRON * edge**3)]
+    if not len(corners):
+        raise InputError("volume: nothing lies inside this mesh; leave it out")
+    turned = sixfold_volumes(p, corners) < 0
+    corners[turned] = corners[turned][:, [0, 2, 1, 3]]
+    return corners[np.lexsort(corners.T[::-1])]
+
+
+def sixfold_volumes(position: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n,) float64 [m^3]: six times the signed volumes of tetrahedra."""
+    a, b, c, d = (position[corner] for corner in corners.T)
+    return np.einsum("nk,nk->n", b - a, np.cross(c - a, d - a))
+
+
+def _volumes(mesh: TriangleMesh, kind: str) -> Arrays:
+    corners = tetrahedra_within(mesh)
+    rest = sixfold_volumes(mesh.position, corners)
+    return corners, np.stack([rest, 6 * rest], axis=1)
+
+
+def _compression(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arrays:
+    return sixfold_volumes(position, corners) - values[:, 0], values[:, 1]
+
+
 # ---------------------------------------------------------------------- what is told of a mesh
 
 
@@ -240,4 +290,5 @@ MODELS = {
         dihedral.make, 4, 3, bending_formulas.OPERATIONS_DIHEDRAL,
         lambda mesh, kind: (mesh.edges.winged, dihedral_values(mesh)), _angle,
     ),
+    "volume": Model(volume.make, 4, 2, volume.OPERATIONS, _volumes, _compression),
 }  # fmt: skip

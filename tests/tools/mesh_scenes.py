@@ -21,6 +21,7 @@ SHEET: dict[str, Any] = {
 ALTERNATING = {"mesh": SHEET["mesh"] | {"diagonals": "alternating"}}
 DIHEDRAL = {"bending": {"stiffness": 0.02, "model": "dihedral"}}
 RIGID = {"structural": {"compliance": 0.0}, "bending": {"compliance": 0.0, "model": "isometric"}}
+BALL = SHEET | {"mesh": {"file": "ball.obj", "density": 0.3, "pinned": [3]}, "volume": {"stiffness": 2e3}}
 PARTS: dict[str, dict[str, Any]] = {
     "isometric": SHEET,
     "dihedral": SHEET | ALTERNATING | DIHEDRAL,
@@ -30,6 +31,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "rigid dihedral": SHEET | RIGID | {"bending": {"compliance": 0.0, "model": "dihedral"}},
     "everything": SHEET | ALTERNATING | AIR | BODIES,
     "pbd": SHEET | DIHEDRAL | {"method": METHOD | {"solver": "pbd", "pbd_stiffness": 0.7}},
+    "volume": BALL,
     "bare": {"mesh": {"shape": "sheet", "rows": 3, "columns": 3, "spacing": 0.1}, "gravity": {}, "method": METHOD},
 }  # fmt: skip
 HELD = PARTS["everything"] | {"attachments": {"anchors": 2, "slack": 0.001}}
