@@ -128,7 +128,7 @@ def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]
     return namespace["make"]
 
 
-def device_formulas(make: Any, real: Any, math: str, **flags: bool) -> Any:
+def device_formulas(make: Any, real: Any, math: str, **flags: int) -> Any:
     """What `make(real, compiled, **flags)` returns, compiled as device functions for `math`."""
     options = {"fastmath": math == "fast"}
     return _rewritten(make, real, math, options)(real, cuda.jit(device=True, **options), **flags)

@@ -31,7 +31,7 @@ class Projection:
     moves: int | None = None
     soft: bool = True
     damped: bool = False
-    flags: tuple[tuple[str, bool], ...] = ()
+    flags: tuple[tuple[str, int], ...] = ()
     constants: tuple[int, int, int] | None = None
 
     @property

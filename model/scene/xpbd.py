@@ -9,6 +9,8 @@ from pydantic import Field
 from model.scene.parts import NotNegative, Part, Positive
 from model.scene.self_collision import SelfCollision
 
+MAX_ANCHORS = 4  # of a particle
+
 
 class Load(Part):
     """A mass of the sheet that is heavier or lighter than the others."""
@@ -24,7 +26,7 @@ class Attachments(Part):
     where fewer are pinned), the nearest first, each as long as the way through the sheet at rest, times 1 + slack.
     """
 
-    anchors: Annotated[int, Field(ge=1, le=4, strict=True)] = 1
+    anchors: Annotated[int, Field(ge=1, le=MAX_ANCHORS, strict=True)] = 1
     slack: NotNegative = 0.0
 
 

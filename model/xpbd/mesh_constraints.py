@@ -25,6 +25,7 @@ from model.geometry.topology import edge_lengths, mesh_of, triangle_areas
 from model.geometry.voxels import winding_numbers
 from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
+from model.scene.xpbd import MAX_ANCHORS
 from model.xpbd.colouring import colour
 from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_STIFFENING
 
@@ -87,26 +88,26 @@ def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, par
 
 
 def attachment_set(scene: Scene, body: Body) -> ConstraintSet:
-    """The long-range attachments: of each vertex the nearest ones, then the second nearest, ..., a colour each; the anchors
-    are pinned, so that each moves one vertex alone."""
+    """The long-range attachments of every vertex to all its anchors: these are pinned, so that each moves one vertex alone,
+    and all are of one colour."""
     anchors, reaches = vertex_attachments(scene, body, np.float64)
     held = (body.inverse_mass > 0) & (reaches[:, 0] < UNREACHED)
     vertices = np.flatnonzero(held).astype(np.int32)
-    corners = [np.stack([vertices, anchors[held, n]], axis=1) for n in range(anchors.shape[1])]
-    values = [reaches[held, n, None] for n in range(anchors.shape[1])]
-    starts = len(vertices) * np.arange(anchors.shape[1] + 1)
-    return ConstraintSet(
-        "attachments", "tether", np.concatenate(corners), np.concatenate(values), starts.astype(np.int32)
+    corners = np.concatenate([vertices[:, None], anchors[held]], axis=1)
+    return ConstraintSet("attachments", "tether", corners, reaches[held], np.array([0, len(vertices)], np.int32))
+
+
+def tether_of(anchors: int) -> Projection:
+    """How attachments to so many anchors are projected."""
+    return Projection(
+        f"attachments_{anchors}", tether.make, 1 + anchors, anchors, moves=1, soft=False, flags=(("anchors", anchors),)
     )
-
-
-TETHER = Projection("attachments", tether.make, corners=2, values=1, moves=1, soft=False)
 
 
 def projection_of(kind: str, parts: frozenset[str]) -> Projection:
     """How the constraints of a kind of part are projected in a scene of such parts (model/xpbd/mesh_plan.py)."""
     if kind == "attachments":
-        return TETHER
+        return tether_of(next(n for n in range(1, MAX_ANCHORS + 1) if f"attachments-{n}" in parts))
     name = model_of(kind, next((name for name in MODELS if f"{kind}-{name}" in parts), None))
     model, soft, damped = MODELS[name], f"{kind}-compliance" in parts, f"{kind}-damping" in parts
     begin = X_CONSTRAINT[kind]

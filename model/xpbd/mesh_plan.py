@@ -15,13 +15,16 @@ def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     """The parts that need code: a sheet's (model/xpbd/plan.py), and the model of each kind of constraint, as
     `bending-isometric`. Every mass has a weight of its own (`load`)."""
     models = {f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind)}
-    return xpbd_parts(scene, live) | {"load"} | models
+    parts = xpbd_parts(scene, live) | {"load"} | models
+    if "attachments" in parts and scene.attachments:
+        parts |= {f"attachments-{scene.attachments.anchors}"}
+    return parts
 
 
 def stage_name(kind: str, model: str, colour: int) -> str:
     """Of the plan, for one colour of a set of constraints."""
     if kind == "attachments":
-        return f"attachments {colour}"
+        return "attachments"
     return f"project {'edges' if kind == 'structural' else kind if kind == model else f'{model} {kind}'} {colour}"
 
 
@@ -41,8 +44,8 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
                 Stage(stage_name(found.kind, found.model, number), 1, 1, round(operations * many / particles))
             )
     if "attachments" in parts and scene.attachments:
-        names = (stage_name("attachments", "tether", number) for number in range(scene.attachments.anchors))
-        colours += [Stage(name, 1, 1, distance.OPERATIONS_ATTACHMENT) for name in names]
+        operations = scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT
+        colours.append(Stage(stage_name("attachments", "tether", 0), 1, 1, operations))
     stages: list[Node | Stage] = [
         Stage("predict", 2, 2, forces),
         Node("iteration", tuple(colours), method.iterations),

@@ -18,7 +18,7 @@ FAMILIES = {
     "distances": ("bending", SOFT),
     "isometric": ("bending", SOFT | {"bending-isometric"}),
     "dihedral": ("bending", SOFT | {"bending-dihedral"}),
-    "attachments": ("attachments", SOFT),
+    "attachments": ("attachments", SOFT | {"attachments-2"}),
 }
 
 

@@ -1,5 +1,5 @@
-"""A long-range attachment of a to its anchor b, values (reach [m],): see model/formulas/distance.py. It has no multiplier,
-and moves a alone."""
+"""The long-range attachments of a particle a to its anchors, values (reach [m] of each): see model/formulas/distance.py. They
+have no multipliers, and move a alone; where it is held by one, the next is asked."""
 
 from __future__ import annotations
 
@@ -9,17 +9,39 @@ from model.formulas import plain
 from model.formulas.distance import make as make_distance
 
 
-def make(real, compiled=plain):
-    """See the package."""
+def make(real, compiled=plain, anchors=1):
+    """`anchors`: how many each particle has."""
     formulas = make_distance(real, compiled)
     tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
 
     @compiled
-    def project(points, before, weights, values, multipliers, constants):
-        a, b = points
+    def held_by(a, b, reach):
         dx, dy, dz = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-        factor = tether(squared_length(dx, dy, dz), values[0])
-        held = tethered(a[0], b[0], dx, factor), tethered(a[1], b[1], dy, factor), tethered(a[2], b[2], dz, factor)
-        return (held, b), multipliers
+        factor = tether(squared_length(dx, dy, dz), reach)
+        return tethered(a[0], b[0], dx, factor), tethered(a[1], b[1], dy, factor), tethered(a[2], b[2], dz, factor)
+
+    held = _by_last(anchors, held_by, compiled)
+    for n in range(anchors - 1, 0, -1):
+        held = _by_next(n, held_by, held, compiled)
+
+    @compiled
+    def project(points, before, weights, values, multipliers, constants):
+        return (held(points[0], points, values),), multipliers
 
     return SimpleNamespace(project=project)
+
+
+def _by_last(n, held_by, compiled):
+    @compiled
+    def last(a, points, values):
+        return held_by(a, points[n], values[n - 1])
+
+    return last
+
+
+def _by_next(n, held_by, others, compiled):
+    @compiled
+    def one_and_others(a, points, values):
+        return others(held_by(a, points[n], values[n - 1]), points, values)
+
+    return one_and_others
