@@ -23,7 +23,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.bodies:
         _check_bodies(scene)
         return
-    of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth"}
+    of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
     wrong = GRID_ONLY if scene.cloth else of_cloth
     for name, kind in scene.kinds.items():
         if kind in wrong:
