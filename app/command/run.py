@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from app.command.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
 from app.driver import open_simulation
@@ -164,11 +164,8 @@ def _spins() -> bool:
 
 
 def _crowded() -> bool:
-    """Whether more programs than one have wanted a core of late, where the machine tells."""
-    try:
-        return os.getloadavg()[0] > core_count() + 0.5
-    except (AttributeError, OSError):  # Windows counts no such thing
-        return False
+    """Whether more programs than there are cores have wanted one of late."""
+    return psutil.getloadavg()[0] > core_count() + 0.5
 
 
 def _warm_up(simulation: Simulation, start: State, steps: int) -> None:

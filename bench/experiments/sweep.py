@@ -303,10 +303,10 @@ class Sweep:
         used, opened = 0, set[tuple[Any, ...]]()
         for case in cases:
             needed = 0 if case.simulation_kind in opened else case.host_bytes
-            if free is not None and case.host_bytes > 0.8 * free:
+            if case.host_bytes > 0.8 * free:
                 self._skip(case, f"needs {readable(case.host_bytes)} of main memory, {readable(free)} is free")
                 continue
-            if not groups or (free is not None and used + needed > free / 2):
+            if not groups or used + needed > free / 2:
                 groups.append([])
                 used, opened, needed = 0, set(), case.host_bytes
             groups[-1].append(case)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from bench.store.database import Store, canonical
 from cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
@@ -154,7 +155,7 @@ def _region_kernel() -> Any:
 def copy_bytes() -> int:
     """Bytes of one array to copy: four times the largest cache (servers have 300 MiB and more), as memory allows."""
     wanted = max(MIN_COPY_BYTES, 4 * max((_caches() or {"": 0}).values()))
-    return min(wanted, (available_bytes() or 8 * wanted) // 8) // 4096 * 4096
+    return min(wanted, available_bytes() // 8) // 4096 * 4096
 
 
 def copy_bandwidth(size: int) -> float:
@@ -211,12 +212,9 @@ def _caches() -> dict[str, int] | None:
     return found or None
 
 
-def _memory_gib() -> int | None:
+def _memory_gib() -> int:
     """Main memory, in whole GiB, so that it does not change from boot to boot."""
-    try:
-        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30)
-    except (AttributeError, ValueError, OSError):
-        return None
+    return round(psutil.virtual_memory().total / 2**30)
 
 
 # ---------------------------------------------------------------------- the GPU

@@ -14,15 +14,15 @@ costs is the difference to the same configuration without.
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+import psutil
 
-from cpu_backend.core.threads import core_count
+from cpu_backend.core.threads import allowed_cores, core_count
 from cpu_backend.mass_spring.grid.choice import LEVELS
 from model.core.errors import Diverged
 from model.core.simulation import Simulation, State
@@ -53,7 +53,7 @@ class Sample:
 
 
 class Neighbours:
-    """What other programs take of the cores that this one may use, where the system tells (Linux), else their load."""
+    """What other programs take of the cores that this one may use."""
 
     def __init__(self) -> None:
         self._seen = self._now()
@@ -62,28 +62,19 @@ class Neighbours:
     @staticmethod
     def _now() -> tuple[float, float, float]:
         """(clock, core seconds that all programs used, those of this one)."""
-        used = math.nan
-        try:
-            mine = {f"cpu{core}" for core in os.sched_getaffinity(0)}
-            tick = os.sysconf("SC_CLK_TCK")
-            used = 0.0
-            with open("/proc/stat", encoding="ascii") as file:
-                for line in file:
-                    name, *counts = line.split()
-                    if name in mine:  # user, nice, system, idle, iowait, irq, softirq, steal
-                        used += sum(int(counts[k]) for k in (0, 1, 2, 5, 6, 7)) / tick
-        except (AttributeError, OSError, ValueError, IndexError):
-            pass
+        used = 0.0
+        for core, times in enumerate(psutil.cpu_times(percpu=True)):
+            if core in allowed_cores():
+                idle = times.idle + getattr(times, "iowait", 0.0)
+                guests = getattr(times, "guest", 0.0) + getattr(
+                    times, "guest_nice", 0.0
+                )  # which user and nice hold, too
+                used += sum(times) - idle - guests
         return time.perf_counter(), used, time.process_time()
 
-    def cores(self, threads: int) -> float:
-        """Cores that others used of late; where only a load average is had, what of it `threads` do not explain."""
+    def cores(self) -> float:
+        """Cores that others used of late."""
         clock, used, own = self._now()
-        if math.isnan(used):
-            try:
-                return max(0.0, os.getloadavg()[0] - max(threads, core_count()))
-            except (AttributeError, OSError):
-                return 0.0
         passed = clock - self._seen[0]
         if passed >= LOOK_SECONDS:
             self._busy = max(0.0, (used - self._seen[1]) - (own - self._seen[2])) / passed
@@ -93,7 +84,7 @@ class Neighbours:
     def suspicion(self, threads: int) -> str | None:
         """The reason to mark a sample that ran on `threads` threads, or None."""
         cores = core_count()
-        busy = self.cores(threads)
+        busy = self.cores()
         spare = cores - min(threads, cores)
         if busy > spare + BUSY_NEIGHBOUR:
             return "load: other programs ran on the cores in use"

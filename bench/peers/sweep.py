@@ -189,7 +189,7 @@ class _Comparison:
                 self._skip(case, f"the sweep's {self.effort.total_seconds:g} s are used up")
             elif needed > self.effort.max_seconds:
                 self._skip(case, f"estimated to take {needed:.0f} s, over --max-seconds {self.effort.max_seconds:g}")
-            elif free is not None and used + case.host_bytes > 0.8 * free:
+            elif used + case.host_bytes > 0.8 * free:
                 left_bytes = readable(max(0, int(0.8 * free) - used))
                 self._skip(case, f"needs {readable(case.host_bytes)} of main memory, of which {left_bytes} may be used")
             else:

@@ -18,12 +18,17 @@ from collections.abc import MutableMapping
 from model.core.errors import SceneError
 
 
+def allowed_cores() -> frozenset[int]:
+    """Numbers of the cores that this process may use."""
+    try:
+        return frozenset(os.sched_getaffinity(0))
+    except AttributeError:  # not Linux
+        return frozenset(range(os.cpu_count() or 1))
+
+
 def core_count() -> int:
     """Cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not Linux
-        return os.cpu_count() or 1
+    return len(allowed_cores())
 
 
 MULTIPLES = {"1x": 1, "2x": 2, "4x": 4}

@@ -162,7 +162,7 @@ def read_archive(path: Path | str, what: str) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(source) as archive:
             needed = sum(held.file_size for held in archive.infolist())
         free = available_bytes()
-        if free is not None and needed > free:
+        if needed > free:
             raise InputError(f"{path} holds {readable(needed)}, and {readable(free)} of main memory is free; {what}")
         with np.load(source, allow_pickle=False) as loaded:
             return {name: np.asarray(loaded[name]) for name in loaded.files}

@@ -2,57 +2,20 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
-import sys
 from pathlib import Path
+
+import psutil
 
 from model.core.errors import SceneError
 
 MAX_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
 
-def available_bytes() -> int | None:
-    """Bytes of main memory that can be taken without swapping, or None where the system does not tell.
-
-    The smaller of what the machine has free and what a control group (a container) still allows.
-    """
-    bounds = [value for value in (_machine_free(), _control_group_free()) if value is not None]
-    return min(bounds) if bounds else None
-
-
-def _machine_free() -> int | None:
-    if sys.platform == "win32":
-
-        class MemoryStatus(ctypes.Structure):
-            _fields_ = [("length", ctypes.c_ulong), ("load", ctypes.c_ulong)] + [
-                (name, ctypes.c_ulonglong)
-                for name in (
-                    "total",
-                    "available",
-                    "page_total",
-                    "page_free",
-                    "virtual_total",
-                    "virtual_free",
-                    "extended",
-                )
-            ]
-
-        status = MemoryStatus()
-        status.length = ctypes.sizeof(status)
-        if ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):
-            return int(status.available)
-        return None
-    try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    try:  # macOS tells its whole memory only; half of it is a cautious guess at what is free
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (AttributeError, ValueError, OSError):
-        return None
+def available_bytes() -> int:
+    """Bytes of main memory that can be taken without swapping: the smaller of what the machine has free and what a control
+    group (a container) still allows."""
+    free, allowed = int(psutil.virtual_memory().available), _control_group_free()
+    return free if allowed is None else min(free, allowed)
 
 
 def _control_group_free() -> int | None:

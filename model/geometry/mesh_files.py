@@ -63,7 +63,7 @@ def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray, int]:
 def _bytes(path: Path) -> bytes:
     try:
         needed, free = path.stat().st_size * BYTES_PER_FILE_BYTE, available_bytes()
-        if free is not None and needed > free:
+        if needed > free:
             raise InputError(
                 f"{path} needs about {readable(needed)} of memory, of which {readable(free)} is free; decimate the mesh"
             )
