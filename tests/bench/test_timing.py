@@ -98,7 +98,7 @@ def test_steps_are_whole_and_never_fewer_than_wanted(wanted: float) -> None:
 
 def test_a_sample_that_cannot_be_trusted_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     class Loud(Neighbours):
-        def cores(self, threads: int) -> float:
+        def cores(self) -> float:
             return 99.0
 
     with opened() as simulation:
