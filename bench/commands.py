@@ -210,8 +210,10 @@ def projections(
         _tell(summary)
 
 
-@measuring.command(cls=Timed, epilog="Example: softlab crowds --quick   (softlab crowds --backend cpu --kind heap)")
-def crowds(
+@measuring.command(
+    cls=Timed, epilog="Example: softlab throughput --quick   (softlab throughput --backend cpu --kind heap)"
+)
+def throughput(
     quick: Annotated[
         bool,
         typer.Option(
@@ -224,15 +226,15 @@ def crowds(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time bodies: how many particles a second, soft, rigid, in a heap that collides, the grid and a cube as jelly."""
-    from bench.experiments.crowds import print_crowds, run_crowds
+    from bench.experiments.throughput import print_throughput, run_throughput
     from bench.store.database import Store
 
     with Store(store) as opened:
-        summary = run_crowds(
+        summary = run_throughput(
             opened, quick=quick, backends=backend, kinds=kind, precisions=_precisions(precision, "float32"),
             command=typed(),
         )  # fmt: skip
-        print_crowds(out, opened, summary.machine)
+        print_throughput(out, opened, summary.machine)
         _tell(summary)
 
 

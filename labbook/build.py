@@ -26,12 +26,12 @@ from labbook.claims import cloth as cloth_claims
 from labbook.claims import comparison as comparison_claims
 from labbook.claims import convergence as convergence_claims
 from labbook.claims import costs as costs_claims
-from labbook.claims import crowds as crowd_claims
 from labbook.claims import findings as findings_claims
 from labbook.claims import hard as hard_claims
 from labbook.claims import hard_bodies as hard_body_claims
 from labbook.claims import kernels as kernel_claims
 from labbook.claims import stability as stability_claims
+from labbook.claims import throughput as throughput_claims
 from labbook.facts import facts
 from labbook.kernel_tables import ceiling_tables, joule_tables, kernel_tables, region_tables
 from labbook.stability_tables import edge_tables
@@ -63,7 +63,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
         claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
-        stability_claims, hard_claims, ablation_claims, cloth_claims, crowd_claims,
+        stability_claims, hard_claims, ablation_claims, cloth_claims, throughput_claims,
         body_claims, hard_body_claims, busy_claims,
     )
     for name, claim in module.CLAIMS.items()

@@ -114,12 +114,12 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.experiments.bar import run_bar
     from bench.experiments.busy import run_busy
     from bench.experiments.convergence import run_convergence
-    from bench.experiments.crowds import run_crowds
     from bench.experiments.findings import run_findings
     from bench.experiments.findings_costs import run_costs
     from bench.experiments.projections import run_projections
     from bench.experiments.stability.experiment import run_stability
     from bench.experiments.sweep import run_sweep
+    from bench.experiments.throughput import run_throughput
     from bench.store.tables import print_sweep
     from bench.stress.experiment import run_hard
     from bench.stress.results import print_hard
@@ -130,7 +130,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     ) -> Callable[[], Any]:
         return lambda: _told(console, run(store, command=command, **how), show)
 
-    small = (run_findings, run_costs, run_convergence, run_projections, run_crowds, run_busy, run_bar)
+    small = (run_findings, run_costs, run_convergence, run_projections, run_throughput, run_busy, run_bar)
 
     def findings() -> None:
         for run in small:

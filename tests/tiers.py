@@ -100,7 +100,7 @@ test_advise.py test_the_command_writes* test_no_cheaper*0.0001?
 test_bar.py test_windows*cpu-1? test_bodies_keep*
 test_reading.py test_neither_figures*
 test_labbook.py test_the_book*None*
-test_crowds.py test_quick_is*
+test_throughput.py test_quick_is*
 test_plan.py test_a_stage_that_does_more*
 # under the CUDA simulator: each kernel once; real GPUs run the rest
 test_simulated_cloth_tiles.py *

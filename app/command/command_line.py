@@ -47,9 +47,17 @@ class _Left(Exception):
     """What ended a command, on its way through typer."""
 
 
+RENAMED = {"crowds": "throughput"}  # what commands were called once
+
+
 class Commands(TyperGroup):
-    """The sub-commands. Ctrl-C and a reader that has gone reach `main` of softlab.py as they are: typer would make of them
-    what its version makes of them (1 or 130, and always 1)."""
+    """The sub-commands, also by their former names. Ctrl-C and a reader that has gone reach `main` of softlab.py as they
+    are: typer would make of them what its version makes of them (1 or 130, and always 1)."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name in RENAMED:
+            errors.print(f"softlab {cmd_name} is called softlab {RENAMED[cmd_name]} now")
+        return super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from app.command.doctor import Finding
-from model.core.families import stability_limit
 from model.scene.fields import about, rows_of
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
@@ -66,16 +64,15 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
-    heads = ("scene", "masses", "pinned", "method", "dt / s", "limit / s")
-    table = Table(*(Column(head, overflow="fold") for head in heads), box=None, pad_edge=False, collapse_padding=True)
+    columns = (Column("scene", no_wrap=True), "what it is", "masses", Column("method", no_wrap=True), "dt / s")
+    table = Table(*columns, box=None, pad_edge=False, collapse_padding=True)
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
         size = str(counts(scene).particles) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
-        limit = stability_limit(scene)
-        told = "none" if isinf(limit) else f"{limit:.4g}"
-        table.add_row(name, size, str(grid.pinned), method.name, f"{method.dt:.4g}", told)
+        table.add_row(name, escape(scene.title), size, method.name, f"{method.dt:.4g}")
     console.print(table)
+    console.print("softlab plan SCENE tells the stages of a step and the largest stable dt")
 
 
 def print_fields(console: Console, kind: str) -> None:

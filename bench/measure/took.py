@@ -22,7 +22,6 @@ TABLE = """CREATE TABLE IF NOT EXISTS took (
     machine TEXT NOT NULL, command TEXT NOT NULL, seconds REAL NOT NULL, configurations INTEGER NOT NULL,
     PRIMARY KEY (machine, command))"""
 INTERRUPTED = 130  # exit status
-FIRST = "first time here with these options"
 
 
 class Timed(TyperCommand):
@@ -34,7 +33,8 @@ class Timed(TyperCommand):
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}
         path, command = Path(ctx.params["store"]), canonical(options | {"command": self.name})
         told, before = look(path, command)
-        errors.print(f"{self.name}: {told}", markup=False)
+        if told:
+            errors.print(f"{self.name}: {told}", markup=False)
         begin = time.perf_counter()
         try:
             result = super().invoke(ctx)
@@ -47,8 +47,8 @@ class Timed(TyperCommand):
 
 
 def look(path: Path, command: str) -> tuple[str, int]:
-    """What is told of a command before it starts, and the number of the last run in its store. What is wrong with the store
-    the command itself will say."""
+    """What is told of a command before it starts (nothing the first time), and the number of the last run in its store. What
+    is wrong with the store the command itself will say."""
     with suppress(SoftlabError, OSError, ValueError):  # among them names that no file can have
         if path.is_file():
             with Store(path, readonly=True) as store:
@@ -63,8 +63,8 @@ def look(path: Path, command: str) -> tuple[str, int]:
                             f"took {seconds:.0f} s last time here, for {configurations} configurations measured",
                             last,
                         )
-                return FIRST, last
-    return FIRST, 0
+                return "", last
+    return "", 0
 
 
 def keep_time(path: Path, command: str, seconds: float, before: int) -> None:

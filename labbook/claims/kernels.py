@@ -176,16 +176,16 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     both = [(t, held[t.particles]) for t in sound(more) if t.particles in held]
     if source is None or not both:
         return Claim(f"The kernel {kernel} was not timed with more threads than cores.")
-    crowd, base = both[0]
+    packed, base = both[0]
     name = f"{against} with 4x" if against else "with 1x"
-    ratio = crowd.median / base.median
-    at = f"{on(source, 'cpu')}, at {masses(crowd.particles)} and with 4x threads, a step of {kernel} takes"
-    numbers = {"ratio": ratio, "masses": crowd.particles}
-    verdict = clearly(crowd, base)
+    ratio = packed.median / base.median
+    at = f"{on(source, 'cpu')}, at {masses(packed.particles)} and with 4x threads, a step of {kernel} takes"
+    numbers = {"ratio": ratio, "masses": packed.particles}
+    verdict = clearly(packed, base)
     if verdict == 0:
-        return Claim(f"{at} {seconds(crowd.median)}, no other than {name} beyond the spread.", numbers, False)
+        return Claim(f"{at} {seconds(packed.median)}, no other than {name} beyond the spread.", numbers, False)
     factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"
-    return Claim(f"{at} {seconds(crowd.median)}, {factor} {name}.", numbers, True)
+    return Claim(f"{at} {seconds(packed.median)}, {factor} {name}.", numbers, True)
 
 
 def policies(results: Results) -> Claim:

@@ -36,14 +36,14 @@ from model.scene.scene import Scene
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 
 SCENE = beams_and_torus()
-CROWD = SCENE.body_set
+BODY_SET = SCENE.body_set
 RANDOM = np.random.default_rng(6)
-BENT = CROWD.position + 0.05 * np.sin(3 * CROWD.position[:, ::-1])  # m: no copy is rigid any more
+BENT = BODY_SET.position + 0.05 * np.sin(3 * BODY_SET.position[:, ::-1])  # m: no copy is rigid any more
 
 
 def skin_of(number: int, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(position, normal) (vertices, 3) of a copy's skin, as the shader makes them of the clusters' matrices."""
-    copy = CROWD.copies[number]
+    copy = BODY_SET.copies[number]
     skin, own = copy.baked.skin, matrices[copy.first_cluster :].astype(np.float64)
     rows = np.einsum("vk,vkij->vij", skin.weights, own[skin.clusters])
     normal = np.einsum("vij,vj->vi", rows[:, :, :3], skin.normal)
@@ -54,7 +54,7 @@ def skin_of(number: int, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_at_the_start_every_skin_is_its_mesh_turned_and_moved() -> None:
-    matrices = ClusterFrames(SCENE).of_state(CROWD.position)
+    matrices = ClusterFrames(SCENE).of_state(BODY_SET.position)
     placed = [(part, place) for part in SCENE.bodies.values() for place in part.places()]
     for number, (part, place) in enumerate(placed):
         skin = part.baked.skin
@@ -66,8 +66,8 @@ def test_at_the_start_every_skin_is_its_mesh_turned_and_moved() -> None:
 def test_a_bent_skin_is_that_of_the_model() -> None:
     """The clusters' rotations, then the copy's own turn, as model/assets/skin.py takes them, in float64."""
     matrices = ClusterFrames(SCENE).of_state(BENT)
-    centre, turned = CROWD.clusters.centres(BENT), CROWD.clusters.rotations(BENT)
-    for copy in CROWD.copies:
+    centre, turned = BODY_SET.clusters.centres(BENT), BODY_SET.clusters.rotations(BENT)
+    for copy in BODY_SET.copies:
         own = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
         whole = turned[own] @ SCENE.bodies[copy.name].turn()
         position, normal = copy.baked.skin.skinned(centre[own], whole)
@@ -91,11 +91,11 @@ class Telling(FakeCloth):
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         self.looks += 1
-        matrices = CROWD.clusters.rotations(self._position)
+        matrices = BODY_SET.clusters.rotations(self._position)
         w = np.sqrt(1 + np.trace(matrices, axis1=1, axis2=2)) / 2  # turned by less than half a turn
         axis = np.stack([matrices[:, 2, 1] - matrices[:, 1, 2], matrices[:, 0, 2] - matrices[:, 2, 0],
                          matrices[:, 1, 0] - matrices[:, 0, 1]], axis=1)  # fmt: skip
-        return np.hstack([w[:, None], axis / (4 * w[:, None])]), CROWD.clusters.centres(self._position)
+        return np.hstack([w[:, None], axis / (4 * w[:, None])]), BODY_SET.clusters.centres(self._position)
 
 
 def test_a_solver_is_asked_for_its_clusters_and_its_state_is_enough() -> None:
@@ -121,14 +121,14 @@ def renderer_of(scene: Scene, lines: bool = False) -> OffscreenRenderer:
 def test_skins_have_the_colours_of_their_bodies_and_follow_the_state() -> None:
     with renderer_of(SCENE) as renderer:
         for shift in (np.zeros(3), np.array([0.0, 0.5, 0.0])):
-            position = CROWD.position + shift
+            position = BODY_SET.position + shift
             renderer.fit(position)
             renderer.draw(position)
             image = renderer.image()
-            for copy in CROWD.copies[:2]:
-                middle = position[CROWD.body == copy.number].mean(axis=0)
+            for copy in BODY_SET.copies[:2]:
+                middle = position[BODY_SET.body == copy.number].mean(axis=0)
                 assert looks_like(near(image, renderer, middle), colours.BODIES[copy.number])
-        hole = position[CROWD.body == 2].mean(axis=0)  # the torus stands: one looks through it
+        hole = position[BODY_SET.body == 2].mean(axis=0)  # the torus stands: one looks through it
         assert not looks_like(near(image, renderer, hole), colours.BODIES[2])
 
 
@@ -218,7 +218,7 @@ def test_one_of_particles_and_skin_is_always_shown() -> None:
                               (view.toggle_skin, (True, False)), (view.toggle_lines, (False, True))):  # fmt: skip
             change()
             assert (view.particles, view.skin) == shown and view.lines == (not view.skin)
-            renderer.draw(CROWD.position)
+            renderer.draw(BODY_SET.position)
             pictures.append(renderer.image())
         np.testing.assert_array_equal(pictures[0], pictures[-1])
         np.testing.assert_array_equal(pictures[2], pictures[4])
@@ -229,9 +229,9 @@ def test_one_of_particles_and_skin_is_always_shown() -> None:
 def test_bad_shapes_are_refused_and_diverged_states_drawn(tmp_path: Path) -> None:
     with renderer_of(SCENE) as renderer:
         with pytest.raises(InputError, match="this scene needs"):
-            renderer.draw(CROWD.position[:5])
-        renderer.draw(np.full_like(CROWD.position, np.nan))
-        renderer.draw(CROWD.position * 1e300)
+            renderer.draw(BODY_SET.position[:5])
+        renderer.draw(np.full_like(BODY_SET.position, np.nan))
+        renderer.draw(BODY_SET.position * 1e300)
         renderer.fit(BENT)
         renderer.draw(BENT)
         renderer._view.draw(renderer.camera, 0.5, selected=3)
@@ -250,14 +250,14 @@ def test_clusters_are_spheres_at_their_middles_seen_through_the_skin() -> None:
         view.toggle_clusters()
         renderer.draw(BENT)
         image = renderer.image()
-        middles = CROWD.clusters.centres(BENT)
+        middles = BODY_SET.clusters.centres(BENT)
         places, depth = renderer.camera.project(middles)
         seen = [
             number
             for number in range(len(middles))
             if not ((np.hypot(*(places - places[number]).T) < 12) & (depth < depth[number])).any()
         ]
-        own = cluster_colours(CROWD)
+        own = cluster_colours(BODY_SET)
         matches = [looks_like(near(image, renderer, middles[number], 0), own[number]) for number in seen]
         assert np.mean(matches) > 0.8 and len(seen) > 10  # of some a particle lies before it
         assert (image != before).any()
@@ -299,16 +299,16 @@ def test_links_are_lines_between_their_particles() -> None:
 @pytest.mark.usefixtures("drawing")
 def test_particles_are_coloured_by_body_group_and_cluster() -> None:
     scene = beams_and_torus(beam=BEAM | {"group": 5}, torus=TORUS | {"group": 5}, contact={})
-    middle = int(np.flatnonzero(CROWD.body == 1)[0])
+    middle = int(np.flatnonzero(BODY_SET.body == 1)[0])
     with renderer_of(scene, lines=True) as renderer:
         view: Any = renderer._view
-        renderer.fit(CROWD.position)
-        nearest = int(np.argmax(np.where(CROWD.body == 1, CROWD.position @ renderer.camera.axes[2], -np.inf)))
+        renderer.fit(BODY_SET.position)
+        nearest = int(np.argmax(np.where(BODY_SET.body == 1, BODY_SET.position @ renderer.camera.axes[2], -np.inf)))
         for colouring in (*COLOURINGS, COLOURINGS[0]):
             assert view.colouring == colouring
-            renderer.draw(CROWD.position)
+            renderer.draw(BODY_SET.position)
             expected = particle_colours(scene, colouring)[nearest]
-            assert looks_like(near(renderer.image(), renderer, CROWD.position[nearest], 0), expected), colouring
+            assert looks_like(near(renderer.image(), renderer, BODY_SET.position[nearest], 0), expected), colouring
             view.next_colouring()
     by_body, by_group = (particle_colours(scene, colouring) for colouring in ("body", "group"))
     assert (by_group == np.float32(colours.BODIES[0])).all()  # one group
@@ -316,12 +316,12 @@ def test_particles_are_coloured_by_body_group_and_cluster() -> None:
 
 
 def test_a_particle_has_the_colour_of_the_cluster_it_is_in_the_middle_of() -> None:
-    found, clusters = nearest_clusters(CROWD), CROWD.clusters
-    for particle in range(0, CROWD.particle_count, 7):
+    found, clusters = nearest_clusters(BODY_SET), BODY_SET.clusters
+    for particle in range(0, BODY_SET.particle_count, 7):
         entries = np.flatnonzero(clusters.indices == particle)
-        away = np.linalg.norm(CROWD.position[particle] - clusters.rest_centre[clusters.owner[entries]], axis=1)
+        away = np.linalg.norm(BODY_SET.position[particle] - clusters.rest_centre[clusters.owner[entries]], axis=1)
         assert found[particle] in clusters.owner[entries]
-        assert np.linalg.norm(CROWD.position[particle] - clusters.rest_centre[found[particle]]) <= away.min() + 1e-12
+        assert np.linalg.norm(BODY_SET.position[particle] - clusters.rest_centre[found[particle]]) <= away.min() + 1e-12
 
 
 # ---------------------------------------------------------------------- the demo
@@ -346,12 +346,13 @@ def test_the_particle_under_the_pointer_is_taken_between_others_too(demo: Demo) 
     viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True)
     viewer.pyglet = SimpleNamespace(window=SimpleNamespace(mouse=SimpleNamespace(LEFT=1, MIDDLE=2, RIGHT=4)))
     mouse = SpaceMouse(viewer)
-    particle = int(np.flatnonzero(CROWD.body == 2)[np.argmax(CROWD.position[CROWD.body == 2] @ viewer.camera.axes[2])])
-    viewer.camera._aim(CROWD.position[particle])
+    torus = np.flatnonzero(BODY_SET.body == 2)
+    particle = int(torus[np.argmax(BODY_SET.position[torus] @ viewer.camera.axes[2])])
+    viewer.camera._aim(BODY_SET.position[particle])
     viewer.camera.distance = SCENE.bodies["torus"].particle_spacing * viewer.camera.focal / 40
     mouse.press(600 + 14.0, 450 + 14.0, 1)  # 20 pixels away, and half of what lies between the particles
     held = demo.hand.held
-    assert held is not None and CROWD.body[held.particle] == 2 and mouse.pointer == (614.0, 464.0)
+    assert held is not None and BODY_SET.body[held.particle] == 2 and mouse.pointer == (614.0, 464.0)
     mouse.drag(700.0, 500.0, 86.0, 36.0)
     mouse.pull()
     target = np.array(demo.hand.held.target)  # type: ignore[union-attr,arg-type]
@@ -364,16 +365,16 @@ def test_the_particle_under_the_pointer_is_taken_between_others_too(demo: Demo) 
 
 
 def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> None:
-    start = int(np.flatnonzero(CROWD.body == 1)[0])
+    start = int(np.flatnonzero(BODY_SET.body == 1)[0])
     demo.hand.selected = start
     for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)):
-        before = CROWD.position[demo.hand.selected]
+        before = BODY_SET.position[demo.hand.selected]
         demo.move_selection(1, 0, direction)
-        assert demo.hand.direction == direction and CROWD.body[demo.hand.selected] == 1
-        moved = CROWD.position[demo.hand.selected] - before
+        assert demo.hand.direction == direction and BODY_SET.body[demo.hand.selected] == 1
+        moved = BODY_SET.position[demo.hand.selected] - before
         if moved.any():
             assert moved @ direction > 0.7 * np.linalg.norm(moved)
-            others = CROWD.position[CROWD.body == 1] - before
+            others = BODY_SET.position[BODY_SET.body == 1] - before
             distance = np.linalg.norm(others, axis=1)
             better = (others @ direction > np.sqrt(0.5) * distance) & (distance < np.linalg.norm(moved) - 1e-6)
             assert not (better & (distance > 0)).any()
@@ -384,7 +385,7 @@ def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> Non
 
 def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
     text = numbers_text(demo, 0.02, 0.01)
-    assert f"{CROWD.particle_count} particles in {CROWD.clusters.count} clusters of 3 bodies" in text
+    assert f"{BODY_SET.particle_count} particles in {BODY_SET.clusters.count} clusters of 3 bodies" in text
     assert "farthest from its goal" in text and "stiffness" not in text and "collider" not in text
     ball = {"kind": "sphere", "center": [9.0, 0.0, 0.0], "radius": 0.1}
     assert masses_text(beams_and_torus(**PLANE)).endswith("of 3 bodies, 1 collider")
@@ -447,7 +448,7 @@ def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, d
         window.key("p")
         window.key("k")
         window.wait("particles alone", lambda state: state["particles"] and not state["skin"])
-        last = CROWD.particle_count - 1  # of the torus
+        last = BODY_SET.particle_count - 1  # of the torus
         x, y = window.grab(last)
         window.xdotool("mousemove", x, y - 40)
         state = window.wait("a pull upward", lambda state: state["poke"] is not None and state["poke"]["force"][1] > 0)

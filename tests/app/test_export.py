@@ -26,8 +26,8 @@ from model.scene.sheets import scene_normals
 
 BALL = {"kind": "sphere", "center": [0.0, 0.2, 0.0], "radius": 0.2, "velocity": [0.5, 0.0, 0.0]}
 SCENE = beams_and_torus(**PLANE, ball=BALL)
-CROWD = SCENE.body_set
-BENT = CROWD.position + 0.05 * np.sin(3 * CROWD.position[:, ::-1])  # m: no copy is rigid any more
+BODY_SET = SCENE.body_set
+BENT = BODY_SET.position + 0.05 * np.sin(3 * BODY_SET.position[:, ::-1])  # m: no copy is rigid any more
 MATRICES = ClusterFrames(SCENE).of_state(BENT)
 PIECES = pieces_of(SCENE, BENT, MATRICES)
 CLOTH = Scene({"cloth": {"rows": 5, "columns": 4}, "structural": {}, "ball": BALL, "method": {"dt": 0.001}}, "cloth")
@@ -44,8 +44,8 @@ def read(path: Path) -> Any:
 
 def test_skins_are_those_of_the_model_and_named_by_copy() -> None:
     assert [piece.name for piece in PIECES] == ["beam-1", "beam-2", "torus"]
-    centre, turned = CROWD.clusters.centres(BENT), CROWD.clusters.rotations(BENT)
-    for piece, copy in zip(PIECES, CROWD.copies, strict=True):
+    centre, turned = BODY_SET.clusters.centres(BENT), BODY_SET.clusters.rotations(BENT)
+    for piece, copy in zip(PIECES, BODY_SET.copies, strict=True):
         own = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
         position, normal = copy.baked.skin.skinned(centre[own], turned[own] @ SCENE.bodies[copy.name].turn())
         np.testing.assert_allclose(piece.vertices, position, atol=2e-6)  # the matrices are float32
@@ -62,7 +62,7 @@ def test_normals_that_cancel_are_zero() -> None:
 
 
 def test_a_body_without_a_skin_is_its_particles(tmp_path: Path) -> None:
-    body_set = CROWD
+    body_set = BODY_SET
     bare = replace(
         body_set.copies[0].baked, skin=replace(body_set.copies[0].baked.skin, triangles=np.zeros((0, 3), np.int32))
     )
@@ -181,7 +181,7 @@ def test_a_pattern_writes_a_file_a_frame_at_its_time(tmp_path: Path) -> None:
         assert exporter.finish(simulation, notes) == [] and "3 frames" in notes[0] and "0.015 s" in notes[0]
     assert sorted(file.name for file in tmp_path.iterdir()) == ["f-000.ply", "f-001.ply", "f-002.ply"]
     lowest = [read(tmp_path / f"f-00{frame}.ply").vertices[:, 1].mean() for frame in range(3)]
-    fallen = np.diff([CROWD.position[:, 1].mean(), *heights])  # all particles fall alike, and the skins with them
+    fallen = np.diff([BODY_SET.position[:, 1].mean(), *heights])  # all particles fall alike, and the skins with them
     np.testing.assert_allclose(np.diff(lowest), fallen, atol=2e-6)
 
 

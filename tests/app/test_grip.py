@@ -21,7 +21,7 @@ from model.shape_matching.cluster_tables import matching_factors
 SOFT = BAR | {"spin": [0.0, 0.0, 0.0], "cluster_stiffness": 4000.0}  # 24 particles, 3 clusters
 HARD = BRICK | {"spin": [0.0, 0.0, 0.0], "origin": [0.0, 2.0, 0.0]}
 SCENE = bodies_scene(bar=SOFT, brick=HARD)
-CROWD = SCENE.body_set
+BODY_SET = SCENE.body_set
 DT = SCENE.method.dt
 
 
@@ -52,32 +52,32 @@ def opened(scene: Scene, backend: str = "cpu", *, live: Any = (), initial: Any =
 
 
 def momentum(simulation: Any) -> np.ndarray:
-    return CROWD.clusters.mass @ simulation.state().velocity.astype(np.float64)
+    return BODY_SET.clusters.mass @ simulation.state().velocity.astype(np.float64)
 
 
 # ---------------------------------------------------------------------- the force
 
 
-@pytest.mark.parametrize("particle", [0, len(CROWD.position) - 1])
+@pytest.mark.parametrize("particle", [0, len(BODY_SET.position) - 1])
 def test_a_pull_gives_the_impulse_of_its_force_to_neighbours_of_the_same_body(particle: int) -> None:
     simulation = opened(SCENE)
     grip = Grip(simulation, particle)
-    target = CROWD.position[particle] + (0.1, 0.2, 0.0)
-    force = grip.force(simulation, CROWD.position[particle], target, (), DT)
+    target = BODY_SET.position[particle] + (0.1, 0.2, 0.0)
+    force = grip.force(simulation, BODY_SET.position[particle], target, (), DT)
     grip.pull(simulation, target, (), DT)
     np.testing.assert_allclose(momentum(simulation), DT * force, rtol=1e-12)
     moved = np.flatnonzero(simulation.state().velocity.any(axis=1))
-    assert (CROWD.body[moved] == CROWD.body[particle]).all() and len(moved) > 4
+    assert (BODY_SET.body[moved] == BODY_SET.body[particle]).all() and len(moved) > 4
     speed = np.linalg.norm(simulation.state().velocity[moved], axis=1)
-    away = np.linalg.norm(CROWD.position[moved] - CROWD.position[particle], axis=1)
+    away = np.linalg.norm(BODY_SET.position[moved] - BODY_SET.position[particle], axis=1)
     assert moved[np.argmax(speed)] == particle and (np.diff(speed[np.argsort(away)]) <= 1e-12).all()
 
 
 def test_the_force_is_a_damped_spring_for_the_bodys_mass_and_carries_its_weight() -> None:
     simulation = opened(SCENE)
-    brick = len(CROWD.position) - 1
-    grip, place = Grip(simulation, brick), CROWD.position[brick]
-    mass = CROWD.clusters.mass[CROWD.body == 1].sum()
+    brick = len(BODY_SET.position) - 1
+    grip, place = Grip(simulation, brick), BODY_SET.position[brick]
+    mass = BODY_SET.clusters.mass[BODY_SET.body == 1].sum()
     gain = min(mass * HAND**2, STEADY * grip._part / DT**2)  # rigid: it gives way nowhere
     weight = np.array([0, 9.81 * mass, 0])
     assert grip.stiffness(DT) == pytest.approx(gain) and grip.stiffness(1e-6) == pytest.approx(mass * HAND**2)
@@ -114,11 +114,11 @@ def run(demo: Demo, seconds: float) -> None:
 def test_a_held_body_comes_to_the_pointer_whole_and_is_let_go(number: int, steps: int) -> None:
     with Demo([SCENE], precision="float64", open_world=opened) as demo:
         demo.steps_per_frame = steps
-        own = np.flatnonzero(CROWD.body == number)
+        own = np.flatnonzero(BODY_SET.body == number)
         particle = int(own[0])  # at an end
         target = demo.positions[0][particle] + np.array([0.5, 1.0, -0.3])
         assert demo.take(particle, target) and "selected" in demo.message
-        before = demo.positions[0][~np.isin(np.arange(len(CROWD.body)), own)]
+        before = demo.positions[0][~np.isin(np.arange(len(BODY_SET.body)), own)]
         run(demo, 6.0)  # 60 times 1 / HAND, 18 times 1 / CALMING
         held = demo.positions[0][particle]
         # it hangs where it is held, but for what its weight moves it while a force is not renewed, g h^2 / 2
@@ -132,11 +132,11 @@ def test_a_held_body_comes_to_the_pointer_whole_and_is_let_go(number: int, steps
         )  # its weight, and what is missing to the pointer
         damper = SLOWING * grip._part / 2 / grip.mass  # at the speed of a fall for half of a hold, g h / 2
         assert demo.force()[1] / (9.81 * grip.mass) == pytest.approx(expected, abs=damper)
-        clusters, now = CROWD.clusters, demo.world.read("position")[own]
-        between, at_rest = (np.linalg.norm(p[:, None] - p, axis=2) for p in (now, CROWD.position[own]))
+        clusters, now = BODY_SET.clusters, demo.world.read("position")[own]
+        between, at_rest = (np.linalg.norm(p[:, None] - p, axis=2) for p in (now, BODY_SET.position[own]))
         # a soft one is drawn out by no more than the hand may let it give way, a rigid one by nothing
         assert (between - at_rest).max() < (1e-3 if number else GIVE) * grip.extent
-        others = demo.positions[0][~np.isin(np.arange(len(CROWD.body)), own)]
+        others = demo.positions[0][~np.isin(np.arange(len(BODY_SET.body)), own)]
         count = round(6.0 / hold) * steps
         np.testing.assert_allclose(others.mean(axis=0)[1] - before.mean(axis=0)[1], fall(count), rtol=1e-3)  # on and on
         demo.release()
@@ -162,11 +162,11 @@ def test_the_hand_is_as_strong_as_the_manual_says() -> None:
     assert "(10/s)" in told and "a tenth of the body's length" in " ".join(told.split())
 
 
-@pytest.mark.parametrize("particle", [0, 7, len(CROWD.position) - 1])
+@pytest.mark.parametrize("particle", [0, 7, len(BODY_SET.position) - 1])
 def test_a_pull_is_shared_by_mass_and_distance(particle: int) -> None:
     """By (1 - d^2 / r^2)^2, r half of the body's longest side, or two and a half spacings where that is more; what it moves
     before the rest of the body helps it is the mass whose velocity, as the hand sees it, is F / m."""
-    body_set, grip = CROWD, Grip(opened(SCENE), particle)
+    body_set, grip = BODY_SET, Grip(opened(SCENE), particle)
     own = np.flatnonzero(body_set.body == body_set.body[particle])
     rest, mass = body_set.position[own], body_set.clusters.mass[own]
     longest, spacing = np.ptp(rest, axis=0).max(), body_set.copies[body_set.body[particle]].baked.spacing
@@ -188,9 +188,9 @@ def test_a_paused_body_is_not_pushed_and_enter_pushes_the_whole_body() -> None:
     weightless = bodies_scene(bar=SOFT, brick=HARD, gravity=0.0)
     with Demo([weightless], precision="float64", open_world=opened) as demo:
         demo.toggle_pause()
-        demo.take(0, CROWD.position[0] + (0.0, 1.0, 0.0))
+        demo.take(0, BODY_SET.position[0] + (0.0, 1.0, 0.0))
         for _ in range(3):
-            demo.drag(*(CROWD.position[0] + (0.0, 2.0, 0.0)))
+            demo.drag(*(BODY_SET.position[0] + (0.0, 2.0, 0.0)))
             demo.frame()
         assert not demo.world.state().velocity.any() and demo.force()[1] > 0
         demo.release()
@@ -200,8 +200,8 @@ def test_a_paused_body_is_not_pushed_and_enter_pushes_the_whole_body() -> None:
         demo.press_key()
         run(demo, 0.1)
         demo.release()
-        moving = demo.world.state().velocity[CROWD.body == 0]
-        assert moving[:, 0].min() > 0.05 and demo.world.state().velocity[CROWD.body == 1].max() == 0
+        moving = demo.world.state().velocity[BODY_SET.body == 0]
+        assert moving[:, 0].min() > 0.05 and demo.world.state().velocity[BODY_SET.body == 1].max() == 0
         demo.restart()
         demo.frame()
         assert demo.hand.held is None and np.abs(demo.world.state().velocity).max() < 1e-12  # goals, to rounding

@@ -33,7 +33,7 @@ from model.shape_matching.spare import Counts, absent, counts, present
 
 SPARE = beams_and_torus(torus=TORUS | {"spare": 2})
 ALONE = beams_and_torus()
-CROWD, COUNT = SPARE.body_set, ALONE.body_set.particle_count
+BODY_SET, COUNT = SPARE.body_set, ALONE.body_set.particle_count
 HERE = (4.0, 3.0, 0.5)  # m, where nothing else is
 LINKED = BEAM | {"link_radius": 0.25, "link_stiffness": 10.0}
 
@@ -55,9 +55,11 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     simulation = with_a_torus()
     one = simulation.scene.bodies["torus"]
     raised = simulation.energies()["gravity"] - found["gravity"]
-    torus = CROWD.copies[3].particles
-    height = (CROWD.clusters.mass[torus] @ simulation.state().position[torus, 1]) / CROWD.clusters.mass[torus].sum()
-    assert raised == pytest.approx(9.81 * CROWD.clusters.mass[torus].sum() * height) and one.spare == 2
+    torus = BODY_SET.copies[3].particles
+    height = (BODY_SET.clusters.mass[torus] @ simulation.state().position[torus, 1]) / BODY_SET.clusters.mass[
+        torus
+    ].sum()
+    assert raised == pytest.approx(9.81 * BODY_SET.clusters.mass[torus].sum() * height) and one.spare == 2
     weights = simulation.body.inverse_mass
     assert masses_text(SPARE) == f"{masses_text(ALONE)} + 2 waiting" and masses_text(ALONE).endswith("of 3 bodies")
     ring = ALONE.bodies["torus"].baked
@@ -109,7 +111,7 @@ def test_a_picture_is_that_of_a_scene_without_what_waits(way: str) -> None:
 def test_what_comes_in_is_drawn_and_what_leaves_is_gone(tmp_path: Path) -> None:
     simulation = with_a_torus()
     position = simulation.state().position
-    place = position[CROWD.copies[3].particles]
+    place = position[BODY_SET.copies[3].particles]
     middle, rim = place.mean(axis=0), place[np.argmax(place[:, 1])]
     with OffscreenRenderer(SPARE, 640, 480, legend=False) as renderer:
         view: Any = renderer._view
@@ -125,7 +127,9 @@ def test_what_comes_in_is_drawn_and_what_leaves_is_gone(tmp_path: Path) -> None:
             )
             assert seen == (number is not None)
         view.delete()
-    path = render_frame(SPARE, position, tmp_path / "a.png", 64, 64, legend=False, inverse_mass=1 / CROWD.clusters.mass)
+    path = render_frame(
+        SPARE, position, tmp_path / "a.png", 64, 64, legend=False, inverse_mass=1 / BODY_SET.clusters.mass
+    )
     assert path.exists()
 
 
@@ -140,7 +144,7 @@ def test_what_waits_is_not_exported(tmp_path: Path) -> None:
     target = check_export(str(tmp_path / "end.ply"), None, 0.01, [])
     Exporter(simulation, target).finish(simulation, [])
     mesh = trimesh.load(tmp_path / "end.ply", process=False)
-    assert len(mesh.vertices) == sum(len(copy.baked.skin.position) for copy in CROWD.copies[:4])
+    assert len(mesh.vertices) == sum(len(copy.baked.skin.position) for copy in BODY_SET.copies[:4])
 
 
 # ---------------------------------------------------------------------- the demo
@@ -156,7 +160,7 @@ def test_a_key_drops_the_next_body_above_everything_and_another_takes_it_out(dem
     before = demo.statistics
     demo.drop_body((0.0, 2.5, 1.0))
     assert demo.message == "torus dropped: 4 bodies, 1 waiting"
-    torus = demo.position[CROWD.copies[3].particles]
+    torus = demo.position[BODY_SET.copies[3].particles]
     low, high = torus.min(axis=0), torus.max(axis=0)
     np.testing.assert_allclose((low + high)[[0, 2]] / 2, (0.0, 1.0), atol=1e-6)
     assert low[1] == pytest.approx(2.5 + 0.1 * (high - low).max(), abs=1e-5)
@@ -166,13 +170,13 @@ def test_a_key_drops_the_next_body_above_everything_and_another_takes_it_out(dem
     assert "torus.spare = 2" in demo.message and "X takes" in demo.message
     demo.remove_body()
     assert demo.message.startswith("first select a body")
-    demo.take(CROWD.copies[3].first_particle, (0.0, 0.0, 0.0))
+    demo.take(BODY_SET.copies[3].first_particle, (0.0, 0.0, 0.0))
     demo.remove_body()
     assert demo.message == "torus taken out: 4 bodies, 1 waiting"
     assert demo.hand.selected is None and demo.hand.held is None
     demo.frame()
     demo.restart()
-    assert (demo.world.body.inverse_mass == 0).sum() == CROWD.waiting.sum()
+    assert (demo.world.body.inverse_mass == 0).sum() == BODY_SET.waiting.sum()
     camera = Camera3D(1200, 900)
     pane: Any = SimpleNamespace(left=0, bottom=0)
     assert demo_state(demo, camera, pane, 900)["waiting"] == 2
@@ -202,10 +206,10 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
     viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True)
     viewer.pyglet = SimpleNamespace(window=SimpleNamespace(mouse=SimpleNamespace(LEFT=1, MIDDLE=2, RIGHT=4)))
     mouse = SpaceMouse(viewer)
-    viewer.camera._aim(CROWD.position[CROWD.copies[3].first_particle])
+    viewer.camera._aim(BODY_SET.position[BODY_SET.copies[3].first_particle])
     viewer.camera.distance = 10.0
     mouse.press(600.0, 450.0, 1)
-    assert demo.hand.held is not None and CROWD.body[demo.hand.held.particle] == 2
+    assert demo.hand.held is not None and BODY_SET.body[demo.hand.held.particle] == 2
     mouse.release(1)
     demo.remove_body()
     assert demo.message.startswith("torus taken out")
@@ -213,9 +217,9 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
     assert demo.hand.held is None
     mouse.release(1)
     demo.move_selection(0, 0)
-    assert demo.hand.selected is not None and CROWD.body[demo.hand.selected] < 2  # the middle one of those there
+    assert demo.hand.selected is not None and BODY_SET.body[demo.hand.selected] < 2  # the middle one of those there
     for copy in (0, 1):
-        demo.hand.selected = CROWD.copies[copy].first_particle
+        demo.hand.selected = BODY_SET.copies[copy].first_particle
         demo.remove_body()
     demo.move_selection(0, 0)
     assert demo.message == "no body is there" and demo.hand.selected is None

@@ -156,7 +156,7 @@ def test_a_run_with_a_load_is_judged_by_a_reference_that_knows_it():
 @pytest.mark.parametrize(
     "name,instead",
     [
-        ("rigid-stack", "softlab bar .* softlab crowds .* softlab run"),
+        ("rigid-stack", "softlab bar .* softlab throughput .* softlab run"),
         ("jelly-grid", "method.solver=mass-spring"),
         ("cloth-mesh", "softlab run"),
         ("cloth-self", "softlab run"),
@@ -174,7 +174,9 @@ def test_who_asks_for_an_error_that_nobody_knows_is_told_what_to_ask_instead(tmp
 def test_scenes_of_accuracy_have_two_names():
     assert labels_of(["s6-still", "lab-curtain", "S1"]) == ["S6-still", "S1"] and labels_of([]) == []
     for name in ("jelly-drop", "S3", ""):
-        with pytest.raises(SceneError, match=r"S1 \(lab-curtain\).* softlab advise .* softlab bar .* softlab crowds"):
+        with pytest.raises(
+            SceneError, match=r"S1 \(lab-curtain\).* softlab advise .* softlab bar .* softlab throughput"
+        ):
             labels_of([name])
 
 

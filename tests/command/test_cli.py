@@ -142,7 +142,7 @@ def test_a_divergence_is_reported_and_the_last_good_state_kept(command, tmp_path
 
 
 @pytest.mark.parametrize(
-    "name", ["scenes", "plan lab-grid", "doctor", "--help", "run --help", "lab --help", "crowds --help"]
+    "name", ["scenes", "plan lab-grid", "doctor", "--help", "run --help", "lab --help", "throughput --help"]
 )
 def test_what_only_tells(command, name: str) -> None:
     outcome = command(name)
@@ -206,11 +206,11 @@ BAD = [
     ("plan", "lab-grid --precision half", ["--precision"]),
     ("sweep", "--backend tpu", ["--backend"]),
     ("sweep", "--kernel fused", ["--kernel", "add --kernels"]),
-    ("crowds", "--kind gas", ["--kind", "soft, rigid, heap, grid"]),
+    ("throughput", "--kind gas", ["--kind", "soft, rigid, heap, grid"]),
     ("busy", "--scene gas", ["--scene", "lab-grid", "soft-pile"]),
-    ("crowds", "--precision half", ["--precision", "float32"]),
-    ("crowds", "--backend tpu", ["--backend"]),
-    ("crowds", "5", ["unexpected"]),
+    ("throughput", "--precision half", ["--precision", "float32"]),
+    ("throughput", "--backend tpu", ["--backend"]),
+    ("throughput", "5", ["unexpected"]),
     ("projections", "--precision half", ["--precision", "float32"]),
     ("demo lab-grid", "cloth-hanging", ["SCENE", "lab-grid", "masses in a plane"]),
     ("demo lab-grid", "lab-gird", ["unknown scene"]),

@@ -55,7 +55,7 @@ MEASURING = {  # command -> what does its work
     "accuracy": "bench.experiments.findings.run_findings",
     "stability": "bench.experiments.stability.experiment.run_stability",
     "projections": "bench.experiments.projections.run_projections",
-    "crowds": "bench.experiments.crowds.run_crowds",
+    "throughput": "bench.experiments.throughput.run_throughput",
     "bar": "bench.experiments.bar.run_bar",
     "ablate lab-grid": "bench.experiments.advise.ablate.ablate",
 }
@@ -114,7 +114,7 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr("bench.experiments.findings_costs.run_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
     for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
-                 "bench.experiments.crowds.print_crowds", "bench.experiments.advise.ablation_results.print_ablation",
+                 "bench.experiments.throughput.print_throughput", "bench.experiments.advise.ablation_results.print_ablation",
                  "bench.stress.results.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:

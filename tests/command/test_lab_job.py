@@ -24,7 +24,7 @@ RUNS = {
     "bench.experiments.findings_costs.run_costs": "costs",
     "bench.experiments.convergence.run_convergence": "convergence",
     "bench.experiments.projections.run_projections": "projections",
-    "bench.experiments.crowds.run_crowds": "crowds",
+    "bench.experiments.throughput.run_throughput": "throughput",
     "bench.experiments.bar.run_bar": "bar",
     "bench.experiments.busy.run_busy": "busy",
     "bench.experiments.stability.experiment.run_stability": "stability",

@@ -1,4 +1,4 @@
-"""`--quick` of hard, projections, crowds and bar: each keeps what it is for, and needs few kernels, which take the time.
+"""`--quick` of hard, projections, throughput and bar: each keeps what it is for, and needs few kernels, which take the time.
 
 A kernel is told apart by what its machine code depends on; nothing is compiled or measured here.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from bench.experiments import bar, crowds, projections
+from bench.experiments import bar, projections, throughput
 from bench.experiments.bar_strip import FREQUENCY, SAG, SHARED, method_of, strip
 from bench.experiments.body_laws import DROP, law_scene
 from bench.measure.case_timing import Timing
@@ -66,19 +66,19 @@ def test_projections_have_two_sizes_two_orderings_and_four_kernels() -> None:
     assert len({kernel_of(scene) for scene in found}) == 4
 
 
-def test_crowds_leave_the_lattice_out_unless_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_throughput_leaves_the_lattice_out_unless_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[set[str]] = []
 
     def groups(backends: Any, quick: bool, kinds: Iterable[str], precisions: Any) -> list[Any]:
         asked.append(set(kinds))
         return []
 
-    monkeypatch.setattr(crowds, "groups", groups)
+    monkeypatch.setattr(throughput, "groups", groups)
     monkeypatch.setattr(Timing, "run", lambda self, store, cases, **_: None)
     with Store(":memory:") as store:
         for quick, kinds in ((True, None), (True, ["lattice"]), (False, None)):
-            crowds.run_crowds(store, quick=quick, kinds=kinds, backends=["cpu"])
-    assert asked == [{"soft", "rigid", "heap", "grid"}, {"lattice"}, set(crowds.KINDS)]
+            throughput.run_throughput(store, quick=quick, kinds=kinds, backends=["cpu"])
+    assert asked == [{"soft", "rigid", "heap", "grid"}, {"lattice"}, set(throughput.KINDS)]
 
 
 def test_strips_that_hang_and_that_swing_share_a_kernel() -> None:

@@ -38,7 +38,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "convergence": "test_convergence.py",
     "ablation": "test_ablate.py",
     **dict.fromkeys(["projections", "published"], "test_projections.py"),
-    "crowds": "test_crowds.py",
+    "throughput": "test_throughput.py",
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
     **dict.fromkeys(["hard-bodies", "hard-body-states"], "test_hard_bodies.py"),
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),

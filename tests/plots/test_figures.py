@@ -26,8 +26,9 @@ from plots.core.style import BLACK, GREY, settings
 from plots.figures import bandwidth, crossover, precisions, thread_scaling, time_per_step, work_precision
 from plots.figures.energies import draw_energies, read_energies
 
-# What the made-up stores hold; test_hard.py, test_findings.py, test_ablate.py, test_bar.py, test_crowds.py draw the others.
-ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "published", "bar-", "crowds")
+# What the made-up stores hold. The others are drawn by test_hard.py, test_findings.py, test_ablate.py, test_bar.py,
+# test_throughput.py.
+ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "published", "bar-", "throughput")
 MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 
 

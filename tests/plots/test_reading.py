@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from bench.experiments import crowds, projections
-from bench.experiments.crowds import bodies, cube, heap, jelly
+from bench.experiments import projections, throughput
 from bench.experiments.projections import sheet
 from bench.experiments.stability import points as stability_points
+from bench.experiments.throughput import bodies, cube, heap, jelly
 from labbook.build import book_data, committed_data
 from model.scene.scene import Scene, load_scene
 from model.shape_matching import body_set
@@ -36,7 +36,7 @@ def committed() -> Results:
 
 READERS: dict[str, Callable[[Any], Any]] = {
     "accuracy": accuracy_points.points,
-    "crowds": lambda source: crowds.points(source.measures),
+    "throughput": lambda source: throughput.points(source.measures),
     "projections": lambda source: projections.points(source.measures),
     "stability": lambda source: stability_points.stability_of(source.measures),
     "ceilings": lambda source: roofline.ceilings(source, "cpu"),
@@ -73,6 +73,6 @@ def test_a_stored_scene_tells_what_the_built_one_tells(scene: Scene) -> None:
     assert (stored.springs, stored.damping, stored.gravity) == (scene.springs, scene.damping, scene.gravity)
     assert stored.cloth_springs == scene.cloth_springs
     assert {name: body.count for name, body in stored.bodies.items()} == {n: b.count for n, b in scene.bodies.items()}
-    assert crowds.region_of(stored) == crowds.region_of(scene)
+    assert throughput.region_of(stored) == throughput.region_of(scene)
     if not scene.bodies:
         assert (stored.grid.rows, stored.grid.columns) == (scene.grid.rows, scene.grid.columns)

@@ -269,7 +269,7 @@ def test_a_text_export_with_odd_cells(tmp_path: Path, cell: str) -> None:
 @pytest.mark.parametrize("words", [
     ["sweep", "--backend", "tpu"], ["sweep", "--size", "0"], ["accuracy", "--scene", "none"],
     ["stability", "--integrator", "none"],
-    ["hard", "--case", "none"], ["projections", "--size", "0"], ["crowds", "--kind", "none"], ["bar", "--backend", "tpu"],
+    ["hard", "--case", "none"], ["projections", "--size", "0"], ["throughput", "--kind", "none"], ["bar", "--backend", "tpu"],
     ["advise", "lab-grid", "--error", "-1"], ["ablate", "none"], ["merge", "none.csv"],
 ], ids=lambda words: words[0])  # fmt: skip
 def test_options_are_looked_at_before_a_store_is_made(

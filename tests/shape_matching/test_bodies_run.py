@@ -29,7 +29,7 @@ from model.shape_matching.energy import window_energy
 from model.shape_matching.matching import lattice_clusters
 
 SCENE = beams_and_torus()
-CROWD = SCENE.body_set
+BODY_SET = SCENE.body_set
 RANDOM = np.random.default_rng(8)
 
 
@@ -37,19 +37,19 @@ RANDOM = np.random.default_rng(8)
 
 
 def test_the_energies_of_bodies_are_those_of_their_particles_and_clusters() -> None:
-    position = CROWD.position + RANDOM.normal(0, 0.02, CROWD.position.shape)
+    position = BODY_SET.position + RANDOM.normal(0, 0.02, BODY_SET.position.shape)
     velocity = RANDOM.normal(0, 1, position.shape)
-    found, mass = energies(SCENE, position, velocity), CROWD.clusters.mass
+    found, mass = energies(SCENE, position, velocity), BODY_SET.clusters.mass
     assert found["kinetic"] == pytest.approx(0.5 * np.sum(mass * np.sum(velocity**2, axis=1)), rel=1e-12)
     assert found["gravity"] == pytest.approx(9.81 * np.sum(mass * position[:, 1]), rel=1e-12)
-    assert found["spring"] == CROWD.clusters.energy(position) > 0
+    assert found["spring"] == BODY_SET.clusters.energy(position) > 0
     assert found["potential"] == found["spring"] + found["gravity"]
     assert found["conserved"] == found["total"] == found["kinetic"] + found["potential"]
-    assert np.shape(masses(SCENE)) == (CROWD.particle_count, 1)
+    assert np.shape(masses(SCENE)) == (BODY_SET.particle_count, 1)
 
 
 def test_a_body_that_moves_as_a_whole_stores_nothing_and_is_not_strained() -> None:
-    position = CROWD.position + np.array([3.0, -1.0, 2.0])
+    position = BODY_SET.position + np.array([3.0, -1.0, 2.0])
     assert energies(SCENE, position, np.zeros_like(position))["spring"] < 1e-20
     assert np.abs(spring_strain(SCENE, position)).max() < 1e-12
 
@@ -57,13 +57,13 @@ def test_a_body_that_moves_as_a_whole_stores_nothing_and_is_not_strained() -> No
 def test_the_strain_of_bodies_is_the_way_to_their_goals_over_their_own_spacing() -> None:
     """Of one cluster that grows by a tenth about its centre, a tenth of each rest offset; a soft body's is told of each of a
     particle's clusters."""
-    position = CROWD.position.copy()
-    own = CROWD.body == 2
-    centre = np.average(position[own], axis=0, weights=CROWD.clusters.mass[own])
+    position = BODY_SET.position.copy()
+    own = BODY_SET.body == 2
+    centre = np.average(position[own], axis=0, weights=BODY_SET.clusters.mass[own])
     position[own] += 0.1 * (position[own] - centre)
-    strain, entries = spring_strain(SCENE, position), own[CROWD.clusters.indices]
-    assert len(strain) == len(CROWD.clusters.indices)
-    offsets = np.linalg.norm(CROWD.clusters.rest[entries], axis=1)
+    strain, entries = spring_strain(SCENE, position), own[BODY_SET.clusters.indices]
+    assert len(strain) == len(BODY_SET.clusters.indices)
+    offsets = np.linalg.norm(BODY_SET.clusters.rest[entries], axis=1)
     np.testing.assert_allclose(strain[entries], 0.1 * offsets / TORUS["particle_spacing"], atol=1e-9)
     assert np.abs(strain[~entries]).max() < 1e-12
     position[0, 0] = np.nan
@@ -110,7 +110,7 @@ def test_a_run_has_every_field_and_says_why_there_is_no_error(command: Any, bodi
     assert report["error"] is None and "no converged reference" in report["error_reason"]
     assert {name for name in KEYS if report[name] is None} == {"error", "threads_reason"}
     assert (report["particles"], report["bodies"], report["clusters"]) == (
-        CROWD.particle_count, 3, CROWD.clusters.count,
+        BODY_SET.particle_count, 3, BODY_SET.clusters.count,
     )  # fmt: skip
     assert report["dimensions"] == 3 and report["max_strain"] < 1e-5  # all fall alike
     for line in body_lines(SCENE):
@@ -126,13 +126,13 @@ def test_what_waits_is_counted_apart(command: Any, tmp_path: Path) -> None:  # n
     file, ring = tmp_path / "spare.toml", len(spare.bodies["torus"].baked.position)
     file.write_text(scene_toml(spare), encoding="utf-8")
     report = json.loads(command(f"run {file} --steps 300 --json").out)
-    assert (report["particles"], report["bodies"]) == (CROWD.particle_count, 3)
+    assert (report["particles"], report["bodies"]) == (BODY_SET.particle_count, 3)
     assert (report["waiting_particles"], report["waiting"]) == (2 * ring, 2)
-    assert report["clusters"] == CROWD.clusters.count
-    rate = CROWD.particle_count * report["steps"] / report["seconds"]
+    assert report["clusters"] == BODY_SET.clusters.count
+    rate = BODY_SET.particle_count * report["steps"] / report["seconds"]
     assert report["particle_steps_per_second"] == pytest.approx(rate, rel=1e-12)
     table = command(f"run {file} --steps 3").out
-    assert f"{number(CROWD.particle_count)} + {number(2 * ring)} waiting" in table and "3 + 2 waiting" in table
+    assert f"{number(BODY_SET.particle_count)} + {number(2 * ring)} waiting" in table and "3 + 2 waiting" in table
 
 
 def test_each_body_is_told_of_once_for_all_its_copies() -> None:
@@ -146,7 +146,7 @@ def test_the_catalogue_lists_bodies_by_their_particles(command: Any, monkeypatch
     monkeypatch.setattr("app.command.tables.catalogue", lambda: {"bodies": None})
     monkeypatch.setattr("app.command.tables.load_scene", lambda name: SCENE)
     out = command("scenes").out
-    assert str(CROWD.particle_count) in out and "shape-matching" in out and "1 x" not in out
+    assert str(BODY_SET.particle_count) in out and "shape-matching" in out and "1 x" not in out
     spare = beams_and_torus(torus=TORUS | {"spare": 2})
     monkeypatch.setattr("app.command.tables.load_scene", lambda name: spare)
     assert command("scenes").out == out  # what waits is not counted
@@ -198,7 +198,7 @@ def test_the_plan_names_kernels_and_stages_of_both_backends() -> None:
         ]  # fmt: skip
     text = StringIO()
     print_plan(Console(file=text, width=160), report)
-    assert f"{CROWD.particle_count} particles of 3 bodies, {CROWD.clusters.count} clusters" in text.getvalue()
+    assert f"{BODY_SET.particle_count} particles of 3 bodies, {BODY_SET.clusters.count} clusters" in text.getvalue()
     assert "no limit to dt" in text.getvalue()
 
 

@@ -104,7 +104,7 @@ MEASURING = {  # each with options that it has
     "stability": ("--integrator", "--backend"),
     "hard": ("--case", "--integrator", "--backend", "--precision"),
     "projections": ("--backend", "--size", "--precision"),
-    "crowds": ("--backend", "--kind", "--precision"),
+    "throughput": ("--backend", "--kind", "--precision"),
     "bar": ("--backend",),
     "ablate": ("--time", "--backend", "--set"),
     "advise": ("--error", "--time", "--backend", "--precision", "--total-seconds", "--set"),

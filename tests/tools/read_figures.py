@@ -45,7 +45,7 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     "ablation": [("change at the end, root mean square, in spacings", "")],
     "projections": [(MASSES, "projections a second")],
     "published": [("time of a step / s", "")],
-    "crowds": [("particles", "particles x substeps / s")],
+    "throughput": [("particles", "particles x substeps / s")],
     "hard-states": [],  # pictures
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],

@@ -55,7 +55,7 @@ def labels_of(names: Iterable[str]) -> list[str]:
                 "--scene", name, "accuracy has scenes of its own, those with converged references: "
                 f"{', '.join(f'{label} ({scene})' for label, scene in known.items())}; of other grids and cloths softlab run "
                 "and softlab advise tell the error; bodies have none: softlab bar holds their material against closed forms, "
-                "softlab crowds times them"
+                "softlab throughput times them"
             )  # fmt: skip
         found += mine
     return list(dict.fromkeys(found))

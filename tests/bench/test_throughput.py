@@ -10,9 +10,9 @@ from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 from typer.testing import CliRunner
 
-from bench.experiments import crowds
-from bench.experiments.crowds import (
-    CrowdPoint,
+from bench.experiments import throughput
+from bench.experiments.throughput import (
+    ThroughputPoint,
     bodies,
     cube,
     groups,
@@ -21,16 +21,16 @@ from bench.experiments.crowds import (
     kind_of,
     measured,
     points,
-    run_crowds,
+    run_throughput,
 )
 from bench.measure.case_timing import make_case
 from bench.store.database import Store
 from bench.store.results import measures
-from labbook.claims.crowds import CLAIMS
+from labbook.claims.throughput import CLAIMS
 from model.core.errors import SceneError
 from plots.core.data import load
 from plots.core.style import settings
-from plots.figures import crowds as figure
+from plots.figures import throughput as figure
 
 
 def test_the_scenes_are_what_they_are_called() -> None:
@@ -46,20 +46,20 @@ def test_the_scenes_are_what_they_are_called() -> None:
         if scene.bodies and kind != "lattice":
             assert len(scene.body_set.copies) == 50 and 13_900 < scene.body_set.particle_count < 14_200
     assert bodies(50, True).body_set.clusters.count == 50
-    nx, ny, nz = crowds.BLOCKS[10000]
+    nx, ny, nz = throughput.BLOCKS[10000]
     assert nx * ny * nz == 10000
     assert heap(50).method.dt == pytest.approx(1 / 60) and heap(50).method.substeps == 2
     assert jelly(64, 2).method.region == 2 and jelly(64, 2).grid.particle_count == 4096
     assert (
         cube(8, 2).body_set.particle_count == 512
-        and crowds.region_of(cube(8, 2)) == 2
-        and not crowds.region_of(heap(50))
+        and throughput.region_of(cube(8, 2)) == 2
+        and not throughput.region_of(heap(50))
     )
 
 
 def test_quick_is_a_part_of_the_whole_and_a_cpu_gets_no_ten_thousand() -> None:
     def cases(quick: bool) -> set[str]:
-        return {c.scene.canonical() for g in groups(["cpu"], quick, crowds.KINDS, ("float32",)) for c in g}
+        return {c.scene.canonical() for g in groups(["cpu"], quick, throughput.KINDS, ("float32",)) for c in g}
 
     whole, quick = cases(False), cases(True)
     assert quick < whole and len(quick) == 9 and heap(50).canonical() in quick
@@ -69,9 +69,12 @@ def test_quick_is_a_part_of_the_whole_and_a_cpu_gets_no_ten_thousand() -> None:
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     """A small grid, really timed on this CPU."""
-    with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("crowds") / "results.sqlite") as opened:
-        patch.setattr(crowds, "QUICK_GRIDS", (12,))
-        summary = run_crowds(opened, quick=True, backends=["cpu"], kinds=["grid"], progress=False)
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        Store(tmp_path_factory.mktemp("throughput") / "results.sqlite") as opened,
+    ):
+        patch.setattr(throughput, "QUICK_GRIDS", (12,))
+        summary = run_throughput(opened, quick=True, backends=["cpu"], kinds=["grid"], progress=False)
         assert (summary.measured, summary.skipped) == (3, [])
         yield opened
 
@@ -88,10 +91,10 @@ def _made_up(path: Any) -> Store:
     one of a cube 1 and a hundredth of it."""
     store = Store(path)
     store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
-    run = store.start_run("gpu", "softlab crowds", None)
+    run = store.start_run("gpu", "softlab throughput", None)
     scenes = [(bodies(50, False), 1e-9), (bodies(50, True), 1e-9), (heap(50), 8e-9)]
-    scenes += [(jelly(64, region), 1e-10 * region) for region in crowds.REGIONS]
-    scenes += [(cube(6, region), 1e-9 + 1e-11 * region) for region in crowds.REGIONS]
+    scenes += [(jelly(64, region), 1e-10 * region) for region in throughput.REGIONS]
+    scenes += [(cube(6, region), 1e-9 + 1e-11 * region) for region in throughput.REGIONS]
     for scene, each in scenes:
         case = make_case(scene, "gpu", "float32", "")
         for name, value, unit, reason in measured(case, each * scene.grid.particle_count, "graph"):
@@ -102,18 +105,18 @@ def _made_up(path: Any) -> Store:
 def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     with _made_up(tmp_path / "gpu.sqlite") as made:
         (point,) = [p for p in points(measures(made)) if p.kind == "heap"]
-        assert isinstance(point, CrowdPoint) and (point.bodies, point.kernel) == (50, "graph")
+        assert isinstance(point, ThroughputPoint) and (point.bodies, point.kernel) == (50, "graph")
         results = load(made)
     found = {name: claim(results) for name, claim in CLAIMS.items()}
     assert all(claim.supported for claim in found.values())
-    assert found["crowd-heaps"].numbers["gpu 50"] == pytest.approx(1 / (8e-9 * point.particles))
-    assert found["crowd-contacts"].numbers["gpu 50"] == pytest.approx(4.0)
-    assert found["crowd-windows"].numbers["gpu most"] == pytest.approx(4.0)
-    assert found["crowd-cubes"].numbers["gpu ratio"] == pytest.approx(1.04 / 1.01)
+    assert found["throughput-heaps"].numbers["gpu 50"] == pytest.approx(1 / (8e-9 * point.particles))
+    assert found["throughput-contacts"].numbers["gpu 50"] == pytest.approx(4.0)
+    assert found["throughput-windows"].numbers["gpu most"] == pytest.approx(4.0)
+    assert found["throughput-cubes"].numbers["gpu ratio"] == pytest.approx(1.04 / 1.01)
     with settings():
         drawing = figure.draw(results)
     assert not isinstance(drawing, str) and drawing.sources
-    assert labels(drawing.figure) == LABELS["crowds"]
+    assert labels(drawing.figure) == LABELS["throughput"]
 
 
 def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
@@ -127,9 +130,9 @@ def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
 def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     import softlab
 
-    monkeypatch.setattr(crowds, "QUICK_GRIDS", (12,))
+    monkeypatch.setattr(throughput, "QUICK_GRIDS", (12,))
     path = tmp_path / "results.sqlite"
-    words = f"crowds --quick --backend cpu --kind grid --kind grid --precision float32 --store {path}".split()
+    words = f"throughput --quick --backend cpu --kind grid --kind grid --precision float32 --store {path}".split()
     for said in ("3 timed, 0 held", "0 timed, 3 held"):
         done = CliRunner().invoke(softlab.app, words)
         assert done.exit_code == 0 and said in done.output, done.output
@@ -140,6 +143,6 @@ def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: p
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:
     with Store(tmp_path / "none.sqlite") as opened:
         with pytest.raises(SceneError, match="--kind"):
-            run_crowds(opened, kinds=["gas"])
+            run_throughput(opened, kinds=["gas"])
         with pytest.raises(SceneError, match="--precision"):
-            run_crowds(opened, precisions=["float16"])
+            run_throughput(opened, precisions=["float16"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.experiments.crowds import CrowdPoint, points
+from bench.experiments.throughput import ThroughputPoint, points
 from plots.core.data import Results, Source
 from plots.core.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 from plots.figures import backends
@@ -19,7 +19,7 @@ LOOKS = {
 LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's or a cube's clusters
 
 
-def panels(results: Results) -> list[tuple[str, Source, list[CrowdPoint]]]:
+def panels(results: Results) -> list[tuple[str, Source, list[ThroughputPoint]]]:
     """(backend, source, points) of the backends that were timed."""
     return backends.panels(results, points)
 
@@ -28,7 +28,7 @@ def draw(results: Results) -> Drawing | str:
     """The figure, a panel a backend; or why there is none."""
     chosen = panels(results)
     if not chosen:
-        return "bodies were not timed (softlab crowds)"
+        return "bodies were not timed (softlab throughput)"
     figure, axes = new_figure(len(chosen), 3.8, share_y=False)
     for ax, (backend, source, found) in zip(axes, chosen, strict=True):
         for kind, (label, colour, marker) in LOOKS.items():

@@ -1,4 +1,4 @@
-"""How many particles of bodies a second: `softlab crowds`. Clusters alone, clusters of a grid, and heaps that collide.
+"""How many particles of bodies a second: `softlab throughput`. Clusters alone, clusters of a grid, and heaps that collide.
 
 `bodies`: blobs of about 280 particles in space, fifty to ten thousand, soft (overlapping clusters) or rigid (one); `heap`:
 the same, falling onto each other and the ground, contacts on; `grid`: the lab's grid as jelly, `lattice`: a cube of it,
@@ -23,7 +23,8 @@ from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.shape_matching.spare import counts
 
-STAGE = "crowds"  # of the samples in the store
+# what is in the store keeps the words that it was first written under
+STAGE = "crowds"  # of the samples
 STEP = "crowd_step"  # s: the median of a step
 RATE = "crowd_particles_per_second"  # particles x substeps x iterations, 1/s
 KERNEL = "crowd_kernel"  # its name is the reason
@@ -117,7 +118,7 @@ def measured(case: Case, step: float, kernel: str) -> Measured:
     yield RATE, counts(case.scene).particles * method.substeps * method.iterations / step, "1/s", None
 
 
-def run_crowds(
+def run_throughput(
     store: Store,
     *,
     quick: bool = False,
@@ -125,7 +126,7 @@ def run_crowds(
     kinds: Sequence[str] | None = None,
     precisions: Sequence[str] = ("float32",),
     progress: bool = True,
-    command: str = "softlab crowds",
+    command: str = "softlab throughput",
 ) -> Summary:
     """Time what the store lacks of the cases, and say what was done. Ctrl-C ends cleanly.
 
@@ -145,7 +146,7 @@ def run_crowds(
 # ---------------------------------------------------------------------- what the store says
 
 
-def print_crowds(console: Console, store: Store, machine: str) -> None:
+def print_throughput(console: Console, store: Store, machine: str) -> None:
     """A table of what was timed on a machine."""
     table = Table("kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s", box=None)
     for p in points(measures(store)):
@@ -161,7 +162,7 @@ def print_crowds(console: Console, store: Store, machine: str) -> None:
 
 
 @dataclass(frozen=True)
-class CrowdPoint:
+class ThroughputPoint:
     """One timed configuration: `step` [s], `rate` [1/s], particles, bodies (0: a grid) and the half-width of a
     grid's or a lattice's clusters, else 0."""
 
@@ -183,7 +184,7 @@ def region_of(scene: Scene) -> int:
     return max(lattices) if scene.bodies else scene.method.region
 
 
-def points(held: Iterable[Measure]) -> list[CrowdPoint]:
+def points(held: Iterable[Measure]) -> list[ThroughputPoint]:
     """What the measures tell of the cases, smallest first."""
     named: dict[tuple[str, str], dict[str, Measure]] = {}
     for measure in held:
@@ -197,7 +198,7 @@ def points(held: Iterable[Measure]) -> list[CrowdPoint]:
         scene, step, rate = Scene.stored(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0
         method = scene.method
         found.append(
-            CrowdPoint(
+            ThroughputPoint(
                 owner, description["backend"], description["precision"],
                 (told[KERNEL].reason if KERNEL in told else None) or "", told[KIND].reason or "",
                 round(rate * step / method.substeps / method.iterations), sum(b.count for b in scene.bodies.values()),

@@ -1,14 +1,14 @@
-"""What the lab book may say about how fast bodies are (`softlab crowds`); see labbook/claims/claim.py for the rules."""
+"""What the lab book may say about how fast bodies are (`softlab throughput`); see labbook/claims/claim.py for the rules."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from bench.experiments.crowds import CrowdPoint
+from bench.experiments.throughput import ThroughputPoint
 from labbook import words
 from labbook.claims.claim import Claim, where
 from plots.core.data import Results
-from plots.figures.crowds import panels
+from plots.figures.throughput import panels
 
 
 def heaps(results: Results) -> Claim:
@@ -64,7 +64,7 @@ def contacts(results: Results) -> Claim:
     return Claim(f"With contacts a substep takes {words.listed(parts)} as long as without.", numbers, True)
 
 
-def _ratio(heap: CrowdPoint, found: list[CrowdPoint]) -> float | None:
+def _ratio(heap: ThroughputPoint, found: list[ThroughputPoint]) -> float | None:
     free = next((p for p in found if p.kind == "soft" and p.bodies == heap.bodies), None)
     return free.rate / heap.rate if free else None
 
@@ -119,9 +119,9 @@ def cubes(results: Results) -> Claim:
 
 
 CLAIMS: dict[str, Callable[[Results], Claim]] = {
-    "crowd-heaps": heaps,
-    "crowd-clusters": clusters,
-    "crowd-contacts": contacts,
-    "crowd-windows": windows,
-    "crowd-cubes": cubes,
+    "throughput-heaps": heaps,
+    "throughput-clusters": clusters,
+    "throughput-contacts": contacts,
+    "throughput-windows": windows,
+    "throughput-cubes": cubes,
 }
