@@ -103,7 +103,7 @@ test_labbook.py test_the_book*None*
 test_throughput.py test_quick_is*
 test_plan.py test_a_stage_that_does_more*
 # under the CUDA simulator: each kernel once; real GPUs run the rest
-test_simulated_cloth_tiles.py *
+test_simulated_cloth_tiles.py test_kinds_of* test_doubles* test_one_block*
 test_simulated_scatter.py test_the_cost*
 test_simulated_rebound.py *stages? *float64*
 test_simulated_contact_restitution.py *stages? *damped? test_bodies_of*

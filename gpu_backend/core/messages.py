@@ -11,6 +11,8 @@ Under the simulator the tag is a number beside the others, written last and read
 
 from __future__ import annotations
 
+import threading
+import time
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +30,13 @@ def message_size(real: Any) -> int:
 
 if simulated():
 
+    def let_others_run() -> None:
+        """What waits for a message in vain lets those run that send it, where the simulator's threads take turns."""
+        getattr(threading.current_thread(), "give_way", _no_turns)()
+
+    def _no_turns() -> None:
+        time.sleep(0)
+
     @cache
     def make_messages(real: Any) -> SimpleNamespace:
         """`send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, has it come)."""
@@ -41,6 +50,8 @@ if simulated():
         def receive(array: Any, index: Any, tag: Any) -> tuple[Any, Any, Any, bool]:
             k = size * int(index)
             here = bool(array[k + 3] == tag)
+            if not here:
+                let_others_run()
             return array[k], array[k + 1], array[k + 2], here
 
         return SimpleNamespace(send=send, receive=receive)

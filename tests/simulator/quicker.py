@@ -2,7 +2,8 @@
 
 It starts a thread of Python for each of a block's, all at once, looks at them in a loop until all wait at a barrier, and
 looks through a module's names at each call of a device function. Here one thread of a block runs at a time, to its end or
-its next barrier; those that meet no barrier share one thread of Python; and names are replaced once a launch.
+its next barrier, or until it waits for a message of another block; those that wait for nothing share one thread of Python;
+and names are replaced once a launch.
 """
 
 from __future__ import annotations
@@ -42,14 +43,27 @@ class _Carrier(simulator.BlockThread):  # type: ignore[misc]
         if self.abort:
             raise RuntimeError("another thread of the block ended with an error")
 
+    def give_way(self) -> None:
+        """Let the others go on, and go on after them."""
+        self.held = True
+        self._manager.able.append(self)
+        self._manager.turn.release()
+        self.turn.acquire()
+        if self.abort:
+            raise RuntimeError("another thread of the block ended with an error")
+
 
 class _BlockManager(simulator.BlockManager):  # type: ignore[misc]
     def run(self, grid_point: Any, *arguments: Any) -> None:
-        self.arguments, self.turn, self.waiting = arguments, threading.Semaphore(0), []
+        self.arguments, self.turn, self.waiting, self.able = arguments, threading.Semaphore(0), [], deque()
         todo = deque(np.ndindex(*self._block_dim))
         while todo:
             self._let(carrier := _Carrier(self, todo, grid_point), carrier.start)
-        while self.waiting:
+        while self.able or self.waiting:
+            if self.able:
+                carrier = self.able.popleft()
+                self._let(carrier, carrier.turn.release, list(self.able))
+                continue
             met, self.waiting = self.waiting, []
             for place, carrier in enumerate(met):
                 self._let(carrier, carrier.turn.release, met[place + 1 :])
