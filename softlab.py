@@ -214,7 +214,7 @@ def scenes(
         str | None, typer.Option(metavar="KIND", help="Instead what a table of this kind may hold, e.g. wind.")
     ] = None,
 ) -> None:
-    """List the scenes that come with the lab, or the fields of a table of a scene file."""
+    """List the scenes that come with the lab (softlab plan SCENE tells more), or the fields of a table of a scene file."""
     from app.command.tables import print_fields, print_scenes
 
     if fields is not None:

@@ -64,15 +64,14 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
 
 def print_scenes(console: Console) -> None:
     """The catalogue."""
-    columns = (Column("scene", no_wrap=True), "what it is", "masses", Column("method", no_wrap=True), "dt / s")
+    columns = [Column(head, overflow="fold") for head in ("scene", "what it is", "masses", "method")]
     table = Table(*columns, box=None, pad_edge=False, collapse_padding=True)
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
         size = str(counts(scene).particles) if scene.mesh or scene.bodies else f"{grid.rows} x {grid.columns}"
-        table.add_row(name, escape(scene.title), size, method.name, f"{method.dt:.4g}")
+        table.add_row(name, escape(scene.title), size, method.name)
     console.print(table)
-    console.print("softlab plan SCENE tells the stages of a step and the largest stable dt")
 
 
 def print_fields(console: Console, kind: str) -> None:

@@ -9,14 +9,14 @@ the numbers in it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
 from app.driver import open_simulation
 from model.core.errors import BackendUnavailable, SceneError
-from model.core.plan import Stage
+from model.core.plan import Moment, Stage, StageRun
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
 
@@ -26,7 +26,8 @@ REWIND = 256  # steps until the state is put back, so that one that diverges nev
 MIN_REPLAYS = 256  # of a stage on a GPU: one whole graph
 EMPTY = "empty"  # on the CPU: a stage that starts the threads and does nothing
 
-Runs = Mapping[str, Callable[[int, float], None]]
+Runs = Mapping[str, StageRun]
+Moments = list[tuple[Stage, Moment]]
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def measure_stages(scene: Scene, backend: str, precision: str, required: bool = 
 
 
 def _stage_times(simulation: Simulation) -> StageTimes:
-    stages = list(simulation.plan.root.stages())
+    stages = list(simulation.plan.moments(0))
     runs = simulation.stages
     if simulation.backend == "gpu":
         from gpu_backend.core.device import simulated
@@ -64,19 +65,19 @@ def _stage_times(simulation: Simulation) -> StageTimes:
         return (_in_turn if simulated() else _replayed)(simulation, stages, runs)
     from cpu_backend.core.compile import start_threads
 
-    runs = {**runs, EMPTY: lambda step, offset: start_threads()}
-    *seconds, empty = _in_turn(simulation, [*stages, Stage(EMPTY, 0, 0, 0)], runs).seconds
+    runs = {**runs, EMPTY: lambda moment: start_threads()}
+    *seconds, empty = _in_turn(simulation, [*stages, (Stage(EMPTY, 0, 0, 0), Moment())], runs).seconds
     return StageTimes(tuple(seconds), empty)
 
 
-def _warm_up(simulation: Simulation, stages: list[Stage], runs: Runs) -> None:
+def _warm_up(simulation: Simulation, stages: Moments, runs: Runs) -> None:
     """One step: what is left to compile or to load."""
-    for stage in stages:
-        runs[stage.name](0, stage.argument)
+    for stage, moment in stages:
+        runs[stage.name](moment)
     simulation.synchronize()
 
 
-def _in_turn(simulation: Simulation, stages: list[Stage], runs: Runs) -> StageTimes:
+def _in_turn(simulation: Simulation, stages: Moments, runs: Runs) -> StageTimes:
     """The median over the steps of about a second."""
     _warm_up(simulation, stages, runs)
     samples: list[list[float]] = [[] for _ in stages]
@@ -86,27 +87,26 @@ def _in_turn(simulation: Simulation, stages: list[Stage], runs: Runs) -> StageTi
         if step % REWIND == 0:
             simulation.rewind()
         simulation.synchronize()
-        for stage, taken in zip(stages, samples, strict=True):
+        for (stage, moment), taken in zip(stages, samples, strict=True):
             begin = time.perf_counter()
-            runs[stage.name](step, stage.argument)
+            runs[stage.name](replace(moment, step=step))
             simulation.synchronize()
             taken.append(time.perf_counter() - begin)
         step += 1
     return StageTimes(tuple(median(taken) for taken in samples))
 
 
-def _replayed(simulation: Any, stages: list[Stage], runs: Runs) -> StageTimes:
+def _replayed(simulation: Any, stages: Moments, runs: Runs) -> StageTimes:
     """Each stage by itself, for its share of a second."""
     from gpu_backend.core.launch import Graphs
 
     _warm_up(simulation, stages, runs)
     found = []
-    for stage in stages:
-        run, argument = runs[stage.name], stage.argument
+    for stage, moment in stages:
 
-        def launch(parity: int, count: int, run: Any = run, argument: float = argument) -> None:
+        def launch(parity: int, count: int, run: StageRun = runs[stage.name], moment: Moment = moment) -> None:
             for _ in range(count):
-                run(0, argument)
+                run(moment)
 
         graphs = Graphs(simulation.stream, launch, lambda count: None)
 

@@ -6,7 +6,6 @@ In `exact` math both give the same bits, for any number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from cpu_backend.shape_matching.matching import STATES, make_matching_advance, m
 from cpu_backend.shape_matching.matching_rows import CLUSTER
 from cpu_backend.xpbd.solver import choose_kernel
 from cpu_backend.xpbd.stages import make_point_stages
-from model.core.plan import Executor
+from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.scene.scene import Scene
 from model.shape_matching.lattice import TABLE, matching_axis
@@ -58,7 +57,7 @@ class ShapeMatching(RowsSimulation):
     def _staged(self) -> Executor:
         return Executor(self.plan, self._stages())
 
-    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+    def _stages(self) -> dict[str, StageRun]:
         real, math, region = self.real, self.options.math, self.scene.method.region
         parts = self.plan.parts & {"damping"}
         compiler = Compiler(f"matching_point_{np.dtype(real).name}_{math}_{''.join(parts)}", math)
@@ -68,24 +67,24 @@ class ShapeMatching(RowsSimulation):
         before, acceleration = np.zeros_like(position), np.zeros_like(position)
         clusters, aside = np.zeros((CLUSTER, *weights.shape), real), np.zeros_like(position)
 
-        def predict(step: int, offset: float) -> None:
+        def predict(moment: Moment) -> None:
             point.predict(position, velocity, before, acceleration, weights, self.record)
             acceleration[...] = 0
 
-        def move(step: int, offset: float) -> None:
+        def move(moment: Moment) -> None:
             matching.move(position, clusters, *self._tables, weights, self.record, aside)
             position[...] = aside
 
         return {
-            "gravity": lambda step, offset: point.gravity(acceleration, self.record),
-            "external force": lambda step, offset: point.external(
-                acceleration, weights, self.record, self.integers, step
+            "gravity": lambda moment: point.gravity(acceleration, self.record),
+            "external force": lambda moment: point.external(
+                acceleration, weights, self.record, self.integers, moment.step
             ),
-            "poke": lambda step, offset: point.poke(acceleration, weights, self.record, self.integers),
+            "poke": lambda moment: point.poke(acceleration, weights, self.record, self.integers),
             "predict": predict,
-            "match clusters": lambda step, offset: matching.match(position, *self._tables, clusters),
+            "match clusters": lambda moment: matching.match(position, *self._tables, clusters),
             "move to goals": move,
-            "update velocity": lambda step, offset: point.update_velocity(
+            "update velocity": lambda moment: point.update_velocity(
                 position, velocity, before, weights, self.record
             ),
         }  # fmt: skip

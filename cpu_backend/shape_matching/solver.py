@@ -7,7 +7,6 @@ stage. In `exact` math both give the same bits, for any number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numba
@@ -28,7 +27,7 @@ from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stag
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
 from cpu_backend.shape_matching.together import make_bodies_together
-from model.core.plan import Executor
+from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
@@ -129,11 +128,11 @@ class Bodies(ParticlesSimulation):
         if steps * method.substeps % 2:
             self._even, self._odd = self._odd, self._even
 
-    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+    def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself."""
         stage = make_bodies_stages(self.real, self.options.math, self.plan.parts)
         goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts))
-        bands, substeps, count = self._bands, self.scene.method.substeps, self.layout.count
+        bands, count = self._bands, self.layout.count
         position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
         ends, values, multipliers, starts = self._links
         contacts: Any = self.contacts
@@ -141,45 +140,46 @@ class Bodies(ParticlesSimulation):
         bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math, at_rebound(self.plan.parts))
         whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
         project_links = make_constraint_stage(self.real, self.options.math, LINKS, in_planes=True)
-        now = {
-            "substep": -1,
-            "step": -1,
-            "links": 0,
-        }  # set by `predict`; links: colours projected so far in the substep
 
-        def predict(step: int, offset: float) -> None:
-            again = now["step"] == step and now["substep"] < substeps - 1
-            now.update(step=step, substep=now["substep"] + 1 if again else 0, links=0)
+        def predict(moment: Moment) -> None:
             stage.predict(count, before, position, velocity, self._weights, self.record, a)
 
-        def move(step: int, offset: float) -> None:
+        def move(moment: Moment) -> None:
             goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
             if self._lattices.copies:
                 make_lattice_stages(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
 
-        def collide(step: int, offset: float) -> None:
-            number = step * substeps + now["substep"]
+        def collide(moment: Moment) -> None:
             if "rigid-rebound" in self.plan.parts:
                 whole.note(bands, velocity, count, self._material.steps)
             stage.collide(
-                bands, number, before, position, velocity, self._weights, count, self.record, self.bodies, self.kinds
+                bands,
+                moment.number,
+                before,
+                position,
+                velocity,
+                self._weights,
+                count,
+                self.record,
+                self.bodies,
+                self.kinds,
             )
 
-        def rebound(step: int, offset: float) -> None:
+        def rebound(moment: Moment) -> None:
             whole.rebound(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
 
-        def update(step: int, offset: float) -> None:
+        def update(moment: Moment) -> None:
             if self.plan.parts & PACES:
                 settle(bands, count, before, position, contacts.record)
             if "contact-restitution" in self.plan.parts:
                 contacts.old[:] = velocity
             stage.update(bands, before, position, velocity, self._weights, count, self.record)
 
-        def damp(step: int, offset: float) -> None:
+        def damp(moment: Moment) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
             run(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
 
-        def bounce(step: int, offset: float) -> None:
+        def bounce(moment: Moment) -> None:
             if "rigid-bounce" not in self.plan.parts:
                 contacts.bounce(position, velocity, self._weights)
                 return
@@ -189,29 +189,25 @@ class Bodies(ParticlesSimulation):
                 self._scratch, SCRATCH * LANES,
             )  # fmt: skip
 
-        def link(number: int) -> Callable[[int, float], None]:
-            def run(step: int, offset: float) -> None:
-                colour, fresh = starts[number : number + 2], now["links"] < len(starts) - 1
-                given = position, self._weights, before, ends, values, multipliers, fresh, self.record
-                project_links(bands, *colour, *given)
-                now["links"] += 1
+        def link(number: int) -> StageRun:
+            def run(moment: Moment) -> None:
+                given = position, self._weights, before, ends, values, multipliers, moment.fresh, self.record
+                project_links(bands, *starts[number : number + 2], *given)
 
             return run
 
         return {f"project links {number}": link(number) for number in range(len(starts) - 1)} | {
-            "gravity": lambda step, offset: stage.gravity(count, self.record, a),
-            "poke": lambda step, offset: stage.poke(count, self._weights, self.record, self._poked, a),
+            "gravity": lambda moment: stage.gravity(count, self.record, a),
+            "poke": lambda moment: stage.poke(count, self._weights, self.record, self._poked, a),
             "predict": predict,
-            "match clusters": lambda step, offset: self._match(
-                self._rotation, self._lattices.rotation, self._material.steps
-            ),
+            "match clusters": lambda moment: self._match(self._rotation, self._lattices.rotation, self._material.steps),
             "move to goals": move,
             "update velocity": update,
             "damp clusters": damp,
             "collide": collide,
             "rebound": rebound,
-            "find neighbours": lambda step, offset: contacts.find(position, self._weights),
-            "project contacts": lambda step, offset: contacts.project(before, position, self._weights),
+            "find neighbours": lambda moment: contacts.find(position, self._weights),
+            "project contacts": lambda moment: contacts.project(before, position, self._weights),
             "bounce": bounce,
         }
 

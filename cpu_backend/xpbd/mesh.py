@@ -7,7 +7,6 @@ threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from cpu_backend.core.constraints import make_constraint_stage, no_sets, set_arrays
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
-from model.core.plan import Executor
+from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
@@ -67,47 +66,37 @@ class MeshPositionBased(ParticlesSimulation):
             self.record, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
         )  # fmt: skip
 
-    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+    def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself."""
-        stage, bands, substeps = make_mesh_stages(*self._variant()), self._bands, self.scene.method.substeps
+        stage, bands = make_mesh_stages(*self._variant()), self._bands
         position, velocity, before = self._position, self._velocity, self._before
-        now = {"substep": -1, "step": -1}  # of the step, set by `predict`
-        seen: set[str] = set()  # stages that have run in this substep: their multipliers live on
 
-        def number(step: int) -> int:
-            return step * substeps + now["substep"]
-
-        def predict(step: int, offset: float) -> None:
-            again = now["step"] == step and now["substep"] < substeps - 1
-            now.update(step=step, substep=now["substep"] + 1 if again else 0)
-            seen.clear()
+        def predict(moment: Moment) -> None:
             arguments = position, velocity, before, self.record, self.integers, self._wind
-            stage.predict(bands, step, number(step), *arguments)
+            stage.predict(bands, moment.step, moment.number, *arguments)
 
-        def project(place: int, colour: int, name: str) -> Callable[[int, float], None]:
+        def project(place: int, colour: int) -> StageRun:
             corners, values, multipliers, starts = self._set_arrays[place]
             kernel = make_constraint_stage(self.real, self.options.math, self._projections[place], in_planes=False)
             start, stop = int(starts[colour]), int(starts[colour + 1])
 
-            def run(step: int, offset: float) -> None:
-                given = position, position, before, corners, values, multipliers, name not in seen, self.record
-                seen.add(name)
+            def run(moment: Moment) -> None:
+                given = position, position, before, corners, values, multipliers, moment.fresh, self.record
                 kernel(bands, start, stop, *given)
 
             return run
 
-        def collide(step: int, offset: float) -> None:
-            stage.collide(bands, number(step), before, position, velocity, self.record, self.bodies, self.kinds)
+        def collide(moment: Moment) -> None:
+            stage.collide(bands, moment.number, before, position, velocity, self.record, self.bodies, self.kinds)
 
-        found: dict[str, Callable[[int, float], None]] = {
+        found: dict[str, StageRun] = {
             "predict": predict,
-            "update velocity": lambda step, offset: stage.update(bands, before, position, velocity, self.record),
+            "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.record),
             "collide": collide,
         }
         for place, one in enumerate(self._sets):
             for colour in range(one.colours):
-                name = stage_name(one.kind, one.model, colour)
-                found[name] = project(place, colour, name)
+                found[stage_name(one.kind, one.model, colour)] = project(place, colour)
         return found
 
     # ------------------------------------------------------------------ the contract

@@ -6,7 +6,6 @@ Constraints are counted as in model/xpbd/plan.py: the one with the index (i, j) 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +15,7 @@ from numba import prange
 from cpu_backend.core.compile import Compiler
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.xpbd.tables import constants_of
+from model.core.plan import Moment, StageRun
 from model.formulas import distance
 from model.xpbd.parameters import (
     X_BOTH,
@@ -218,15 +218,15 @@ def bind_projections(
     before: np.ndarray,
     multipliers: np.ndarray,
     weights: np.ndarray,
-) -> dict[str, Callable[[int, float], None]]:
+) -> dict[str, StageRun]:
     """What runs the stages of an iteration of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
     parts = sim.plan.parts
 
-    def project(family: Any, colour: int) -> Callable[[int, float], None]:
+    def project(family: Any, colour: int) -> StageRun:
         run, at = make.kinds[family.kind].project, constants_of(family, colour, parts)
         mine = multipliers[FAMILIES.index(family)]
 
-        def stage(step: int, offset: float) -> None:
+        def stage(moment: Moment) -> None:
             run(position, before, mine, weights, sim.record, at, family.rows, family.columns, colour)
 
         return stage
@@ -239,7 +239,7 @@ def bind_projections(
         room = np.zeros((len(FAMILIES), axes, height + 2 * ROOM, width + 2 * ROOM), sim.real)
         displacements = tuple(room)
 
-        def project_all(step: int, offset: float) -> None:
+        def project_all(moment: Moment) -> None:
             for family in families(parts):
                 k, at = FAMILIES.index(family), [constants_of(family, colour, parts) for colour in (0, 1)]
                 make.kinds[family.kind].displace(
@@ -251,5 +251,5 @@ def bind_projections(
         stages = {"project all": project_all}
     if "attachments" in parts:
         anchor, reach = sim.attachments
-        stages["attachments"] = lambda step, offset: make.attach(position, weights, anchor, reach)
+        stages["attachments"] = lambda moment: make.attach(position, weights, anchor, reach)
     return stages

@@ -6,7 +6,6 @@ memory of its own, and every mass has its weight there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +18,7 @@ from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
 from cpu_backend.mass_spring.cloth.stages import make_collide_stage
 from cpu_backend.xpbd.stage_projections import bind_projections, make_projections
+from model.core.plan import Moment, StageRun
 from model.formulas import distance, random
 from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
 from model.scene.cloth import COLLIDER_KINDS
@@ -117,51 +117,46 @@ def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str])
     return stages
 
 
-def bind_position_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_position_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
-    axes, parts, substeps = sim.scene.dimensions, sim.plan.parts, sim.scene.method.substeps
+    axes, parts = sim.scene.dimensions, sim.plan.parts
     make = make_position_stages(sim.real, sim.options.math, axes, parts)
     tables, shape = sim.tables, (axes, sim.body.rows, sim.body.columns)
     weights = tables.weights[tables.weight_row]
     position, velocity = sim.current[:axes], sim.current[axes:]
     before, acceleration, force = (np.zeros(shape, sim.real) for _ in range(3))
     multipliers = np.zeros((len(FAMILIES), *shape[1:]), sim.real)
-    count = {"next": 0, "now": 0}  # of the substeps of a step
 
-    def number(step: int, which: str) -> int:
-        return step * substeps + count[which]
-
-    def wind(step: int, offset: float) -> None:
+    def wind(moment: Moment) -> None:
         into = force if "load" in parts else acceleration
         force[...] = 0
-        make.wind(tuple(sim.current), sim.record, sim.integers, number(step, "next"), sim.real(0), tuple(into))
+        make.wind(tuple(sim.current), sim.record, sim.integers, moment.number, sim.real(0), tuple(into))
         if "load" in parts:
             make.add_weighed(acceleration, weights, force)
 
-    def predict(step: int, offset: float) -> None:
+    def predict(moment: Moment) -> None:
         make.predict(position, velocity, before, acceleration, weights, sim.record)
         acceleration[...] = 0
         multipliers[...] = 0
-        count.update(now=count["next"], next=(count["next"] + 1) % substeps)
 
-    def collide(step: int, offset: float) -> None:
-        make.collide(sim.bodies, sim.kinds, number(step, "now"), sim.record, tuple(before), tuple(sim.current))
+    def collide(moment: Moment) -> None:
+        make.collide(sim.bodies, sim.kinds, moment.number, sim.record, tuple(before), tuple(sim.current))
         for axis in range(axes):
             position[axis][weights == 0] = before[axis][weights == 0]
             velocity[axis][weights == 0] = 0
 
     return {
-        "gravity": lambda step, offset: make.gravity(acceleration, sim.record),
+        "gravity": lambda moment: make.gravity(acceleration, sim.record),
         "wind": wind,
-        "external force": lambda step, offset: make.external(
-            acceleration, weights, sim.record, sim.integers, step
+        "external force": lambda moment: make.external(
+            acceleration, weights, sim.record, sim.integers, moment.step
         ),
-        "poke": lambda step, offset: make.poke(acceleration, weights, sim.record, sim.integers),
+        "poke": lambda moment: make.poke(acceleration, weights, sim.record, sim.integers),
         "predict": predict,
-        "find contacts": lambda step, offset: sim.contacts.find(before, position),
-        "project contacts": lambda step, offset: sim.contacts.project(position),
+        "find contacts": lambda moment: sim.contacts.find(before, position),
+        "project contacts": lambda moment: sim.contacts.project(position),
         **bind_projections(sim, make.projections, position, before, multipliers, weights),
-        "update velocity": lambda step, offset: make.update_velocity(
+        "update velocity": lambda moment: make.update_velocity(
             position, velocity, before, weights, sim.record
         ),
         "collide": collide,

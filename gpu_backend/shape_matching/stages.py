@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,30 +9,28 @@ import numpy as np
 from gpu_backend.core.quads import SIZE
 from gpu_backend.shape_matching.kernels import AXES
 from gpu_backend.xpbd.stages import make_xpbd_stages
+from model.core.plan import Moment, StageRun
 
 
-def bind_bodies_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each stage of the plan of `sim`, a gpu_backend.shape_matching.solver.Bodies. The state keeps its buffer; a
     substep's first one is copied aside."""
-    substeps, flat, shape = sim.scene.method.substeps, sim._flat, (np.int32(1), np.int32(sim.particle_count))
+    flat, shape = sim._flat, (np.int32(1), np.int32(sim.particle_count))
     position, velocity, before, old = sim.position[0], sim.velocity[0], sim.position[1], sim.velocity[1]
     a = sim._zeros(SIZE * sim.particle_count)
     stage = make_xpbd_stages(sim.real, sim.options.math, sim._parts, AXES)
-    now = {"step": -1, "substep": 0, "links": 0}  # links: colours projected so far in the substep
 
-    def predict(step: int, offset: float) -> None:
-        again = now["step"] == step and now["substep"] < substeps - 1
-        now.update(step=step, substep=now["substep"] + 1 if again else 0, links=0)
+    def predict(moment: Moment) -> None:
         before.copy_to_device(position, stream=sim.stream)
         stage.predict[flat](before, velocity, a, position, sim.record, *shape)
 
-    def find(step: int, offset: float) -> None:
+    def find(moment: Moment) -> None:
         sim.contacts.find(position)
 
-    def project(step: int, offset: float) -> None:
+    def project(moment: Moment) -> None:
         sim.contacts.project(before, position)
 
-    def update(step: int, offset: float) -> None:
+    def update(moment: Moment) -> None:
         if sim.contacts:
             if sim.contacts.bounces:
                 old.copy_to_device(velocity, stream=sim.stream)
@@ -41,41 +38,37 @@ def bind_bodies_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         else:
             stage.update_velocity[flat](before, position, velocity, sim.record)
 
-    def collide(step: int, offset: float) -> None:
-        number = np.int64(step * substeps + now["substep"])
+    def collide(moment: Moment) -> None:
+        number = np.int64(moment.number)
         if sim._rebounds and sim._rebounds.turns:
             sim._rebounds.struck.copy_to_device(velocity, stream=sim.stream)
         stage.collide[flat](before, position, velocity, sim.record, sim.bodies, sim.integers, number)
 
-    def move(step: int, offset: float) -> None:
+    def move(moment: Moment) -> None:
         sim._move(position)
         sim._lattices.move(position)
 
-    def damp(step: int, offset: float) -> None:
+    def damp(moment: Moment) -> None:
         sim._material.gather(position, velocity, sim._entries, sim._leans)
         sim._material.ends.slow[flat](position, velocity, *sim._material.slowing(sim._gathered))
 
-    def rebound(step: int, offset: float) -> None:
+    def rebound(moment: Moment) -> None:
         sim._rebounds.differ(velocity)
         sim._rebound(position, velocity)
 
-    def link(number: int) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
-            sim._link(position, number, now["links"] < colours)
-            now["links"] += 1
-
-        return run
+    def link(number: int) -> StageRun:
+        return lambda moment: sim._link(position, number, moment.fresh)
 
     colours = sim.scene.body_set.links.colours
     return {f"project links {number}": link(number) for number in range(colours)} | {
-        "gravity": lambda step, offset: stage.gravity[flat](sim.record, a),
-        "poke": lambda step, offset: stage.poke[flat](position, sim.record, sim.integers, a),
+        "gravity": lambda moment: stage.gravity[flat](sim.record, a),
+        "poke": lambda moment: stage.poke[flat](position, sim.record, sim.integers, a),
         "predict": predict,
-        "match clusters": lambda step, offset: sim._match(position, sim.rotation),
+        "match clusters": lambda moment: sim._match(position, sim.rotation),
         "move to goals": move,
         "find neighbours": find,
         "project contacts": project,
-        "bounce": lambda step, offset: sim._bounce(position, old, velocity),
+        "bounce": lambda moment: sim._bounce(position, old, velocity),
         "update velocity": update,
         "damp clusters": damp,
         "collide": collide,

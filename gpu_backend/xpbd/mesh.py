@@ -25,7 +25,7 @@ from gpu_backend.xpbd.kernels import make_end
 from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
 from gpu_backend.xpbd.stages import make_xpbd_stages
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Executor
+from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
@@ -123,40 +123,30 @@ class MeshPositionBased(SubstepSimulation):
         method = self.scene.method
         return method.substeps * (2 + method.iterations * len(self._colours))
 
-    def _stages(self) -> dict[str, Callable[[int, float], None]]:
+    def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
-        substeps, flat = self.scene.method.substeps, self._flat
+        flat = self._flat
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
         stage = make_xpbd_stages(self.real, self.options.math, forces_of(self.plan.parts), AXES)
-        now = {"step": -1, "substep": 0}
-        seen: set[str] = set()  # stages that have run in this substep: their multipliers live on
 
-        def number(step: int) -> np.int64:
-            return np.int64(step * substeps + now["substep"])
-
-        def predict(step: int, offset: float) -> None:
-            again = now["step"] == step and now["substep"] < substeps - 1
-            now.update(step=step, substep=now["substep"] + 1 if again else 0)
-            seen.clear()
+        def predict(moment: Moment) -> None:
             before.copy_to_device(position, stream=self.stream)
-            self._set_counter(step)
-            time = self._counter, np.int64(0), np.int64(substeps), np.int64(now["substep"])
+            self._set_counter(moment.step)
+            time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
             self._begin[flat](before, velocity, position, *self._lists, self.record, self.integers, *time)
 
-        def colour(name: str, project: Callable[[Any, Any, bool], None]) -> Callable[[int, float], None]:
-            def run(step: int, offset: float) -> None:
-                project(before, position, name not in seen)
-                seen.add(name)
+        def colour(project: Callable[[Any, Any, bool], None]) -> StageRun:
+            return lambda moment: project(before, position, moment.fresh)
 
-            return run
-
-        def update(step: int, offset: float) -> None:
+        def update(moment: Moment) -> None:
             stage.update_velocity[flat](before, position, velocity, self.record)
 
-        def collide(step: int, offset: float) -> None:
-            stage.collide[flat](before, position, velocity, self.record, self.bodies, self.integers, number(step))
+        def collide(moment: Moment) -> None:
+            stage.collide[flat](
+                before, position, velocity, self.record, self.bodies, self.integers, np.int64(moment.number)
+            )
 
-        return {name: colour(name, project) for name, project in self._colours} | {
+        return {name: colour(project) for name, project in self._colours} | {
             "predict": predict,
             "update velocity": update,
             "collide": collide,

@@ -3,7 +3,6 @@ easy to read, to time and to test against the fused kernels. In all, `a` is the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +15,7 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.constraints import make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion
+from model.core.plan import Moment, StageRun
 from model.xpbd.plan import JACOBI, colour_order
 
 
@@ -98,75 +98,53 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
     return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in found})
 
 
-def bind_xpbd_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a gpu_backend.xpbd.solver.PositionBased. The state keeps its buffer; the substep's
     first positions are copied aside."""
-    axes, parts, method = sim.scene.dimensions, sim.plan.parts, sim.scene.method
+    axes, parts = sim.scene.dimensions, sim.plan.parts
     stage, flat = make_xpbd_stages(sim.real, sim.options.math, parts, axes), sim._flat
     position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     a, before = sim.new_array(), sim.new_array()
-    now = {"step": -1, "substep": 0, "iteration": 0}
-    projections = len(colour_order(parts)) if "gauss-seidel" in parts else 1
 
-    def number(step: int) -> np.int64:
-        if now["step"] != step:
-            now.update(step=step, substep=0)
-        return np.int64(step * method.substeps + now["substep"])
-
-    def predict(step: int, offset: float) -> None:
+    def predict(moment: Moment) -> None:
         before.copy_to_device(position, stream=sim.stream)
         stage.predict[flat](before, velocity, a, position, record, *sim.shape)
-        now["iteration"] = 0
 
-    def project(entry: int) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
-            sim.project_colour(entry, before, position, fresh=now["iteration"] == 0)
-            now["iteration"] += entry == projections - 1
+    def project(entry: int) -> StageRun:
+        return lambda moment: sim.project_colour(entry, before, position, moment.fresh)
 
-        return run
-
-    def project_all(step: int, offset: float) -> None:
-        sim.project_all(before, position, sim.scratch, fresh=now["iteration"] == 0)
+    def project_all(moment: Moment) -> None:
+        sim.project_all(before, position, sim.scratch, moment.fresh)
         position.copy_to_device(sim.scratch, stream=sim.stream)
-        now["iteration"] += 1
 
-    def move(step: int, offset: float) -> None:
+    def move(moment: Moment) -> None:
         sim.matching.move(position, sim.scratch, record)
         position.copy_to_device(sim.scratch, stream=sim.stream)
 
-    def wind(step: int, offset: float) -> None:
-        stage.wind[flat](position, velocity, record, integers, number(step), a, *sim.shape)
+    def wind(moment: Moment) -> None:
+        stage.wind[flat](position, velocity, record, integers, np.int64(moment.number), a, *sim.shape)
 
-    def end_substep() -> None:
-        now["substep"] += 1
-        if now["substep"] == method.substeps:  # the same step may be done again after a rewind
-            now["step"] = -1
-
-    def update_velocity(step: int, offset: float) -> None:
-        number(step)
+    def update_velocity(moment: Moment) -> None:
         stage.update_velocity[flat](before, position, velocity, record)
-        if not sim.plan.has("collide"):
-            end_substep()
 
-    def collide(step: int, offset: float) -> None:
-        stage.collide[flat](before, position, velocity, record, sim.bodies, integers, number(step))
-        end_substep()
+    def collide(moment: Moment) -> None:
+        stage.collide[flat](before, position, velocity, record, sim.bodies, integers, np.int64(moment.number))
 
     colours = {
         f"project {family.name} {colour}": project(entry) for entry, (family, colour) in enumerate(colour_order(parts))
     }
     return colours | {
-        "gravity": lambda step, offset: stage.gravity[flat](record, a),
+        "gravity": lambda moment: stage.gravity[flat](record, a),
         "wind": wind,
-        "external force": lambda step, offset: stage.external[flat](position, record, integers, np.int64(step), a),
-        "poke": lambda step, offset: stage.poke[flat](position, record, integers, a),
+        "external force": lambda moment: stage.external[flat](position, record, integers, np.int64(moment.step), a),
+        "poke": lambda moment: stage.poke[flat](position, record, integers, a),
         "predict": predict,
         "project all": project_all,
-        "match clusters": lambda step, offset: sim.matching.match(position),
+        "match clusters": lambda moment: sim.matching.match(position),
         "move to goals": move,
-        "find contacts": lambda step, offset: sim.contacts.find(before, position),
-        "project contacts": lambda step, offset: sim.contacts.project(before, position),
-        "attachments": lambda step, offset: sim.attach(before, position),
+        "find contacts": lambda moment: sim.contacts.find(before, position),
+        "project contacts": lambda moment: sim.contacts.project(before, position),
+        "attachments": lambda moment: sim.attach(before, position),
         "update velocity": update_velocity,
         "collide": collide,
     }

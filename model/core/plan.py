@@ -7,7 +7,8 @@ the replacement of the whole tree and tested against it. `softlab plan SCENE` pr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from model.core.errors import SceneError
 from model.formulas import integrators as integrator_formulas
@@ -34,6 +35,31 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Moment:
+    """When a stage runs: in step number `step`, in which `substep` of `substeps`, in which `iteration` of that; `argument`:
+    the stage's own."""
+
+    step: int = 0
+    substep: int = 0
+    iteration: int = 0
+    substeps: int = 1
+    argument: float = 0.0
+
+    @property
+    def number(self) -> int:
+        """Of the substep, counted from time 0."""
+        return self.step * self.substeps + self.substep
+
+    @property
+    def fresh(self) -> bool:
+        """Whether this is a substep's first iteration, where multipliers are 0."""
+        return self.iteration == 0
+
+
+StageRun = Callable[[Moment], None]
+
+
+@dataclass(frozen=True)
 class Node:
     """A branch of the plan: its children run `times` times (substeps, iterations, colours are such nodes)."""
 
@@ -49,6 +75,19 @@ class Node:
                     yield child
                 else:
                     yield from child.stages()
+
+    def leaves(self, at: Moment) -> Iterator[tuple[Stage, Moment]]:
+        """The same, and when each runs."""
+        for turn in range(self.times):
+            if self.name == "substep":
+                at = replace(at, substep=turn, substeps=self.times)
+            elif self.name == "iteration":
+                at = replace(at, iteration=turn)
+            for child in self.children:
+                if isinstance(child, Stage):
+                    yield child, replace(at, argument=child.argument)
+                else:
+                    yield from child.leaves(at)
 
 
 @dataclass(frozen=True)
@@ -68,6 +107,15 @@ class Plan:
     def bytes(self, item: int) -> int:
         """Bytes per particle and step that one fused pass moves, `item` bytes a scalar: 32 for float32, one force."""
         return self.dimensions * item * self.fused_scalars
+
+    @cached_property
+    def _leaves(self) -> tuple[tuple[Stage, Moment], ...]:
+        return tuple(self.root.leaves(Moment()))
+
+    def moments(self, step: int) -> Iterator[tuple[Stage, Moment]]:
+        """The stages of step number `step` in the order in which they run, and when each does."""
+        for stage, at in self._leaves:
+            yield stage, replace(at, step=step)
 
     def has(self, name: str) -> bool:
         return any(stage.name == name for stage in self.root.stages())
@@ -157,11 +205,11 @@ def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 class Executor:
     """Runs a plan on a backend: `fused(step, steps)`, the replacement of the whole tree, or else stage by stage.
 
-    `stages` maps a stage's name to what runs it: `stages[name](step, offset)`, `offset` the stage time in steps.
+    `stages` maps a stage's name to what runs it.
     """
 
     plan: Plan
-    stages: Mapping[str, Callable[[int, float], None]]
+    stages: Mapping[str, StageRun]
     fused: Callable[[int, int], None] | None = None
 
     def run(self, step: int, steps: int) -> None:
@@ -170,5 +218,5 @@ class Executor:
             self.fused(step, steps)
             return
         for now in range(step, step + steps):
-            for stage in self.plan.root.stages():
-                self.stages[stage.name](now, stage.argument)
+            for stage, moment in self.plan.moments(now):
+                self.stages[stage.name](moment)

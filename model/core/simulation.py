@@ -7,7 +7,7 @@ step. A backend adds the methods of model/core/backend.py. The state stays on th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isqrt
 from typing import Any
@@ -23,7 +23,7 @@ from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.families import family_of, stability_limit
 from model.core.options import LIVE_PATHS, PRECISIONS, Options
-from model.core.plan import Executor, Plan
+from model.core.plan import Executor, Plan, StageRun
 from model.core.state import State, checked_arrays
 from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
@@ -69,7 +69,7 @@ class Simulation(Backend):
         self.kept = 0
 
     @property
-    def stages(self) -> Mapping[str, Callable[[int, float], None]]:
+    def stages(self) -> Mapping[str, StageRun]:
         """What runs each stage of the plan by itself, by name; of the kernel `stages` only."""
         return self._executor.stages
 

@@ -13,7 +13,7 @@ import pytest
 from app.driver import open_simulation
 from app.plan.report import PlanReport, flatten, plan_report
 from model.core.errors import BackendUnavailable, SceneError
-from model.core.plan import Node, Stage, mass_spring_plan
+from model.core.plan import Node, Plan, Stage, mass_spring_plan
 from model.scene.scene import load_scene
 
 SIZES = [(8, 8), (32, 32), (100, 100), (1000, 1000), (2048, 2048), (5, 100000)]
@@ -168,3 +168,17 @@ def test_an_infinite_limit_is_null() -> None:
     report = plan_report(scene, backends=())
     report = PlanReport(scene, "float32", float("inf"), report.plan, report.rows, (), {})
     assert json.loads(json.dumps(report.as_dict(), allow_nan=False))["limit"] is None
+
+
+def test_a_stage_is_told_its_step_substep_and_iteration() -> None:
+    """Two substeps of three iterations: each stage as often as it runs, in the order of `stages`; 2 of 5 steps of 2 substeps
+    come before."""
+    iteration = Node("iteration", (Stage("project", 1, 1, 1),), 3)
+    substep = Node("substep", (Stage("predict", 1, 1, 1, 0.5), iteration, Stage("update velocity", 1, 1, 1)), 2)
+    plan = Plan(Node("step", (substep,)), 4)
+    told = [(stage.name, at.step, at.substep, at.iteration, at.number) for stage, at in plan.moments(2)]
+    once = [("predict", 0), *(("project", k) for k in range(3)), ("update velocity", 0)]
+    assert told == [(name, 2, n, k, 4 + n) for n in range(2) for name, k in once]
+    assert [name for name, *_ in told] == [stage.name for stage in plan.root.stages()]
+    assert [at.argument for _, at in plan.moments(0)][:2] == [0.5, 0.0]
+    assert [at.fresh for stage, at in plan.moments(0) if stage.name == "project"] == [True, False, False] * 2

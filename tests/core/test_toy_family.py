@@ -18,7 +18,7 @@ from app.plan.report import plan_report
 from model.core import families
 from model.core.errors import Diverged, SceneError
 from model.core.family import SolverFamily
-from model.core.plan import Executor, Node, Plan, Stage
+from model.core.plan import Executor, Moment, Node, Plan, Stage
 from model.core.simulation import Options, Simulation
 from model.scene.scene import Scene, load_scene
 
@@ -38,10 +38,10 @@ class Falling(Simulation):
         self._executor = Executor(self.plan, {"kick": self._kick, "drift": self._drift})
         self.reset()
 
-    def _kick(self, step: int, offset: float) -> None:
+    def _kick(self, moment: Moment) -> None:
         self._velocity[:, 1] += self._record[DOWN] * self._record[STEP_SIZE]
 
-    def _drift(self, step: int, offset: float) -> None:
+    def _drift(self, moment: Moment) -> None:
         self._position += self._velocity * self._record[STEP_SIZE]
 
     def _run(self, steps: int) -> None:

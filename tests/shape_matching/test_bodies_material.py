@@ -35,6 +35,7 @@ from model.assets.material import Material, even
 from model.assets.skin import make_skin
 from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from model.core.errors import InputError, SceneError
+from model.core.plan import Moment
 from model.formulas import deformation, pace
 from model.geometry.normals import mesh_normals
 from model.geometry.shapes import Shape
@@ -201,7 +202,7 @@ def held(clusters: Clusters, corners: np.ndarray, times: int) -> np.ndarray:
     scene = by_hand(clusters, method=method(1, 1, H))
     with opened(scene, kernel="stages", initial=start(scene, placed(corners))) as simulation:
         for _ in range(times):
-            simulation.stages["match clusters"](0, 0.0)
+            simulation.stages["match clusters"](Moment())
         found: np.ndarray = simulation.read("plastic")[0]
     return found
 
@@ -257,7 +258,7 @@ def test_a_strain_ends_at_its_limit() -> None:
 
 def slowed(scene: Any, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     with opened(scene, kernel="stages", initial=start(scene, position, velocity)) as simulation:
-        simulation.stages["damp clusters"](0, 0.0)
+        simulation.stages["damp clusters"](Moment())
         found: np.ndarray = simulation.read("velocity")
     return found
 

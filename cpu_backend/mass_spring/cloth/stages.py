@@ -7,7 +7,6 @@ its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +20,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage
+from model.core.plan import Moment, StageRun
 from model.formulas import cloth, integrators, motion, random, springs
 from model.mass_spring.cloth_parameters import (
     C_DAMPING,
@@ -176,7 +176,7 @@ def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     return stages
 
 
-def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     make = make_cloth_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
@@ -189,15 +189,17 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
     pin_rows, pin_columns = np.divmod(sim.body.pinned, sim.body.columns)
     whole_step = 1 if integrator == "velocity-verlet" else 0  # a step's end is the next one's start, to the last bit
 
-    def no_forces(step: int, offset: float) -> None:
+    def no_forces(moment: Moment) -> None:
         for axis in range(3):
             acceleration[axis][...] = 0
 
-    def wind(step: int, offset: float) -> None:
-        now = step + int(offset) if whole_step else step
-        make.wind(at["state"], sim.record, sim.integers, now, sim.real(0 if whole_step else offset), acceleration)
+    def wind(moment: Moment) -> None:
+        now = moment.step + int(moment.argument) if whole_step else moment.step
+        make.wind(
+            at["state"], sim.record, sim.integers, now, sim.real(0 if whole_step else moment.argument), acceleration
+        )
 
-    def poke(step: int, offset: float) -> None:
+    def poke(moment: Moment) -> None:
         if sim.integers[1] > 0:
             i, j = divmod(int(sim.integers[1]) - 1, sim.body.columns)
             for axis, k in enumerate((C_POKE_X, C_POKE_Y, C_POKE_Z)):
@@ -207,24 +209,24 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         for kept, now in zip(before, state, strict=False):
             kept[...] = now
 
-    def each_axis(stage: Any) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
+    def each_axis(stage: Any) -> StageRun:
+        def run(moment: Moment) -> None:
             keep_positions()
             for axis in range(3):
                 stage(state[axis], state[3 + axis], acceleration[axis], sim.record)
 
         return run
 
-    def damping(step: int, offset: float) -> None:
+    def damping(moment: Moment) -> None:
         for axis in range(3):
             make.damping(at["state"][3 + axis], sim.record, acceleration[axis])
 
-    def second_kick(step: int, offset: float) -> None:
+    def second_kick(moment: Moment) -> None:
         for axis in range(3):
             make.second_kick(state[3 + axis], acceleration[axis], sim.record)
 
-    def accumulate(stage: int) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
+    def accumulate(stage: int) -> StageRun:
+        def run(moment: Moment) -> None:
             here, out = at["state"], state if stage == 4 else stage_state
             rates = tuple(here[3:]) + acceleration
             if stage == 4:
@@ -235,23 +237,25 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
 
         return run
 
-    def collide(step: int, offset: float) -> None:
-        make.collide(sim.bodies, sim.kinds, step, sim.record, before, at["state"])
+    def collide(moment: Moment) -> None:
+        make.collide(sim.bodies, sim.kinds, moment.step, sim.record, before, at["state"])
 
-    def pins(step: int, offset: float) -> None:
+    def pins(moment: Moment) -> None:
         for axis in range(3):
             at["state"][axis][pin_rows, pin_columns] = sim.pinned_position[axis]
             at["state"][3 + axis][pin_rows, pin_columns] = 0
         if "motion" in sim.plan.parts:
             first = np.int64(sim.integers[PIN_ROWS])
-            make.pins(sim.bodies, first, pin_rows, pin_columns, step, offset < 1, sim.record, at["state"])
+            make.pins(
+                sim.bodies, first, pin_rows, pin_columns, moment.step, moment.argument < 1, sim.record, at["state"]
+            )
 
     return {
-        "spring forces": lambda step, offset: make.spring_forces(at["state"], sim.record, acceleration),
+        "spring forces": lambda moment: make.spring_forces(at["state"], sim.record, acceleration),
         "no forces": no_forces,
-        "gravity": lambda step, offset: make.gravity(acceleration[1], sim.record),
+        "gravity": lambda moment: make.gravity(acceleration[1], sim.record),
         "wind": wind,
-        "external force": lambda step, offset: make.external(*acceleration, sim.record, sim.integers, step),
+        "external force": lambda moment: make.external(*acceleration, sim.record, sim.integers, moment.step),
         "poke": poke,
         "damping": damping,
         f"integrate ({integrator})": each_axis(make.integrate),

@@ -6,7 +6,6 @@ stage reads and writes memory of its own, which is what makes it slow, and easy 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -37,6 +36,7 @@ from model.core.parameters import (
     K_STIFFNESS_REST,
     K_THIRD_DT,
 )  # fmt: skip
+from model.core.plan import Moment, StageRun
 from model.formulas import integrators, manufactured, random, springs
 
 
@@ -187,7 +187,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     )  # fmt: skip
 
 
-def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a cpu_backend.mass_spring.grid.solver.MassSpring."""
     alternating = "alternating" in sim.plan.parts
     make = make_stages(sim.real, sim.options.math, sim.scene.method.integrator, alternating)
@@ -201,38 +201,38 @@ def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
     def here() -> np.ndarray:
         return stages["at"]
 
-    def spring_forces(step: int, offset: float) -> None:
+    def spring_forces(moment: Moment) -> None:
         make.spring_forces(here()[0], here()[1], sim.record, acceleration[0], acceleration[1])
 
-    def no_forces(step: int, offset: float) -> None:
+    def no_forces(moment: Moment) -> None:
         acceleration[:] = 0
 
-    def poke(step: int, offset: float) -> None:
+    def poke(moment: Moment) -> None:
         if sim.integers[1] > 0:
             i, j = divmod(int(sim.integers[1]) - 1, shape[2])
             acceleration[0, i, j] += sim.record[K_POKE_X]
             acceleration[1, i, j] += sim.record[K_POKE_Y]
 
-    def damping(step: int, offset: float) -> None:
+    def damping(moment: Moment) -> None:
         make.damping(here()[2], here()[3], sim.record, acceleration[0], acceleration[1])
 
-    def manufactured_force(step: int, offset: float) -> None:
-        make.manufactured(acceleration[0], acceleration[1], sim.record, step, sim.real(offset))
+    def manufactured_force(moment: Moment) -> None:
+        make.manufactured(acceleration[0], acceleration[1], sim.record, moment.step, sim.real(moment.argument))
 
-    def integrate(step: int, offset: float) -> None:
+    def integrate(moment: Moment) -> None:
         for axis in range(2):
             make.integrate(state[axis], state[2 + axis], acceleration[axis], sim.record)
 
-    def first_kick(step: int, offset: float) -> None:
+    def first_kick(moment: Moment) -> None:
         for axis in range(2):
             make.first_kick(state[axis], state[2 + axis], acceleration[axis], sim.record)
 
-    def second_kick(step: int, offset: float) -> None:
+    def second_kick(moment: Moment) -> None:
         for axis in range(2):
             make.second_kick(state[2 + axis], acceleration[axis], sim.record)
 
-    def accumulate(stage: int) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
+    def accumulate(stage: int) -> StageRun:
+        def run(moment: Moment) -> None:
             out = state if stage == 4 else stage_state
             make.accumulate(stage, state, here(), acceleration, total, sim.record, out)
             stages["at"] = out
@@ -241,16 +241,16 @@ def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
 
     pin_rows, pin_columns = np.divmod(sim.body.pinned, shape[2])
 
-    def pins(step: int, offset: float) -> None:
+    def pins(moment: Moment) -> None:
         here()[:2, pin_rows, pin_columns] = sim.pinned_position
         here()[2:, pin_rows, pin_columns] = 0
 
     return {
         "spring forces": spring_forces,
         "no forces": no_forces,
-        "gravity": lambda step, offset: make.gravity(acceleration[1], sim.record),
-        "external force": lambda step, offset: make.external(
-            acceleration[0], acceleration[1], sim.record, sim.integers, step
+        "gravity": lambda moment: make.gravity(acceleration[1], sim.record),
+        "external force": lambda moment: make.external(
+            acceleration[0], acceleration[1], sim.record, sim.integers, moment.step
         ),
         "manufactured force": manufactured_force,
         "poke": poke,

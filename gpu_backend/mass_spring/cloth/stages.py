@@ -21,6 +21,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from model.core.plan import Moment, StageRun
 from model.formulas import integrators
 from model.mass_spring.cloth_parameters import (
     C_DAMPING,
@@ -212,7 +213,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     )  # fmt: skip
 
 
-def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
@@ -224,10 +225,11 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
     stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
     verlet = integrator == "velocity-verlet"
 
-    def spring_forces(step: int, offset: float) -> None:
+    def spring_forces(moment: Moment) -> None:
         force.spring_forces[flat](at["position"], at["velocity"], record, a, *sim.shape)
 
-    def wind(step: int, offset: float) -> None:
+    def wind(moment: Moment) -> None:
+        step, offset = moment.step, moment.argument
         if verlet:  # the end of a step is the start of the next, to the bit
             step, offset = step + int(offset), 0.0
         force.wind[flat](
@@ -239,16 +241,16 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         if sim.plan.has("collide"):
             before.copy_to_device(position, stream=sim.stream)
 
-    def integrate(step: int, offset: float) -> None:
+    def integrate(moment: Moment) -> None:
         keep_before()
         motion.integrate[flat](position, velocity, a, record)
 
-    def first_kick(step: int, offset: float) -> None:
+    def first_kick(moment: Moment) -> None:
         keep_before()
         motion.first_kick[flat](position, velocity, a, record)
 
-    def accumulate(stage: int) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
+    def accumulate(stage: int) -> StageRun:
+        def run(moment: Moment) -> None:
             if stage == 1:
                 keep_before()
             turn = 2 * (stage % 2)
@@ -260,27 +262,27 @@ def bind_cloth_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
 
         return run
 
-    def pins(step: int, offset: float) -> None:
+    def pins(moment: Moment) -> None:
         motion.pins[flat](sim.kept_position, at["position"], at["velocity"])
         if "motion" in sim.plan.parts:
             motion.moving_pins[flat](
-                at["position"], at["velocity"], record, sim.bodies, np.int64(step), np.int32(offset < 1)
+                at["position"], at["velocity"], record, sim.bodies, np.int64(moment.step), np.int32(moment.argument < 1)
             )
 
     return {
         "spring forces": spring_forces,
-        "no forces": lambda step, offset: force.no_forces[flat](a),
-        "gravity": lambda step, offset: force.gravity[flat](record, a),
+        "no forces": lambda moment: force.no_forces[flat](a),
+        "gravity": lambda moment: force.gravity[flat](record, a),
         "wind": wind,
-        "external force": lambda step, offset: force.external[flat](record, integers, np.int64(step), a),
-        "poke": lambda step, offset: force.poke[flat](record, integers, a),
-        "damping": lambda step, offset: force.damping[flat](at["velocity"], record, a),
+        "external force": lambda moment: force.external[flat](record, integers, np.int64(moment.step), a),
+        "poke": lambda moment: force.poke[flat](record, integers, a),
+        "damping": lambda moment: force.damping[flat](at["velocity"], record, a),
         f"integrate ({integrator})": integrate,
         "first half kick and drift": first_kick,
-        "second half kick": lambda step, offset: motion.second_kick[flat](velocity, a, record),
+        "second half kick": lambda moment: motion.second_kick[flat](velocity, a, record),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
-        "collide": lambda step, offset: motion.collide[flat](
-            before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(step)
+        "collide": lambda moment: motion.collide[flat](
+            before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(moment.step)
         ),
         "pins": pins,
     }

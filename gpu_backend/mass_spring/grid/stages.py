@@ -25,6 +25,7 @@ from model.core.parameters import (
     K_SIXTH_DT,
     K_THIRD_DT,
 )  # fmt: skip
+from model.core.plan import Moment, StageRun
 
 STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})
 
@@ -144,7 +145,7 @@ def make_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     )  # fmt: skip
 
 
-def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
+def bind_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a gpu_backend.mass_spring.grid.solver.MassSpring."""
     integrator = sim.scene.method.integrator
     make = make_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
@@ -156,11 +157,11 @@ def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
     stage_state = [sim.new_array(), sim.new_array(), sim.new_array(), sim.new_array()] if integrator == "rk4" else []
     shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))
 
-    def driven(step: int, offset: float) -> None:
-        make.driven[flat](sim.record, sim.integers, np.int64(step), offset, a, *shape)
+    def driven(moment: Moment) -> None:
+        make.driven[flat](sim.record, sim.integers, np.int64(moment.step), moment.argument, a, *shape)
 
-    def accumulate(stage: int) -> Callable[[int, float], None]:
-        def run(step: int, offset: float) -> None:
+    def accumulate(stage: int) -> StageRun:
+        def run(moment: Moment) -> None:
             turn = 2 * (stage % 2)
             out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
             rate_p = at["velocity"]
@@ -171,16 +172,16 @@ def bind_stages(sim: Any) -> dict[str, Callable[[int, float], None]]:
         return run
 
     return {
-        "spring forces": lambda step, offset: make.spring_forces[flat](at["position"], sim.record, a, *shape),
-        "no forces": lambda step, offset: make.no_forces[flat](a),
-        "gravity": lambda step, offset: make.gravity[flat](sim.record, a),
-        "external force": lambda step, offset: make.external[flat](sim.record, sim.integers, np.int64(step), a),
+        "spring forces": lambda moment: make.spring_forces[flat](at["position"], sim.record, a, *shape),
+        "no forces": lambda moment: make.no_forces[flat](a),
+        "gravity": lambda moment: make.gravity[flat](sim.record, a),
+        "external force": lambda moment: make.external[flat](sim.record, sim.integers, np.int64(moment.step), a),
         "manufactured force": driven,
-        "poke": driven if not sim.plan.has("manufactured force") else lambda step, offset: None,
-        "damping": lambda step, offset: make.damping[flat](at["velocity"], sim.record, a),
-        f"integrate ({integrator})": lambda step, offset: make.integrate[flat](position, velocity, a, sim.record),
-        "first half kick and drift": lambda step, offset: make.first_kick[flat](position, velocity, a, sim.record),
-        "second half kick": lambda step, offset: make.second_kick[flat](velocity, a, sim.record),
+        "poke": driven if not sim.plan.has("manufactured force") else lambda moment: None,
+        "damping": lambda moment: make.damping[flat](at["velocity"], sim.record, a),
+        f"integrate ({integrator})": lambda moment: make.integrate[flat](position, velocity, a, sim.record),
+        "first half kick and drift": lambda moment: make.first_kick[flat](position, velocity, a, sim.record),
+        "second half kick": lambda moment: make.second_kick[flat](velocity, a, sim.record),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
-        "pins": lambda step, offset: make.pins[flat](sim.pinned, sim.kept_position, at["position"], at["velocity"]),
+        "pins": lambda moment: make.pins[flat](sim.pinned, sim.kept_position, at["position"], at["velocity"]),
     }
