@@ -15,10 +15,11 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.point import make_accelerations, make_motion
+from gpu_backend.xpbd.point import make_motion
 from model.formulas import cluster, rotation
 from model.formulas.cluster import LANES, MOMENTS
 
@@ -133,16 +134,17 @@ def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     """The two ends of a substep. `begin(position, velocity, predicted, record, integers)`; `finish(before, position,
     velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps, substep)`:
     the last iteration's way to the goals, velocities, colliders."""
-    forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_poke, predict, settle = forces.add_gravity, forces.add_poke, motion.predict, motion.settle
+    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
+    add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
     move_mass, clock, zero = make_move(real, math), make_clock(math, parts), real(0)
+    no_step = np.int64(0)  # nothing of bodies depends on it
 
     def begin(position, velocity, predicted, record, integers):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
             ax, ay, az = add_gravity(zero, zero, zero, record)
-            ax, ay, az = add_poke(ax, ay, az, k, p[3], record, integers)
+            ax, ay, az = add_own(ax, ay, az, k, p[3], record, integers, no_step)
             x, y, z = predict(p, v, ax, ay, az, record)
             store_quad(predicted, k, x, y, z, p[3])
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.quads import SIZE
 from gpu_backend.shape_matching.kernels import AXES
 from gpu_backend.xpbd.stages import make_xpbd_stages
@@ -60,17 +61,19 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
         return lambda moment: sim._link(position, number, moment.fresh)
 
     colours = sim.scene.body_set.links.colours
-    return {f"project links {number}": link(number) for number in range(colours)} | {
-        "gravity": lambda moment: stage.gravity[flat](sim.record, a),
-        "poke": lambda moment: stage.poke[flat](position, sim.record, sim.integers, a),
-        "predict": predict,
-        "match clusters": lambda moment: sim._match(position, sim.rotation),
-        "move to goals": move,
-        "find neighbours": find,
-        "project contacts": project,
-        "bounce": lambda moment: sim._bounce(position, old, velocity),
-        "update velocity": update,
-        "damp clusters": damp,
-        "collide": collide,
-        "rebound": rebound,
-    }
+    return (
+        {f"project links {number}": link(number) for number in range(colours)}
+        | bind_forces(sim, sim._parts, position, a)
+        | {
+            "predict": predict,
+            "match clusters": lambda moment: sim._match(position, sim.rotation),
+            "move to goals": move,
+            "find neighbours": find,
+            "project contacts": project,
+            "bounce": lambda moment: sim._bounce(position, old, velocity),
+            "update velocity": update,
+            "damp clusters": damp,
+            "collide": collide,
+            "rebound": rebound,
+        }
+    )

@@ -13,12 +13,13 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.kernels import make_clock
-from gpu_backend.xpbd.point import make_accelerations, make_motion
-from model.formulas import cloth, distance, wind
+from gpu_backend.xpbd.point import make_motion
+from model.formulas import cloth, wind
 from model.mass_spring.cloth_parameters import C_DRAG, C_LIFT
 from model.scene.cloth import CONSTRAINT_KINDS
 
@@ -66,9 +67,9 @@ def make_vertex_wind(real: Any, math: str) -> Any:
 def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
     """begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps,
     substep): from the state at the substep's beginning to the positions that constraints start from."""
-    forces, predict = make_accelerations(real, math, parts), make_motion(real, math, parts, AXES).predict
-    add_gravity, add_external, add_poke = forces.add_gravity, forces.add_external, forces.add_poke
-    added, wind_of = device_formulas(distance.make, real, math).added, make_vertex_wind(real, math)
+    forces, predict = make_forces(real, math, parts), make_motion(real, math, parts, AXES).predict
+    add_gravity, add_force, add_own = forces.add_gravity, forces.add_force, forces.add_own
+    wind_of = make_vertex_wind(real, math)
     clock, block_air = make_clock(math, parts), make_block_air(real, math, parts)
     has_wind, zero = "wind" in parts, real(0)
 
@@ -83,9 +84,8 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
             ax, ay, az = add_gravity(zero, zero, zero, record)
             if has_wind:
                 fx, fy, fz = wind_of(position, velocity, k, offsets, at_vertex, corners, record, air)
-                ax, ay, az = added(ax, p[3], fx), added(ay, p[3], fy), added(az, p[3], fz)
-            ax, ay, az = add_external(ax, ay, az, k, p[3], record, integers, step)
-            ax, ay, az = add_poke(ax, ay, az, k, p[3], record, integers)
+                ax, ay, az = add_force(ax, ay, az, fx, fy, fz, p[3])
+            ax, ay, az = add_own(ax, ay, az, k, p[3], record, integers, step)
             x, y, z = predict(p, v, ax, ay, az, record)
             store_quad(predicted, k, x, y, z, p[3])
 

@@ -10,44 +10,24 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.core.compile import inlined
+from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import EXTERNAL_SEED, POKED
 from gpu_backend.core.quads import load_quad
 from gpu_backend.mass_spring.cloth.point import make_wind
-from model.formulas import distance, random
-from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X, C_POKE_Y, C_POKE_Z
+from model.formulas import distance
+from model.mass_spring.cloth_parameters import C_DT
 from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
 
 
 @cache
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """What accelerates a mass besides its constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]: `add_gravity`,
-    `add_wind`, `add_external`, `add_poke`; and `accelerate`, all of them."""
-    added = device_formulas(distance.make, real, math).added
-    external = device_formulas(random.make, real, math).add_external
-    wind_sum = make_wind(real, math, parts).wind_sum
-    inline = inlined(math)
-    philox = random.make_philox(inline)
-    has_gravity, has_wind, has_external = "gravity" in parts, "wind" in parts, "external" in parts
-    has_poke, has_load = "poke" in parts, "load" in parts
-    zero = real(0)
-
-    @inline
-    def add_force(ax, ay, az, fx, fy, fz, weight):
-        """A force over the sheet's mass, on a mass of that weight."""
-        if has_load:
-            return added(ax, weight, fx), added(ay, weight, fy), added(az, weight, fz)
-        return ax + fx, ay + fy, az + fz
-
-    @inline
-    def add_gravity(ax, ay, az, record):
-        if has_gravity:
-            ay = ay + record[C_GRAVITY]
-        return ax, ay, az
+    """What accelerates a mass of a sheet besides its constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]: `add_wind`;
+    and `accelerate`, that and what acts on it by itself."""
+    forces, wind_sum = make_forces(real, math, parts), make_wind(real, math, parts).wind_sum
+    add_force, add_gravity, add_own = forces.add_force, forces.add_gravity, forces.add_own
+    inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
 
     @inline
     def add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, record, air):
@@ -57,34 +37,13 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         return ax, ay, az
 
     @inline
-    def add_external(ax, ay, az, k, weight, record, integers, step):
-        if has_external:
-            word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
-            magnitude = record[C_EXTERNAL]
-            fx, fy = external(zero, magnitude, word_x), external(zero, magnitude, word_y)
-            fz = external(zero, magnitude, word_z)
-            ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
-        return ax, ay, az
-
-    @inline
-    def add_poke(ax, ay, az, k, weight, record, integers):
-        if has_poke:
-            if np.int64(integers[POKED]) == k + 1:  # as they are, the two kinds of integer would meet as doubles
-                fx, fy, fz = record[C_POKE_X], record[C_POKE_Y], record[C_POKE_Z]
-                ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
-        return ax, ay, az
-
-    @inline
     def accelerate(position, velocity, k, i, j, rows, columns, p, v, record, integers, step, air):
         """On mass k in row i, column j, at p and moving at v (quads), from the state at the substep's beginning."""
         ax, ay, az = add_gravity(zero, zero, zero, record)
         ax, ay, az = add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, record, air)
-        ax, ay, az = add_external(ax, ay, az, k, p[3], record, integers, step)
-        return add_poke(ax, ay, az, k, p[3], record, integers)
+        return add_own(ax, ay, az, k, p[3], record, integers, step)
 
-    return SimpleNamespace(
-        add_gravity=add_gravity, add_wind=add_wind, add_external=add_external, add_poke=add_poke, accelerate=accelerate
-    )
+    return SimpleNamespace(add_wind=add_wind, accelerate=accelerate)
 
 
 @cache

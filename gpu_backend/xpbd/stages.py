@@ -11,6 +11,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.constraints import make_gather
@@ -21,22 +22,13 @@ from model.xpbd.plan import JACOBI, colour_order
 
 @cache
 def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """The stages that look at one mass: what accelerates it, its prediction, its velocity, its colliders."""
+    """The stages that look at one mass: wind, its prediction, its velocity, its colliders. Other forces: core/forces.py."""
     forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, axes)
-    add_gravity, add_wind, add_external, add_poke = (
-        forces.add_gravity, forces.add_wind, forces.add_external, forces.add_poke
-    )  # fmt: skip
+    add_wind = forces.add_wind
     predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
     jacobi, block_air = make_gather(real, math, parts, axes), make_block_air(real, math, parts)
     valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, bool(parts & JACOBI)
     zero = real(0)
-
-    def gravity(record, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b = load_quad(a, k)
-            ax, ay, az = add_gravity(b[0], b[1], b[2], record)
-            store_quad(a, k, ax, ay, az, zero)
 
     def wind(position, velocity, record, integers, number, a, rows, columns):
         air = block_air(record, integers, number, zero)
@@ -48,20 +40,6 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             ax, ay, az = add_wind(
                 b[0], b[1], b[2], position, velocity, k, i, j, rows, columns, p, v, record, air
             )  # fmt: skip
-            store_quad(a, k, ax, ay, az, zero)
-
-    def external(position, record, integers, step, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b, p = load_quad(a, k), load_quad(position, k)
-            ax, ay, az = add_external(b[0], b[1], b[2], k, p[3], record, integers, step)
-            store_quad(a, k, ax, ay, az, zero)
-
-    def poke(position, record, integers, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b, p = load_quad(a, k), load_quad(position, k)
-            ax, ay, az = add_poke(b[0], b[1], b[2], k, p[3], record, integers)
             store_quad(a, k, ax, ay, az, zero)
 
     def predict(before, velocity, a, position, record, rows, columns):
@@ -94,7 +72,7 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             store_quad(velocity, k, vx, vy, vz, zero)
 
     variant, options = f"xpbd_{variant_name(real, math, axes, parts)}", kernel_options(math)
-    found = (gravity, wind, external, poke, predict, update_velocity, collide)
+    found = (wind, predict, update_velocity, collide)
     return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in found})
 
 
@@ -133,18 +111,19 @@ def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
     colours = {
         f"project {family.name} {colour}": project(entry) for entry, (family, colour) in enumerate(colour_order(parts))
     }
-    return colours | {
-        "gravity": lambda moment: stage.gravity[flat](record, a),
-        "wind": wind,
-        "external force": lambda moment: stage.external[flat](position, record, integers, np.int64(moment.step), a),
-        "poke": lambda moment: stage.poke[flat](position, record, integers, a),
-        "predict": predict,
-        "project all": project_all,
-        "match clusters": lambda moment: sim.matching.match(position),
-        "move to goals": move,
-        "find contacts": lambda moment: sim.contacts.find(before, position),
-        "project contacts": lambda moment: sim.contacts.project(before, position),
-        "attachments": lambda moment: sim.attach(before, position),
-        "update velocity": update_velocity,
-        "collide": collide,
-    }
+    return (
+        colours
+        | bind_forces(sim, parts, position, a)
+        | {
+            "wind": wind,
+            "predict": predict,
+            "project all": project_all,
+            "match clusters": lambda moment: sim.matching.match(position),
+            "move to goals": move,
+            "find contacts": lambda moment: sim.contacts.find(before, position),
+            "project contacts": lambda moment: sim.contacts.project(before, position),
+            "attachments": lambda moment: sim.attach(before, position),
+            "update velocity": update_velocity,
+            "collide": collide,
+        }
+    )

@@ -117,6 +117,7 @@ def test_friction_is_compiled_in_where_a_body_has_some() -> None:
 def test_the_stages_and_tools_compile(real: Any) -> None:
     from numba import cuda, types
 
+    from gpu_backend.core import forces
     from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
     from gpu_backend.mass_spring.cloth.stages import make_force_stages, make_motion_stages
 
@@ -125,6 +126,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
     shape, step = (types.int32, types.int32), types.int64
     tools, variant = make_cloth_tools(real), (real, "fast", "velocity-verlet", EVERYTHING)
     force, motion = make_force_stages(*variant), make_motion_stages(*variant)
+    own = forces.make_force_stages(real, "fast", EVERYTHING)
     for kernel, arguments in (
         (tools.count, (types.int64[::1], types.int64)),
         (tools.first_diverged, (quads, quads, kind, types.int32[::1])),
@@ -132,10 +134,8 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
         (tools.write_normal, (quads, kind[:, ::1], *shape)),
         (force.spring_forces, (quads, quads, quads, quads, *shape)),
         (force.no_forces, (quads,)),
-        (force.gravity, (quads, quads)),
         (force.wind, (quads, quads, quads, words, step, kind, quads, *shape)),
-        (force.external, (quads, words, step, quads)),
-        (force.poke, (quads, words, quads)),
+        *((kernel, (quads, quads, words, step, quads)) for kernel in own.values()),
         (force.damping, (quads, quads, quads)),
         (motion.integrate, (quads,) * 4),
         (motion.first_kick, (quads,) * 4),

@@ -117,14 +117,14 @@ def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
 
 
 def test_stages_hold_no_double() -> None:
+    from gpu_backend.core.forces import make_force_stages
     from gpu_backend.xpbd.stages import make_xpbd_stages
 
     stage = make_xpbd_stages(np.float32, "fast", EVERYTHING | {"jacobi"}, 3)
+    own = make_force_stages(np.float32, "fast", EVERYTHING | {"load"})
     for kernel, arguments in (
-        (stage.gravity, "ff"),
         (stage.wind, "fffubfss"),
-        (stage.external, "ffubf"),
-        (stage.poke, "ffuf"),
+        *((kernel, "ffubf") for kernel in own.values()),
         (stage.predict, "fffffss"),
         (stage.update_velocity, "ffff"),
         (stage.collide, "fffffub"),

@@ -28,7 +28,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     """The passes of mass k in row i and column j, by name; `residual` and `product` return what is to be summed up."""
     springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
     elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)
-    steady, add_external, add_poke = elsewhere.steady, elsewhere.add_external, elsewhere.add_poke
+    steady, add_own = elsewhere.steady, elsewhere.add_own
     pull_sum, product_sum = (make_cloth_springs(real, math, springs, system) for system in ("end", "product"))
     formulas, hold = device_formulas(implicit.make, real, math), make_pins(real, math, parts).hold
     missing, applied, added, dot = formulas.residual, formulas.applied, formulas.added, formulas.dot
@@ -60,8 +60,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     def start(position, velocity, base, x, u, begin, k, i, j, rows, columns, record, bodies, integers, step, air):
         p, v = load_quad(position, k), load_quad(velocity, k)
         ax, ay, az = steady(position, velocity, k, i, j, rows, columns, p, v, record, air)
-        ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
-        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
         bx, by, bz = added_3(v, record[C_DT], (ax, ay, az))
         store_quad(begin, k, bx, by, bz, zero)
         end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, record, bodies)

@@ -37,7 +37,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     hold = make_pins(real, math, parts).hold
-    add_external, add_poke, damp = forces.add_external, forces.add_poke, forces.damp
+    add_own, damp = forces.add_own, forces.damp
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
@@ -57,8 +57,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 
     @inline
     def step_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
-        ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
-        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
         ax, ay, az = damp(ax, ay, az, v, record)
         dt, half_dt_squared = record[C_DT], record[C_HALF_DT_SQUARED]
         px, vx = one_force(p[0], v[0], ax, dt, half_dt_squared)
@@ -86,14 +85,12 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 
     @inline
     def opening_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
-        ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
-        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
         return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, record, bodies, integers, step)
 
     @inline
     def closing_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
-        ax, ay, az = add_external(ax, ay, az, k, record, integers, step - one)
-        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step - one)
         vx, vy, vz = second_kick(v, ax, ay, az, record)
         if has_pins:
             if p[3] != zero:  # one that follows a motion was given its velocity with its place
@@ -103,11 +100,9 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     @inline
     def middle_mass(bx, by, bz, k, p, v, record, bodies, integers, step):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        ax, ay, az = add_external(bx, by, bz, k, record, integers, step - one)
-        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        ax, ay, az = add_own(bx, by, bz, k, zero, record, integers, step - one)
         if has_external:
-            bx, by, bz = add_external(bx, by, bz, k, record, integers, step)
-            bx, by, bz = add_poke(bx, by, bz, k, record, integers)
+            bx, by, bz = add_own(bx, by, bz, k, zero, record, integers, step)
         else:
             bx, by, bz = ax, ay, az
         vx, vy, vz = second_kick(v, ax, ay, az, record)
@@ -156,7 +151,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
         make_pins(real, math, parts).hold,
         stage < 2,
     )  # where a stage leads to: half of the step, or all of it
-    steady, add_external, add_poke, damp = forces.steady, forces.add_external, forces.add_poke, forces.damp
+    steady, add_own, damp = forces.steady, forces.add_own, forces.damp
     rk4_stage = device_formulas(integrators.make, real, math).rk4_stage
     k_derivative, k_total, last = RK4_DERIVATIVE[stage], RK4_TOTAL[stage], stage == 3
     has_pins = "pins" in parts
@@ -177,8 +172,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
         integers, step, air,
     ):  # fmt: skip
         ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
-        ax, ay, az = add_external(ax, ay, az, k, record, integers, step)
-        ax, ay, az = add_poke(ax, ay, az, k, record, integers)
+        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
         ax, ay, az = damp(ax, ay, az, v, record)
         derivative_dt, total_dt = record[k_derivative], record[k_total]
         new_p, sum_p = advanced(base_p, v, total_p, derivative_dt, total_dt)

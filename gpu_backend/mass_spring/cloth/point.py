@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.core.compile import inlined
+from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import EXTERNAL_SEED, POKED, WIND_SEED, knows_time
+from gpu_backend.core.integers import WIND_SEED, knows_time
 from gpu_backend.core.quads import load_quad
 from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
 from model.mass_spring.cloth_parameters import (
@@ -24,16 +25,11 @@ from model.mass_spring.cloth_parameters import (
     C_DAMPING,
     C_DRAG,
     C_DT,
-    C_EXTERNAL,
     C_FIRST_STEP,
     C_FIRST_TIME,
-    C_GRAVITY,
     C_GUST,
     C_GUST_TIME,
     C_LIFT,
-    C_POKE_X,
-    C_POKE_Y,
-    C_POKE_Z,
     C_SHEAR,
     C_STRUCTURAL,
     C_WIND_X,
@@ -212,44 +208,23 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 @cache
 def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Device functions of a variant: `steady` (springs, gravity, wind: all that the two kicks of velocity Verlet that meet
-    share), then `add_external`, `add_poke`, `damp`, each (ax, ay, az, ...) -> (ax, ay, az); `current_step`."""
+    share), then `add_own` (core/forces.py), `damp`, each (ax, ay, az, ...) -> (ax, ay, az); `current_step`."""
     spring_sum, winds = make_cloth_springs(real, math, parts), make_wind(real, math, parts)
     wind_sum = winds.wind_sum
-    external = device_formulas(random.make, real, math).add_external
+    forces = make_forces(real, math, parts)
+    add_gravity, add_own = forces.add_gravity, forces.add_own
     _, damped = device_formulas(springs.make, real, math)
     inline = inlined(math)
-    philox = random.make_philox(inline)
-    has_gravity, has_wind, has_external = "gravity" in parts, "wind" in parts, "external" in parts
-    has_poke, has_damping, has_time = "poke" in parts, "damping" in parts, knows_time(parts)
+    has_wind, has_damping, has_time = "wind" in parts, "damping" in parts, knows_time(parts)
     no_step = np.int64(0)
 
     @inline
     def steady(position, velocity, place, i, j, rows, columns, p, v, record, air):
         ax, ay, az = spring_sum(position, velocity, place, i, j, rows, columns, p, v, record)
-        if has_gravity:
-            ay = ay + record[C_GRAVITY]
+        ax, ay, az = add_gravity(ax, ay, az, record)
         if has_wind:
             wx, wy, wz = wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air)
             ax, ay, az = ax + wx, ay + wy, az + wz
-        return ax, ay, az
-
-    @inline
-    def add_external(ax, ay, az, k, record, integers, step):
-        if has_external:
-            word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
-            magnitude = record[C_EXTERNAL]
-            ax, ay, az = (
-                external(ax, magnitude, word_x),
-                external(ay, magnitude, word_y),
-                external(az, magnitude, word_z),
-            )
-        return ax, ay, az
-
-    @inline
-    def add_poke(ax, ay, az, k, record, integers):
-        if has_poke:
-            if np.int64(integers[POKED]) == k + 1:  # as they are, the two kinds of integer would meet as doubles
-                ax, ay, az = ax + record[C_POKE_X], ay + record[C_POKE_Y], az + record[C_POKE_Z]
         return ax, ay, az
 
     @inline
@@ -267,6 +242,6 @@ def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         return no_step
 
     return SimpleNamespace(
-        spring_sum=spring_sum, wind_sum=wind_sum, air_now=winds.air_now, steady=steady, add_external=add_external,
-        add_poke=add_poke, damp=damp, current_step=current_step,
+        spring_sum=spring_sum, wind_sum=wind_sum, air_now=winds.air_now, steady=steady, add_own=add_own,
+        damp=damp, current_step=current_step,
     )  # fmt: skip

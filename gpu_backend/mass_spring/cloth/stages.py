@@ -17,6 +17,7 @@ from numba import cuda
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.contact.pins import make_pins
 from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
@@ -26,7 +27,6 @@ from model.formulas import integrators
 from model.mass_spring.cloth_parameters import (
     C_DAMPING,
     C_DT,
-    C_GRAVITY,
     C_HALF_DT,
     C_HALF_DT_SQUARED,
     C_INVERSE_DAMPING,
@@ -43,11 +43,10 @@ def _jit(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Callab
 
 @cache
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that add up the acceleration."""
+    """The stages that add up the acceleration: springs, wind, damping. Other forces: core/forces.py."""
     point = make_cloth_forces(real, math, parts)
     block_air = make_block_air(real, math, parts)
     spring_sum, wind_sum, damp_point = point.spring_sum, point.wind_sum, point.damp
-    external_point, poke_point = point.add_external, point.add_poke
     zero = real(0)
     jit = _jit(real, math, integrator, parts)
 
@@ -68,13 +67,6 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             store_quad(a, k, zero, zero, zero, zero)
 
     @jit
-    def gravity(record, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b = load_quad(a, k)
-            store_quad(a, k, b[0], b[1] + record[C_GRAVITY], b[2], zero)
-
-    @jit
     def wind(position, velocity, record, integers, step, offset, a, rows, columns):
         air = block_air(record, integers, step, offset)
         k = np.int32(cuda.grid(1))
@@ -86,22 +78,6 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, zero)
 
     @jit
-    def external(record, integers, step, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b = load_quad(a, k)
-            ax, ay, az = external_point(b[0], b[1], b[2], k, record, integers, step)
-            store_quad(a, k, ax, ay, az, zero)
-
-    @jit
-    def poke(record, integers, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b = load_quad(a, k)
-            ax, ay, az = poke_point(b[0], b[1], b[2], k, record, integers)
-            store_quad(a, k, ax, ay, az, zero)
-
-    @jit
     def damping(velocity, record, a):
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
@@ -110,8 +86,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             store_quad(a, k, ax, ay, az, zero)
 
     return SimpleNamespace(
-        spring_forces=spring_forces, no_forces=no_forces, gravity=gravity, wind=wind, external=external, poke=poke,
-        damping=damping,
+        spring_forces=spring_forces, no_forces=no_forces, wind=wind, damping=damping,
     )  # fmt: skip
 
 
@@ -269,13 +244,10 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
                 at["position"], at["velocity"], record, sim.bodies, np.int64(moment.step), np.int32(moment.argument < 1)
             )
 
-    return {
+    return bind_forces(sim, sim.plan.parts, position, a) | {
         "spring forces": spring_forces,
         "no forces": lambda moment: force.no_forces[flat](a),
-        "gravity": lambda moment: force.gravity[flat](record, a),
         "wind": wind,
-        "external force": lambda moment: force.external[flat](record, integers, np.int64(moment.step), a),
-        "poke": lambda moment: force.poke[flat](record, integers, a),
         "damping": lambda moment: force.damping[flat](at["velocity"], record, a),
         f"integrate ({integrator})": integrate,
         "first half kick and drift": first_kick,
