@@ -14,6 +14,7 @@ import numpy as np
 
 from model.core.build import build
 from model.core.parameters import PARAMETERS, parameter_record
+from model.core.plan import present_parts
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
@@ -94,7 +95,8 @@ def grid_refusal(scene: Scene) -> str | None:
         return "it knows one stiffness, these springs alternate"
     if scene.manufactured is not None or (scene.external is not None and scene.external.magnitude > 0):
         return "it has no external force"
-    return None
+    unknown = present_parts(scene) - {"springs", "damping", "gravity", "pins"}
+    return f"it does not know {', '.join(sorted(unknown))}" if unknown else None
 
 
 class GridConstants:

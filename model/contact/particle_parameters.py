@@ -73,7 +73,9 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
         "restitution": part.restitution,
         "settling": 2 * scene.gravity.acceleration * h if scene.gravity and scene.gravity.enabled else 0.0,
     }
-    assert tuple(values) == PARTICLE_CONTACT_PARAMETERS
+    assert tuple(values) == PARTICLE_CONTACT_PARAMETERS, (
+        f"{set(values) ^ set(PARTICLE_CONTACT_PARAMETERS)} or their order differ"
+    )
     fields = {
         "push": "contact.separation_speed",
         "fastest": "contact.maximum_speed",

@@ -63,7 +63,9 @@ def contact_record(scene: Scene, real: type) -> np.ndarray:
         "static_friction": part.static_friction,
         "dynamic_friction": part.dynamic_friction,
     }
-    assert tuple(values) == SELF_CONTACT_PARAMETERS
+    assert tuple(values) == SELF_CONTACT_PARAMETERS, (
+        f"{set(values) ^ set(SELF_CONTACT_PARAMETERS)} or their order differ"
+    )
     return rounded_record(scene, values, {name: f"self_collision.{name}" for name in values}, real)
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from model.core.errors import SceneError
 from model.core.family import SolverFamily
 from model.core.plan import Plan
 from model.mass_spring.family import CLOTH, GRID
@@ -14,8 +15,11 @@ FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES)
 
 
 def family_of(scene: Scene) -> SolverFamily:
-    """The family that solves the scene."""
+    """The family that solves the scene. Raises SceneError for a part that it does not know."""
     (found,) = (family for family in FAMILIES if family.accepts(scene))
+    for name, kind in scene.kinds.items():
+        if kind not in found.knows:
+            raise SceneError(f"{name}.kind", kind, f"is not known to the solver of a {found.name}; leave it out")
     return found
 
 

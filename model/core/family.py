@@ -19,6 +19,7 @@ class SolverFamily:
     """One way to step one structure of particles, on every backend.
 
     `accepts(scene)`: whether it is this one that solves the scene; of all families exactly one does.
+    `knows`: the kinds of tables that a scene of it may have; others are refused, not ignored.
     `plan(scene, live)`: the stages of a step. `record(scene, real, poke, clock)`: the constants that kernels read.
     `limit(scene, frequency)` [s]: the largest stable step size; `frequency` [1/s]: what no vibration exceeds, where more is
     known of it than model/core/integrators.py's `frequency_bound`. `limited_by_net`: whether that limit hangs on the springs'
@@ -33,6 +34,7 @@ class SolverFamily:
 
     name: str
     accepts: Callable[[Scene], bool]
+    knows: frozenset[str]
     plan: Callable[[Scene, frozenset[str]], Plan]
     record: Callable[[Scene, Any, tuple[float, ...], Clock], np.ndarray]
     limit: Callable[[Scene, float | None], float]
@@ -45,6 +47,9 @@ class SolverFamily:
     passes: Mapping[str, str]
     reference: str
     unknown: str | None = None
+
+
+ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet
 
 
 def named(place: str) -> Any:

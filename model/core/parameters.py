@@ -106,7 +106,7 @@ def parameter_record(
         "stiff": springs.largest_stiffness / mass if springs else 0.0,
         "stiff_rest": springs.largest_stiffness * springs.rest_length / mass if springs else 0.0,
     }
-    assert tuple(values) == PARAMETERS
+    assert tuple(values) == PARAMETERS, f"{set(values) ^ set(PARAMETERS)} or their order differ"
     return rounded_record(scene, values, FIELDS, real)
 
 

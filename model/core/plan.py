@@ -212,6 +212,11 @@ class Executor:
     stages: Mapping[str, StageRun]
     fused: Callable[[int, int], None] | None = None
 
+    def __post_init__(self) -> None:
+        missing = {stage.name for stage in self.plan.root.stages()} - set(self.stages) if self.fused is None else ()
+        if missing:
+            raise LookupError(f"stages of the plan that nothing runs: {', '.join(sorted(missing))}; bind them")
+
     def run(self, step: int, steps: int) -> None:
         """Advance by `steps` steps, the first of which is number `step`."""
         if self.fused is not None:

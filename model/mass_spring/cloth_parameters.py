@@ -185,7 +185,7 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
     values["lift"] = corner * wind.lift if wind else 0.0
     values["gust"] = wind.gust if wind else 0.0
     values["gust_time"] = wind.gust_time if wind else 1.0
-    assert tuple(values) == CLOTH_PARAMETERS
+    assert tuple(values) == CLOTH_PARAMETERS, f"{set(values) ^ set(CLOTH_PARAMETERS)} or their order differ"
     return values
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from model.core.family import SolverFamily
+from model.core.family import ANY_SHEET, SolverFamily
 from model.core.integrators import explicit_limit, integrators_for
 from model.core.parameters import parameter_record
 from model.core.plan import mass_spring_plan
 from model.mass_spring.cloth_parameters import cloth_record
 from model.mass_spring.cloth_plan import cloth_plan
 from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from model.scene.scene import Scene
 
 
@@ -25,6 +26,7 @@ def _is_stepped(scene: Scene) -> bool:
 GRID = SolverFamily(
     name="mass-spring grid",
     accepts=lambda scene: _is_stepped(scene) and not scene.cloth,
+    knows=ANY_SHEET | {"grid", "springs", "manufactured"},
     plan=mass_spring_plan,
     record=parameter_record,
     limit=explicit_limit,
@@ -45,6 +47,7 @@ CLOTH = replace(
     GRID,
     name="mass-spring cloth",
     accepts=lambda scene: _is_stepped(scene) and scene.cloth is not None,
+    knows=ANY_SHEET | {"cloth", "wind", "motion", "fold", *SPRING_KINDS, *COLLIDER_KINDS},
     plan=cloth_plan,
     record=cloth_record,
     solvers={

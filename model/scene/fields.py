@@ -123,7 +123,7 @@ def document() -> str:
         "|---|---|",
         "| grid, springs, damping, gravity, external, perturbation, manufactured, method | masses in a plane |",
         "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
-        "| mesh | a cloth of triangles |",
+        "| mesh, volume | a cloth of triangles, and what fills a closed one |",
         "| plane, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
         "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies |",
     ]

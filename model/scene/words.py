@@ -30,6 +30,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
     location = [str(step) for step in first["loc"]]
+    if first["type"] == "missing" and len(first["loc"]) > 1 and isinstance(first["loc"][1], int):
+        return SceneError(f"{part}.{location[0]}", first["input"], "has too few numbers")
     if first["type"] == "missing":
         return SceneError(f"{part}.{location[0]}", None, "must be given")
     if first["type"] == "extra_forbidden":

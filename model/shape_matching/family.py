@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from model.scene.checks import MATCHED, OF_BODIES
 from model.scene.scene import Scene
 from model.shape_matching.energy import goal_strain, window_energy
 from model.xpbd.family import SHEET
@@ -24,6 +25,7 @@ def _stored_in_bodies(scene: Scene, position: np.ndarray, plastic: np.ndarray | 
 WINDOWS = replace(
     SHEET,
     name="shape-matching grid",
+    knows=frozenset(MATCHED),
     accepts=lambda scene: scene.method.matches_shapes and not scene.bodies,
     stored=_stored_in_windows,
     solvers={
@@ -38,6 +40,7 @@ WINDOWS = replace(
 BODIES = replace(
     SHEET,
     name="bodies",
+    knows=frozenset(OF_BODIES),
     accepts=lambda scene: bool(scene.bodies),
     limited_by_net=False,
     stored=_stored_in_bodies,

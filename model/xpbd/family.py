@@ -7,9 +7,11 @@ from math import inf
 
 import numpy as np
 
-from model.core.family import SolverFamily
+from model.core.family import ANY_SHEET, SolverFamily
 from model.core.integrators import fastest_damping
 from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from model.mass_spring.family import CLOTH, GRID
+from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
 from model.xpbd.mesh_plan import xpbd_mesh_plan
@@ -35,6 +37,7 @@ def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | No
 
 SHEET = SolverFamily(
     name="position-based sheet",
+    knows=(GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"}) - {"manufactured"},
     accepts=lambda scene: scene.method.position_based and not (scene.method.matches_shapes or scene.mesh),
     plan=xpbd_plan,
     record=xpbd_record,
@@ -52,6 +55,7 @@ SHEET = SolverFamily(
 MESH = replace(
     SHEET,
     name="position-based mesh",
+    knows=ANY_SHEET | {"mesh", "wind", "attachments", *COLLIDER_KINDS, *CONSTRAINT_KINDS} - {"shear"},
     accepts=lambda scene: scene.mesh is not None,
     plan=xpbd_mesh_plan,
     limited_by_net=False,

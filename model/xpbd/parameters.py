@@ -96,5 +96,5 @@ def xpbd_record(
         matching = matching_share(matching_stiffness(scene), h, method.iterations)
     rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
     values |= {"matching": matching, "matching_rest": rest}
-    assert tuple(values) == XPBD_PARAMETERS
+    assert tuple(values) == XPBD_PARAMETERS, f"{set(values) ^ set(XPBD_PARAMETERS)} or their order differ"
     return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)

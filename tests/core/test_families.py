@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 from model.core.families import FAMILIES, family_of, scene_plan, stability_limit
+from model.core.errors import SceneError
 from model.core.family import SolverFamily, named
 from model.core.plan import mass_spring_plan
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
+from model.scene.scene_parts import KINDS
 
 ONES = {family.name: family for family in FAMILIES}
 
@@ -35,3 +37,14 @@ def test_the_scenes_plan_and_limit_are_the_familys() -> None:
     assert family_of(scene) is ONES["mass-spring grid"]
     assert scene_plan(scene) == mass_spring_plan(scene)
     assert stability_limit(scene, 200.0) == pytest.approx(2 * stability_limit(scene, 400.0), rel=0.1)
+
+
+def test_a_part_that_a_solver_does_not_know_is_refused_and_not_ignored() -> None:
+    """Families list what they know, not what they do not: a new kind is refused until it is there."""
+    assert set(KINDS) == set().union(*(family.knows for family in FAMILIES))
+    for name in catalogue():
+        scene = load_scene(name).replace({})
+        assert set(scene.kinds.values()) <= family_of(scene).knows
+        scene.parts["lure"], scene.kinds["lure"] = scene.method, "trap"
+        with pytest.raises(SceneError, match=r"^lure\.kind = 'trap': is not known to the solver of"):
+            family_of(scene)

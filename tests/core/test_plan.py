@@ -13,7 +13,7 @@ import pytest
 from app.driver import open_simulation
 from app.plan.report import PlanReport, flatten, plan_report
 from model.core.errors import BackendUnavailable, SceneError
-from model.core.plan import Node, Plan, Stage, mass_spring_plan
+from model.core.plan import Executor, Node, Plan, Stage, mass_spring_plan
 from model.scene.scene import load_scene
 
 SIZES = [(8, 8), (32, 32), (100, 100), (1000, 1000), (2048, 2048), (5, 100000)]
@@ -182,3 +182,10 @@ def test_a_stage_is_told_its_step_substep_and_iteration() -> None:
     assert [name for name, *_ in told] == [stage.name for stage in plan.root.stages()]
     assert [at.argument for _, at in plan.moments(0)][:2] == [0.5, 0.0]
     assert [at.fresh for stage, at in plan.moments(0) if stage.name == "project"] == [True, False, False] * 2
+
+
+def test_a_stage_that_nothing_runs_is_named() -> None:
+    plan = mass_spring_plan(load_scene("lab-grid"))
+    with pytest.raises(LookupError, match="stages of the plan that nothing runs: gravity, integrate"):
+        Executor(plan, {name: lambda moment: None for name in ("spring forces", "damping", "pins")})
+    assert Executor(plan, {}, lambda step, steps: None).fused is not None

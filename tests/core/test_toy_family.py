@@ -88,6 +88,7 @@ def passes(scene: Scene, precision: str, found: Plan) -> BackendPlan:
 TOY = SolverFamily(
     name="falling particles",
     accepts=lambda scene: scene.springs is None,
+    knows=frozenset({"grid", "gravity", "method"}),
     plan=plan,
     record=record,
     limit=lambda scene, frequency: inf,

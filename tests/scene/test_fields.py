@@ -18,6 +18,11 @@ def test_the_page_is_that_of_the_code() -> None:
     assert PAGE.read_text(encoding="utf-8") == document()
 
 
+def test_every_kind_stands_in_the_table_of_what_it_is_for() -> None:
+    rows = [line.split("|")[1] for line in document().splitlines() if line.startswith("| ") and line.count("|") == 3]
+    assert sorted(", ".join(rows[1:]).replace(" ", "").split(",")) == sorted(KINDS)
+
+
 def test_fields_bounds_and_units_are_the_parts() -> None:
     rows = {row.name: row for row in rows_of("grid")}
     assert (rows["rows"].default, rows["rows"].allowed, rows["rows"].note) == (REQUIRED, ">= 1", "masses")

@@ -115,7 +115,7 @@ def make_cloth_strips(
             record[27], record[28], record[29],
         )  # fmt: skip
 
-    assert count == 30
+    assert count == 30, "constants() above spells every place of the record: add what is new"
 
     def make_load(distance: int) -> Any:
         @inline
