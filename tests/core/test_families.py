@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from model.core.families import FAMILIES, family_of, scene_plan, stability_limit
 from model.core.errors import SceneError
+from model.core.families import FAMILIES, family_of, scene_plan, stability_limit
 from model.core.family import SolverFamily, named
 from model.core.plan import mass_spring_plan
 from model.scene.reader import catalogue
