@@ -53,11 +53,10 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     def add_external(ax, ay, az, k, weight, record, integers, step):
         if has_external:
             word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
-            m = record[C_EXTERNAL]
-            if has_load:
-                fx, fy, fz = external(zero, m, word_x), external(zero, m, word_y), external(zero, m, word_z)
-                return add_force(ax, ay, az, fx, fy, fz, weight)
-            return external(ax, m, word_x), external(ay, m, word_y), external(az, m, word_z)
+            magnitude = record[C_EXTERNAL]
+            fx, fy = external(zero, magnitude, word_x), external(zero, magnitude, word_y)
+            fz = external(zero, magnitude, word_z)
+            ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
         return ax, ay, az
 
     @inline
