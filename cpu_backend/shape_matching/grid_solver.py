@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.core.compile import Compiler
+from cpu_backend.core.force_stages import bind_forces
 from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
 from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.shape_matching.matching import STATES, make_matching_advance, make_matching_stages, scratch_rows
@@ -75,12 +76,7 @@ class ShapeMatching(RowsSimulation):
             matching.move(position, clusters, *self._tables, weights, self.record, aside)
             position[...] = aside
 
-        return {
-            "gravity": lambda moment: point.gravity(acceleration, self.record),
-            "external force": lambda moment: point.external(
-                acceleration, weights, self.record, self.integers, moment.step
-            ),
-            "poke": lambda moment: point.poke(acceleration, weights, self.record, self.integers),
+        return bind_forces(self, acceleration) | {
             "predict": predict,
             "match clusters": lambda moment: matching.match(position, *self._tables, clusters),
             "move to goals": move,

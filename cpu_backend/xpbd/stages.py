@@ -14,13 +14,14 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
+from cpu_backend.core.force_stages import bind_forces
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
 from cpu_backend.mass_spring.cloth.stages import make_collide_stage
 from cpu_backend.xpbd.stage_projections import bind_projections, make_projections
 from model.core.plan import Moment, StageRun
-from model.formulas import distance, random
-from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
+from model.formulas import distance
+from model.mass_spring.cloth_parameters import C_DT
 from model.scene.cloth import COLLIDER_KINDS
 from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
 from model.xpbd.plan import FAMILIES
@@ -33,35 +34,8 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
     kicked, kept, predicted, rate, added = (
         formulas.kicked, formulas.kept, formulas.predicted, formulas.rate, formulas.added
     )  # fmt: skip
-    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
     has_load, has_damping = "load" in parts, "damping" in parts
     zero, one = real(0), real(1)
-
-    @kernel
-    def gravity(acceleration, record):
-        for i in prange(acceleration.shape[1]):
-            for j in range(acceleration.shape[2]):
-                acceleration[1, i, j] += record[C_GRAVITY]
-
-    @kernel
-    def external(acceleration, weights, record, integers, step):
-        axes, rows, columns = acceleration.shape
-        for i in prange(rows):
-            for j in range(columns):
-                words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
-                for axis in range(axes):
-                    force = add_external(zero, record[C_EXTERNAL], words[axis])
-                    now = acceleration[axis, i, j]
-                    acceleration[axis, i, j] = added(now, weights[i, j], force) if has_load else now + force
-
-    @kernel
-    def poke(acceleration, weights, record, integers):
-        poked, columns = np.int64(integers[1]) - 1, acceleration.shape[2]
-        for axis in prange(acceleration.shape[0]):
-            if poked >= 0:
-                i, j = poked // columns, poked % columns
-                now, force = acceleration[axis, i, j], record[C_POKE_X + axis]
-                acceleration[axis, i, j] = added(now, weights[i, j], force) if has_load else now + force
 
     @kernel
     def add_weighed(acceleration, weights, force):
@@ -97,7 +71,7 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
                     velocity[axis, i, j] = v if weights[i, j] > zero else zero
 
     return SimpleNamespace(
-        gravity=gravity, external=external, poke=poke, add_weighed=add_weighed, predict=predict,
+        add_weighed=add_weighed, predict=predict,
         update_velocity=update_velocity,
     )  # fmt: skip
 
@@ -145,13 +119,9 @@ def bind_position_stages(sim: Any) -> dict[str, StageRun]:
             position[axis][weights == 0] = before[axis][weights == 0]
             velocity[axis][weights == 0] = 0
 
-    return {
-        "gravity": lambda moment: make.gravity(acceleration, sim.record),
+    forces = bind_forces(sim, acceleration, weights=weights if "load" in parts else None)
+    return forces | {
         "wind": wind,
-        "external force": lambda moment: make.external(
-            acceleration, weights, sim.record, sim.integers, moment.step
-        ),
-        "poke": lambda moment: make.poke(acceleration, weights, sim.record, sim.integers),
         "predict": predict,
         "find contacts": lambda moment: sim.contacts.find(before, position),
         "project contacts": lambda moment: sim.contacts.project(position),

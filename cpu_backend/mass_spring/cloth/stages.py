@@ -17,24 +17,20 @@ from numba import prange
 from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.contact.pins import make_follow
 from cpu_backend.core.compile import Compiler
+from cpu_backend.core.force_stages import bind_forces
 from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage
 from model.core.plan import Moment, StageRun
-from model.formulas import cloth, integrators, motion, random, springs
+from model.formulas import cloth, integrators, motion, springs
 from model.mass_spring.cloth_parameters import (
     C_DAMPING,
     C_DT,
-    C_EXTERNAL,
     C_FIRST_STEP,
     C_FIRST_TIME,
-    C_GRAVITY,
     C_HALF_DT,
     C_HALF_DT_SQUARED,
     C_INVERSE_DAMPING,
-    C_POKE_X,
-    C_POKE_Y,
-    C_POKE_Z,
     C_SIXTH_DT,
     C_THIRD_DT,
     P_MOTION,
@@ -46,26 +42,10 @@ from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 def make_point_stages(compiler: Compiler, real: Any, integrator: str, has_damping: bool) -> SimpleNamespace:
     """The stages that look at no neighbour: one array (rows, columns) at a time."""
     compiled, kernel = compiler.compiled, compiler.kernel
-    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
     _, damped = springs.make(real, compiled)
     formulas = integrators.make(real, compiled, has_damping)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
-
-    @kernel
-    def gravity(ay, record):
-        for i in prange(ay.shape[0]):
-            for j in range(ay.shape[1]):
-                ay[i, j] += record[C_GRAVITY]
-
-    @kernel
-    def external(ax, ay, az, record, integers, step):
-        for i in prange(ax.shape[0]):
-            for j in range(ax.shape[1]):
-                word_x, word_y, word_z, _ = philox(integers[0], np.uint64(step), np.uint64(i * ax.shape[1] + j))
-                ax[i, j] = add_external(ax[i, j], record[C_EXTERNAL], word_x)
-                ay[i, j] = add_external(ay[i, j], record[C_EXTERNAL], word_y)
-                az[i, j] = add_external(az[i, j], record[C_EXTERNAL], word_z)
 
     @kernel
     def damping(velocity, record, acceleration):
@@ -115,7 +95,7 @@ def make_point_stages(compiler: Compiler, real: Any, integrator: str, has_dampin
                 out[i, j] = summed if stage == 4 else value
 
     return SimpleNamespace(
-        gravity=gravity, external=external, damping=damping, integrate=integrate, first_kick=first_kick,
+        damping=damping, integrate=integrate, first_kick=first_kick,
         second_kick=second_kick, accumulate=accumulate,
     )  # fmt: skip
 
@@ -180,7 +160,8 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     make = make_cloth_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
-    acceleration = tuple(np.zeros((3, sim.body.rows, sim.body.columns), sim.real))
+    sums = np.zeros((3, sim.body.rows, sim.body.columns), sim.real)
+    acceleration = tuple(sums)
     state = tuple(sim.current)
     empty = np.zeros((2 if integrator == "rk4" else 0, *sim.current.shape), sim.real)
     total, stage_state = (tuple(array) for array in empty) if len(empty) else ((), ())
@@ -198,12 +179,6 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         make.wind(
             at["state"], sim.record, sim.integers, now, sim.real(0 if whole_step else moment.argument), acceleration
         )
-
-    def poke(moment: Moment) -> None:
-        if sim.integers[1] > 0:
-            i, j = divmod(int(sim.integers[1]) - 1, sim.body.columns)
-            for axis, k in enumerate((C_POKE_X, C_POKE_Y, C_POKE_Z)):
-                acceleration[axis][i, j] += sim.record[k]
 
     def keep_positions() -> None:
         for kept, now in zip(before, state, strict=False):
@@ -250,13 +225,10 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
                 sim.bodies, first, pin_rows, pin_columns, moment.step, moment.argument < 1, sim.record, at["state"]
             )
 
-    return {
+    return bind_forces(sim, sums) | {
         "spring forces": lambda moment: make.spring_forces(at["state"], sim.record, acceleration),
         "no forces": no_forces,
-        "gravity": lambda moment: make.gravity(acceleration[1], sim.record),
         "wind": wind,
-        "external force": lambda moment: make.external(*acceleration, sim.record, sim.integers, moment.step),
-        "poke": poke,
         "damping": damping,
         f"integrate ({integrator})": each_axis(make.integrate),
         "first half kick and drift": each_axis(make.first_kick),

@@ -14,11 +14,11 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
+from cpu_backend.core.force_stages import OF_GRID, bind_forces
 from model.core.parameters import (
     K_AMPLITUDE,
     K_DAMPING,
     K_DT,
-    K_EXTERNAL,
     K_FIRST_STEP,
     K_FIRST_TIME,
     K_GRAVITY,
@@ -26,8 +26,6 @@ from model.core.parameters import (
     K_HALF_DT_SQUARED,
     K_INERTIA,
     K_INVERSE_DAMPING,
-    K_POKE_X,
-    K_POKE_Y,
     K_SIXTH_DT,
     K_SPACING,
     K_STIFF,
@@ -37,7 +35,7 @@ from model.core.parameters import (
     K_THIRD_DT,
 )  # fmt: skip
 from model.core.plan import Moment, StageRun
-from model.formulas import integrators, manufactured, random, springs
+from model.formulas import integrators, manufactured, springs
 
 
 @cache
@@ -47,8 +45,6 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
     compiled, kernel = compiler.compiled, compiler.kernel
     spring_acceleration_2d, damped_formula = springs.make(real, compiled)
-    philox = random.make_philox(compiled)
-    add_external = random.make(real, compiled).add_external
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
     formulas = integrators.make(real, compiled)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
@@ -97,20 +93,6 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
                 up_x, up_y = pull(x, y, i, j, up, j, up, record)
                 ax[i, j] = (right_x + left_x) + (down_x + up_x)
                 ay[i, j] = (right_y + left_y) + (down_y + up_y)
-
-    @kernel
-    def gravity(ay, record):
-        for i in prange(ay.shape[0]):
-            for j in range(ay.shape[1]):
-                ay[i, j] += record[K_GRAVITY]
-
-    @kernel
-    def external(ax, ay, record, integers, step):
-        for i in prange(ax.shape[0]):
-            for j in range(ax.shape[1]):
-                word_x, word_y, _, _ = philox(integers[0], np.uint64(step), np.uint64(i * ax.shape[1] + j))
-                ax[i, j] = add_external(ax[i, j], record[K_EXTERNAL], word_x)
-                ay[i, j] = add_external(ay[i, j], record[K_EXTERNAL], word_y)
 
     @kernel
     def manufactured_force(ax, ay, record, step, offset):
@@ -181,9 +163,8 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
                     out[axis, i, j] = summed if stage == 4 else value
 
     return SimpleNamespace(
-        spring_forces=alternating_spring_forces if alternating else spring_forces, gravity=gravity, external=external,
-        manufactured=manufactured_force, damping=damping, integrate=integrate, first_kick=first_kick,
-        second_kick=second_kick, accumulate=accumulate,
+        spring_forces=alternating_spring_forces if alternating else spring_forces, manufactured=manufactured_force,
+        damping=damping, integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate,
     )  # fmt: skip
 
 
@@ -206,12 +187,6 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
 
     def no_forces(moment: Moment) -> None:
         acceleration[:] = 0
-
-    def poke(moment: Moment) -> None:
-        if sim.integers[1] > 0:
-            i, j = divmod(int(sim.integers[1]) - 1, shape[2])
-            acceleration[0, i, j] += sim.record[K_POKE_X]
-            acceleration[1, i, j] += sim.record[K_POKE_Y]
 
     def damping(moment: Moment) -> None:
         make.damping(here()[2], here()[3], sim.record, acceleration[0], acceleration[1])
@@ -245,15 +220,10 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
         here()[:2, pin_rows, pin_columns] = sim.pinned_position
         here()[2:, pin_rows, pin_columns] = 0
 
-    return {
+    return bind_forces(sim, acceleration, OF_GRID) | {
         "spring forces": spring_forces,
         "no forces": no_forces,
-        "gravity": lambda moment: make.gravity(acceleration[1], sim.record),
-        "external force": lambda moment: make.external(
-            acceleration[0], acceleration[1], sim.record, sim.integers, moment.step
-        ),
         "manufactured force": manufactured_force,
-        "poke": poke,
         "damping": damping,
         f"integrate ({sim.scene.method.integrator})": integrate,
         "first half kick and drift": first_kick,
