@@ -117,6 +117,35 @@ test_simulated_cloth.py *rk4? *lab?
 test_simulated_motion.py *moving-launch?
 test_simulated_tiles.py *borders?velocity-verlet? *every_other*
 test_simulated_particle_contacts.py *meeting-float32? *smooth-float32?
+test_simulated_contact_restitution.py test_the_bits*
+test_simulated_rebound.py test_among*
+test_simulated_hard.py *box-float64? *B20-float32?
+test_simulated_bodies_material.py test_states_deformations*
+test_simulated_mesh.py *volume? *isometric? *rigid? *pbd?
+test_simulated_distance_field.py *bar? *velocity-verlet?
+test_simulated_xpbd.py test_live*stages? test_live*one-block? *averaged-jacobi-2-33? *met?ball? *met?rod? *met?block?
+test_simulated_cloth.py *met?wall? *met?ball? *met?rod? *met?block?
+test_simulated_motion.py *rk4-float32? *lab-float64?
+test_simulated_matching.py *1-1-1? *2-1-2?
+test_simulated_lattice.py *counts0-1* test_windows_in_turn*
+test_simulated_implicit.py *springs-implicit*
+# the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
+test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
+test_rebound.py test_against*float64-0? test_two_that_meet*1.0-3000.0?
+test_hard_bodies.py test_they_are_listed* *mirrored-float64?
+test_hard_cloth.py test_the_contact_sheet*
+test_physics_hard.py *cpu-B1?hanging-velocity-verlet?
+test_physics_conservation.py *elastic_pendulum*cpu-rk4*
+test_reference.py test_rk4*0.03-1.0?
+test_cloth_orders.py test_holds*semi*springs-cpu? test_orders*verlet?in?wind-reference?
+test_cpu_bits.py test_bits*float64?
+test_cpu_reference.py test_published*s1?and?s2*hammock-lab*
+test_matching.py test_kernels_and_threads*4-float64?
+test_xpbd_laws.py test_mass_ratio*cpu-100-1-jacobi* test_mass_ratio*cpu-10-10*
+test_bar.py test_windows*cpu-2?
+test_ablate.py test_asked_again* test_the_command_prints*
+# the tool that measures how many deliberate mistakes are noticed (python -m tests.mistakes), end to end
+test_mistakes.py test_mistakes_are_noticed*
 """)
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every

@@ -7,7 +7,6 @@ from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 
 from bench.experiments.projections import (
-    BUDGETS,
     NEIGHBOURS,
     RATE,
     STAGE,
@@ -69,10 +68,11 @@ def store(tmp_path_factory) -> Store:
     """A small sheet, really timed on this CPU; and what a GPU of another machine is said to have done."""
     with pytest.MonkeyPatch.context() as patch, Store(tmp_path_factory.mktemp("store") / "results.sqlite") as opened:
         patch.setattr("bench.experiments.projections.QUICK_NEIGHBOURS", (4,))
-        patch.setattr("bench.experiments.projections.QUICK_BUDGETS", BUDGETS)
-        summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
+        patch.setattr("bench.experiments.projections.QUICK_BUDGETS", ((10, 2), (10, 1)))
+        patch.setattr("bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
+        summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
         assert (summary.measured, summary.held, summary.skipped) == (4, 0, [])
-        again = run_projections(opened, quick=True, backends=["cpu"], sizes=[8], progress=False)
+        again = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
         assert (again.measured, again.held) == (0, 4)
         yield opened
 
@@ -81,7 +81,7 @@ def test_a_rate_is_projections_over_the_median_step(store):
     found = points(measures(store))
     assert len(found) == 4 and {p.neighbours for p in found} == {4}
     for point in found:
-        scene = sheet(8, point.neighbours, point.ordering, point.substeps, point.iterations)
+        scene = sheet(4, point.neighbours, point.ordering, point.substeps, point.iterations)
         assert point.scene == scene.canonical()
         assert point.rate * point.step == pytest.approx(constraint_count(scene) * 10 * point.iterations)
         assert point.iteration == pytest.approx(point.step / 10 / point.iterations)
@@ -128,7 +128,7 @@ def test_others_times_are_set_beside_ours(tmp_path):
 
 
 def test_nothing_is_claimed_of_nothing(store):
-    """Eight masses a side are not what rates are told of; published scenes and a GPU were not timed."""
+    """Four masses a side are not what rates are told of; published scenes and a GPU were not timed."""
     results = load(store)
     claims = {name: claim(results) for name, claim in CLAIMS.items()}
     assert claims["projection-orderings"].supported
