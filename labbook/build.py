@@ -38,8 +38,9 @@ from labbook.stability_tables import edge_tables
 from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
-from plots.core.data import Origin, Results, is_suspect, load
+from plots.core.data import Origin, Results, is_suspect
 from plots.core.draw import FigureFiles, draw_figures
+from plots.core.read import load
 from plots.core.style import without_footer
 
 FOLDER = Path(__file__).resolve().parent

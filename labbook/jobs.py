@@ -13,8 +13,9 @@ from bench.measure.progress import Whole, keep_seconds, last_seconds, progress_b
 from bench.store.database import DEFAULT_PATH
 from labbook.build import build, committed_data, write_book
 from model.core.errors import InputError, SoftlabError
-from plots.core.data import Results, load
+from plots.core.data import Results
 from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
+from plots.core.read import load
 from plots.figures.energies import draw_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes that `softlab lab` asks what they need

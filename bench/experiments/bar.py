@@ -19,9 +19,10 @@ from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, meth
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
 from bench.experiments.sweep import backends_here, source_hash
 from bench.measure.experiment import Experiment, FindingsSummary, Measures, described
-from bench.measure.machine import enter_machine, source_revision
+from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
 from bench.store.database import Store
+from bench.store.versions import code_version
 from model.core.digest import source_digest
 from model.scene.scene import Scene
 
@@ -66,7 +67,7 @@ def run_bar(
         missing = [e for e in everything if not store.has_measure(e.description, summary.machine, e.sources, e.name)]
         summary.held = len(everything) - len(missing)
         if missing:
-            summary.run = store.start_run(summary.machine, command, source_revision())
+            summary.run = store.start_run(summary.machine, command, code_version())
             _measure(store, summary, missing, progress)
     except KeyboardInterrupt:
         summary.interrupted = True

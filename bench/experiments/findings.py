@@ -23,11 +23,12 @@ from bench.experiments.accuracy.points import END, SCENES
 from bench.experiments.sweep import backends_here, source_hash
 from bench.measure.experiment import Experiment, FindingsSummary, Measures, described
 from bench.measure.findings_timing import StepTimes, time_steps
-from bench.measure.machine import enter_machine, source_revision
+from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.store.database import Store
+from bench.store.versions import code_version
 from model.core.build import build
 from model.core.digest import source_digest
 from model.core.errors import Diverged
@@ -75,7 +76,7 @@ def run_findings(
         untimed = [pair for pair in pairs if not timed.holds(pair)]
         summary.held = len(everything) - len(missing) + len(pairs) - len(untimed)
         if missing or untimed:
-            summary.run = store.start_run(summary.machine, command, source_revision())
+            summary.run = store.start_run(summary.machine, command, code_version())
             _measure(store, summary, missing, untimed, timed, progress)
     except KeyboardInterrupt:
         summary.interrupted = True

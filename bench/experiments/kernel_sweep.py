@@ -20,10 +20,11 @@ from bench.measure.cases import Case, SweepSummary
 from bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
 from bench.measure.kernel_runner import NO_JOULES, KernelRunner
 from bench.measure.limits import enter_limits
-from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.starts import measure_starts
 from bench.store.database import Store
 from bench.store.results import configuration
+from bench.store.versions import code_version
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 
@@ -107,7 +108,7 @@ def run_kernel_sweep(
         if name.partition(":")[0] not in known:  # `resident:64x8x8h4` names a tile, too
             raise SceneError("--kernel", name, f"must be one of {', '.join(dict.fromkeys(known))}")
     planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
-    revision = source_revision()
+    revision = code_version()
     summary = SweepSummary(enter_machine(store), "")
     counters = {name: energy_counter(name) for name in chosen if energy and not (name == "gpu" and gpu_simulated())}
     if any(counters.values()):

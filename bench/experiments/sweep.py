@@ -16,11 +16,12 @@ from typing import Any
 
 from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
 from bench.measure.group import GroupRunner
-from bench.measure.machine import enter_machine, gpu_or_reason, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_or_reason, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.measure.timing import MEASUREMENT
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, timings
+from bench.store.versions import code_version
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from model.core.digest import backend_sources, source_digest
 from model.core.errors import BackendUnavailable, SceneError
@@ -180,7 +181,7 @@ def run_sweep(
     chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
     for word in threads:
         thread_count(word)  # refuse an impossible word before anything is measured
-    revision = source_revision()  # before any thread runs
+    revision = code_version()  # before any thread runs
     summary = SweepSummary(enter_machine(store), "")
     sweep = Sweep(store, effort, summary, begin, chosen_backends)
     work: Work = []

@@ -12,11 +12,12 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.sweep import host_of, source_hash
-from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.store.database import Store
 from bench.store.results import configuration
+from bench.store.versions import code_version
 from model.core.errors import Diverged, SceneError
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
@@ -87,7 +88,7 @@ class Timing:
         summary.held = sum(map(len, groups)) - sum(map(len, missing))
         try:
             if missing:
-                summary.run = store.start_run(summary.machine, command, source_revision())
+                summary.run = store.start_run(summary.machine, command, code_version())
                 with progress_bar(progress) as bar:
                     task = bar.add_task(self.name, total=sum(map(len, missing)))
                     for group in missing:

@@ -11,10 +11,11 @@ from typing import Any
 from bench.experiments.sweep import host_of, source_hash
 from bench.measure import costs_timing
 from bench.measure.costs_timing import RATIO, Measures, Record
-from bench.measure.machine import enter_machine, source_revision
+from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
 from bench.store.database import Store
 from bench.store.results import configuration
+from bench.store.versions import code_version
 from model.core.digest import source_digest
 from model.scene.scene import Scene
 
@@ -96,7 +97,7 @@ def measure_groups(store: Store, what: str, everything: Sequence[Group], show: b
         ]
         summary.held = len(everything) - len(missing)
         if missing:
-            summary.run = store.start_run(summary.machine, command, source_revision())
+            summary.run = store.start_run(summary.machine, command, code_version())
             _measure(store, summary, missing, show)
     except KeyboardInterrupt:
         summary.interrupted = True

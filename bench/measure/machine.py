@@ -24,7 +24,6 @@ import psutil
 
 from bench.store.database import Store, canonical
 from cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
-from model.core.digest import ROOT
 from model.core.memory import available_bytes
 
 PACKAGES = ("numba", "llvmlite", "numpy", "numba-cuda")
@@ -301,25 +300,6 @@ def _gpu_limits() -> dict[str, Any]:
     launches()
     limits["gpu_launch_seconds"] = _best(launches, 0.1) / 100
     return limits
-
-
-def source_revision() -> str | None:
-    """The revision of the lab's own sources, `+` added where files differ from it; None outside a checkout."""
-    import subprocess
-
-    folder = ROOT
-    if not (folder / ".git").exists():
-        return None
-    try:
-
-        def git(*words: str) -> str:
-            done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10)
-            return done.stdout.strip() if done.returncode == 0 else ""
-
-        revision = git("rev-parse", "--short=12", "HEAD")
-        return revision + ("+" if git("status", "--porcelain") else "") if revision else None
-    except (OSError, subprocess.SubprocessError):
-        return None
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from app.driver import open_simulation
 from bench.experiments.checks import CHECK_ROWS, CHECK_STEPS, LIMITS, OWN_SIZE_STEPS, displaced
 from bench.experiments.sweep import backends_here, choose_effort, shapes
 from bench.measure.cases import Effort, SweepSummary, record_skip
-from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.peers.base import Opened, Peer
@@ -30,6 +30,7 @@ from bench.peers.cases import Beside, PeerCase, group_of
 from bench.peers.registry import OURS, PEERS
 from bench.peers.results import DIFFERENCE
 from bench.store.database import Store
+from bench.store.versions import code_version
 from model.core.build import Body, build
 from model.core.memory import available_bytes, readable
 from model.core.simulation import Simulation, State
@@ -66,7 +67,7 @@ def run_peers(
     base = scene if isinstance(scene, Scene) else load_scene(scene)
     chosen = backends_here(backends)
     planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
-    revision = source_revision()
+    revision = code_version()
     summary = SweepSummary(enter_machine(store), "")
     comparison = _Comparison(store, effort, summary, begin, peers)
     wanted = list(backends or ("cpu", "gpu"))  # peers of a backend that is not here are skipped with their reason

@@ -148,6 +148,10 @@ class Measure:
     unit: str
     reason: str | None
 
+    @property
+    def backend(self) -> str:
+        return self.description["backend"]
+
 
 def open_readonly(path: str | Path = DEFAULT_PATH) -> Store:
     """A store to read from: a .sqlite file, or a .csv export (which is read into memory). Raises InputError."""

@@ -23,10 +23,11 @@ from bench.experiments import body_laws, body_scenes, clusters_by_hand, rotation
 from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
 from bench.experiments.advise.choice import chosen
 from bench.experiments.sweep import backends_here, host_of, source_hash
-from bench.measure.machine import enter_machine, source_revision
+from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, measures
+from bench.store.versions import code_version
 from bench.stress import bodies as hard_bodies
 from bench.stress import body_cases as hard_body_cases
 from bench.stress import cases as hard_cases
@@ -194,7 +195,7 @@ def run_hard(
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
     names = chosen(integrators or (QUICK if quick else None), (*METHODS, MATCHING), "--integrator", rows=True)
     accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
-    here, revision = backends_here(backends), source_revision()
+    here, revision = backends_here(backends), code_version()
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
     summary = HardSummary(enter_machine(store))
     missing = [w for w in everything if not store.has_measure(w.description, summary.machine, w.sources, VERDICT)]

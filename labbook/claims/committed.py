@@ -14,7 +14,8 @@ from labbook.claims import accuracy as accuracy_claims
 from labbook.claims import claim as claims
 from labbook.claims import comparison as comparison_claims
 from labbook.claims.claim import Claim
-from plots.core.data import Results, is_wrong, load
+from plots.core.data import Results, is_wrong
+from plots.core.read import load
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,8 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     wanted = (HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER)
     half, cost, unresolved, copy, growth, solver = (named.get(name) for name in wanted)
     repeats = source.costs.get(error.configuration)
+    if repeats is None:  # timed with another version of the code, or not at all
+        cost = copy = None
     dt = kinds["method"]["dt"]
     return Point(
         scene=label,

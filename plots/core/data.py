@@ -1,38 +1,31 @@
 """What figures and lab book draw from: a user's own measurements and the committed ones, machine by machine.
 
-`load` reads stores and text exports; a `Source` is what one machine holds of the sweep and of the accuracy runs. The
-sources that a figure is about are `featured`: the user's own, or the committed ones where there are no others.
-Committed sources beside own ones are `background`: drawn lightly, and labelled.
+A `Source` (made by plots/core/read.py) is what one machine holds of the sweep and of the accuracy runs. The sources that a
+figure is about are `featured`: the user's own, or the committed ones where there are no others. Committed sources beside own
+ones are `background`: drawn lightly, and labelled.
 """
 
 from __future__ import annotations
 
-import gc
-import json
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
-from bench.measure.energy import STAGE as ENERGY_STAGE
-from bench.measure.findings_timing import STAGE as FINDINGS_STAGE
-from bench.peers.results import Ratio, ratios
-from bench.store.results import Machine, Measure, Store, Timing, canonical, machines, measures, open_readonly, timings
+from bench.peers.results import Ratio
+from bench.store.results import Machine, Measure, Store, Timing
+from bench.store.versions import Version
 
 Origin = Store | str | Path
 THREAD_WORDS = ("1x", "2x", "4x")
-SIMULATOR = "CUDA simulator"  # in a suspect mark: no time of a GPU at all
 WRONG = ("wrong answer", "state not finite")  # suspect marks that say more than "noisy"
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a measuring command. `commit`: source revision or None; `started`: UTC, ISO 8601."""
+    """One run of a measuring command. `version`: of the code; `started`: UTC, ISO 8601."""
 
-    commit: str | None
+    version: Version
     started: str
     command: str
 
@@ -44,7 +37,8 @@ class Source:
     `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration.
     `kernels`: timings of forced kernels; `energies`: samples with joules, by configuration; `defaults`: of forced
     kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab.
-    `findings`: timings behind single findings (bench/experiments/findings.py), small grids first."""
+    `findings`: timings behind single findings (bench/experiments/findings.py), small grids first. The timings
+    of a stage are of one version of the code (bench/store/versions.py); `left_out`: how many were of another."""
 
     machine: Machine
     own: bool
@@ -59,6 +53,7 @@ class Source:
     defaults: dict[str, bool] = field(default_factory=dict)
     peers: tuple[Ratio, ...] = ()
     findings: tuple[Timing, ...] = ()
+    left_out: int = 0
 
     @property
     def processor(self) -> str:
@@ -71,9 +66,15 @@ class Source:
         return self.machine.record.get("gpu")
 
     @property
-    def commit(self) -> str:
-        """The revision that was measured last."""
-        return next((run.commit for run in reversed(self.runs) if run.commit), "unknown")
+    def versions(self) -> list[Version]:
+        """Of the runs, in order of time."""
+        return [run.version for run in self.runs]
+
+    @property
+    def version(self) -> Version:
+        """The one that was measured last."""
+        told = (version for version in reversed(self.versions) if version.commit or version.cpu)
+        return next(told, Version(None))
 
     @property
     def date(self) -> str:
@@ -84,7 +85,7 @@ class Source:
     def provenance(self) -> str:
         """Machine, commit and date in one line, for captions."""
         committed = "" if self.own else "Committed measurements: "
-        return f"{committed}{self.machine.label}; commit {self.commit}, measured {self.date}"
+        return f"{committed}{self.machine.label}; {self.version}, measured {self.date}"
 
     def select(
         self,
@@ -173,115 +174,3 @@ def is_wrong(timing: Timing) -> bool:
 def is_suspect(timing: Timing) -> bool:
     """Whether a time is to be read with care: noisy, disturbed, or of an answer that nothing was held against."""
     return bool(timing.suspect) or timing.error is None
-
-
-@contextmanager
-def uncollected() -> Iterator[None]:
-    """While a hundred thousand small tables are made that all stay, looking for garbage takes a third of the time."""
-    wanted = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if wanted:
-            gc.enable()
-
-
-def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] = ()) -> Results:
-    """Read the user's own store(s) (None: there are none) and the committed text exports. Raises InputError."""
-    origins: list[Origin] = [] if own is None else [own] if isinstance(own, Store | str | Path) else list(own)
-    found: list[Source] = []
-    with uncollected(), ExitStack() as stack:
-        for origin in origins:
-            store = origin if isinstance(origin, Store) else stack.enter_context(open_readonly(origin))
-            found += _sources(store, own=True)
-        for path in committed:
-            found += _sources(stack.enter_context(open_readonly(path)), own=False)
-    found.sort(key=lambda source: (not source.own, not source.has_gpu_times))
-    return Results(tuple(found))
-
-
-def _sources(store: Store, own: bool) -> list[Source]:
-    descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
-    result = []
-    for machine in machines(store):
-        everything = [
-            timing
-            for timing in timings(store, machine.key)
-            if timing.peer is None and not any(SIMULATOR in mark for mark in timing.suspect)
-        ]
-        simulated = machine.record.get("gpu_count") is None
-        numbers = [
-            m
-            for m in measures(store, machine=machine.key)
-            if not (simulated and m.description["backend"] == "gpu") and m.description.get("peer") is None
-        ]
-        costs = {timing.configuration: timing for timing in timings(store, machine.key, ACCURACY_STAGE)}
-        runs = tuple(
-            Run(*row)
-            for row in store.query(
-                "SELECT commit_hash, started, command FROM run WHERE machine = ? ORDER BY started, rowid",
-                (machine.key,),
-            )
-        )
-        scene, everything = _one_family(everything, descriptions)
-        threading, everything = _one_threading(everything)
-        times = tuple(timing for timing in everything if timing.chosen)
-        forced = tuple(timing for timing in everything if not timing.chosen)
-        energies = {timing.configuration: timing for timing in timings(store, machine.key, ENERGY_STAGE)}
-        defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}
-        peers = tuple(ratios(store, machine.key))
-        findings = tuple(
-            timing
-            for timing in timings(store, machine.key, FINDINGS_STAGE)
-            if not any(SIMULATOR in mark for mark in timing.suspect)
-        )
-        if everything or numbers or peers:
-            result.append(
-                Source(
-                    machine,
-                    own,
-                    times,
-                    tuple(numbers),
-                    runs,
-                    scene,
-                    threading,
-                    costs,
-                    forced,
-                    energies,
-                    defaults,
-                    peers,
-                    findings,
-                )
-            )
-    return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
-
-
-def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict[str, Any], list[Timing]]:
-    """The timings of the scene that was swept over most sizes: scenes timed at one size are no curve."""
-
-    def family(timing: Timing) -> str:
-        scene = json.loads(canonical(descriptions[timing.configuration]["scene"]))
-        for table in scene.values():
-            if isinstance(table, dict) and "rows" in table:
-                del table["rows"], table["columns"]
-        return canonical(scene | {"math": descriptions[timing.configuration]["math"]})
-
-    sizes: dict[str, set[tuple[int, int]]] = {}
-    for timing in times:
-        sizes.setdefault(family(timing), set()).add((timing.rows, timing.columns))
-    if not sizes:
-        return {}, []
-    chosen = max(sizes, key=lambda key: len(sizes[key]))
-    scene = json.loads(chosen)
-    scene.pop("math")
-    return scene, [timing for timing in times if family(timing) == chosen]
-
-
-def _one_threading(times: list[Timing]) -> tuple[tuple[str | None, str | None], list[Timing]]:
-    """The timings of the threading layer and wait policy that were measured most: mixed curves would compare those."""
-    count = Counter((timing.layer, timing.wait_policy) for timing in times if timing.backend == "cpu")
-    if not count:
-        return (None, None), times
-    (chosen, _), *_ = count.most_common(1)
-    return chosen, [t for t in times if t.backend != "cpu" or (t.layer, t.wait_policy) == chosen]

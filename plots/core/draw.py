@@ -18,7 +18,8 @@ from typing import Any
 
 from model.core.errors import InputError
 from plots.core import shapes
-from plots.core.data import Origin, Results, load
+from plots.core.data import Origin, Results
+from plots.core.read import load
 from plots.core.style import SUFFIXES, Drawing, save, settings
 from plots.figures import (
     ablation,

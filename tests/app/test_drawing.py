@@ -11,8 +11,9 @@ from synthetic_store import CPU_RECORD, Maker
 
 from bench.store.database import Store
 from plots.core import kept
-from plots.core.data import Results, load
+from plots.core.data import Results
 from plots.core.draw import FIGURES, draw_figures
+from plots.core.read import load
 from plots.core.style import Drawing, lay_out, new_figure, plain_power, save, settings, without_footer
 
 

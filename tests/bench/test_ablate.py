@@ -25,7 +25,7 @@ from model.core.errors import SceneError
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene, load_scene
-from plots.core.data import load
+from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.figures import ablation as figure
 

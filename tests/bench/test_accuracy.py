@@ -20,7 +20,7 @@ from bench.store.results import measures
 from model.core.families import stability_limit
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import points
-from plots.core.data import load
+from plots.core.read import load
 
 
 @dataclass(frozen=True)

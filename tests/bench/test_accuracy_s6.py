@@ -21,7 +21,7 @@ from model.core.errors import SceneError
 from model.core.integrators import IMPLICIT, INTEGRATORS
 from model.scene.scene import Scene, load_scene
 from plots.core.accuracy_points import points
-from plots.core.data import load
+from plots.core.read import load
 from plots.figures import work_precision
 
 GAUSS_SEIDEL, JACOBI, AVERAGED = methods.XPBD

@@ -25,7 +25,7 @@ from model.core.integrators import INTEGRATORS
 from model.core.simulation import State
 from model.scene.scene import Scene, load_scene
 from plots.core.accuracy_points import points
-from plots.core.data import load
+from plots.core.read import load
 
 GAUSS_SEIDEL, JACOBI, AVERAGED = methods.XPBD
 EXACT = {"precision": "float64", "math": "exact"}

@@ -54,7 +54,8 @@ from labbook.claims.bodies import CLAIMS
 from model.core.errors import Diverged
 from model.shape_matching.clusters import matching_share
 from plots.core.bar_points import JELLY, bars
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.figures.bar import draw, draw_clusters
 

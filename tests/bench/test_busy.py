@@ -29,7 +29,7 @@ from bench.measure.costs_timing import RATIO, SECONDS, Effort
 from bench.store.database import Store
 from bench.store.results import measures
 from labbook.claims.busy import CLAIMS
-from plots.core.data import load
+from plots.core.read import load
 
 TINY = Effort(2, 1e-4, 1e-3)
 

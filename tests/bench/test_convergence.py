@@ -13,7 +13,7 @@ from bench.measure.timing import Sample
 from bench.reference import xpbd
 from bench.store.database import Store
 from labbook.claims import convergence as convergence_claims
-from plots.core.data import load
+from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.figures import convergence as figure
 from plots.figures.convergence import Converging, converging, least_common, seconds_to

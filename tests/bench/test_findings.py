@@ -13,7 +13,8 @@ from labbook.claims.findings import CLAIMS
 from model.core.integrators import INTEGRATORS, amplification_matrix
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import observed_order
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.findings import damping as findings_damping
 from plots.findings import dissipation as findings_dissipation

@@ -37,7 +37,8 @@ from model.core.errors import SceneError, SoftlabError
 from model.core.simulation import State
 from model.scene.scene import load_scene
 from plots.core.costs_points import costs, look_costs
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.findings import determinism as determinism_figure
 from plots.findings import looks as looks_figure

@@ -26,7 +26,7 @@ from bench.store.results import measures
 from labbook.claims.cloth import CLAIMS
 from model.core.errors import SceneError
 from model.xpbd.plan import constraint_count
-from plots.core.data import load
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import projections
 

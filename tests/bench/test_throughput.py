@@ -28,7 +28,7 @@ from bench.store.database import Store
 from bench.store.results import measures
 from labbook.claims.throughput import CLAIMS
 from model.core.errors import SceneError
-from plots.core.data import load
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import throughput as figure
 

@@ -24,7 +24,8 @@ from model.core.errors import Diverged, InputError, SceneError
 from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import load_scene
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures.hard import draw_states, draw_verdicts
 

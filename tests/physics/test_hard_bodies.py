@@ -29,7 +29,8 @@ from labbook.build import build
 from labbook.claims import hard as hard_claims
 from labbook.claims import hard_bodies as hard_body_claims
 from model.core.simulation import Simulation, State
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import hard, hard_bodies
 

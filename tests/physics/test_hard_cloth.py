@@ -15,7 +15,8 @@ from bench.stress.results import as_text, rows_of
 from bench.stress.trial import Trial
 from model.core.simulation import Simulation
 from model.scene.scene import Scene, load_scene
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures.hard import as_seen, draw_states
 

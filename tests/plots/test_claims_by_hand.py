@@ -31,7 +31,8 @@ from labbook.claims import findings as findings_claims
 from labbook.claims import hard as hard_claims
 from labbook.claims.claim import Claim
 from model.scene.scene import load_scene
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 
 LARGEST = 4096 * 4096
 WIDE = {"backend": "cpu", "layer": "omp", "wait_policy": "passive"}

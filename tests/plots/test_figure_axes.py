@@ -28,8 +28,9 @@ from bench.store.database import Store
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import load_scene
-from plots.core.data import Results, load
+from plots.core.data import Results
 from plots.core.draw import FIGURES, TITLES
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures.energies import EnergyRecord, energy_drawing
 

@@ -20,8 +20,9 @@ from model.core.errors import InputError
 from model.scene.scene import load_scene
 from plots.core import shapes
 from plots.core.accuracy_points import observed_order, order_points, points, reaching
-from plots.core.data import Results, is_suspect, is_wrong, load
+from plots.core.data import Results, is_suspect, is_wrong
 from plots.core.draw import FIGURES, TITLES, draw_all, draw_figures
+from plots.core.read import load
 from plots.core.style import BLACK, GREY, settings
 from plots.figures import bandwidth, crossover, precisions, thread_scaling, time_per_step, work_precision
 from plots.figures.energies import draw_energies, read_energies

@@ -34,7 +34,8 @@ from labbook.claims.committed import HAND_WRITTEN, failures
 from labbook.facts import constant, facts
 from labbook.tables import time_cell, time_tables
 from model.core.errors import InputError
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 
 
 @pytest.fixture(scope="module")

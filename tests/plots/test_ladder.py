@@ -21,8 +21,9 @@ from labbook import kernel_tables
 from labbook.claims import kernels as kernel_claims
 from model.core.plan import mass_spring_plan
 from model.scene.scene import load_scene
-from plots.core.data import Results, load
+from plots.core.data import Results
 from plots.core.ladder import defaults, fastest, in_order, machine_of, rung
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import joules, kernels, roofline
 

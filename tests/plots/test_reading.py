@@ -16,8 +16,9 @@ from labbook.build import book_data, committed_data
 from model.scene.scene import Scene, load_scene
 from model.shape_matching import body_set
 from plots.core import accuracy_points
-from plots.core.data import Results, load
+from plots.core.data import Results
 from plots.core.draw import FIGURES
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import roofline
 

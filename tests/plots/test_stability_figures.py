@@ -12,7 +12,8 @@ from bench.store.database import Store
 from labbook.claims import stability as stability_claims
 from labbook.stability_tables import edge_tables
 from model.core.integrators import INTEGRATORS
-from plots.core.data import Results, load
+from plots.core.data import Results
+from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import stability
 

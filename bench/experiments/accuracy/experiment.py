@@ -53,12 +53,13 @@ from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from bench.experiments.advise.choice import chosen
 from bench.experiments.sweep import backends_here
 from bench.measure.growth import Growth
-from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference import cache
 from bench.store.database import Store, configuration_hash
 from bench.store.results import measures
+from bench.store.versions import code_version
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
 
@@ -125,7 +126,7 @@ def run_accuracy(
     effort = QUICK if quick else FULL
     names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
     accurate = chosen(precisions, list(PRECISIONS), "--precision") if precisions else None
-    here, revision = backends_here(backends), source_revision()
+    here, revision = backends_here(backends), code_version()
     summary = AccuracySummary(enter_machine(store))
     labels = scenes or (*SCENES, *([] if quick else CLOTHS))
     everything = cases(labels, here, not quick, names, accurate)

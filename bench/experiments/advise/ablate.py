@@ -41,13 +41,14 @@ from bench.experiments.advise.experiment import REFERENCE_SECONDS
 from bench.experiments.held_force import held_converged, held_seconds
 from bench.experiments.sweep import backends_here
 from bench.measure.growth import Growth
-from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference import cache
 from bench.reference.cache import Converged
 from bench.store.database import Store, configuration_hash
 from bench.store.results import measures
+from bench.store.versions import code_version
 from model.core.build import pinned_indices
 from model.core.errors import Diverged, SceneError
 from model.core.families import stability_limit
@@ -222,7 +223,7 @@ class _Work:
             self.newton = cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS)
         else:
             self.newton = own_converged(motion, self.end, FOR_STATISTICS)
-        self.summary.run = self.store.start_run(self.summary.machine, self.command, source_revision())
+        self.summary.run = self.store.start_run(self.summary.machine, self.command, code_version())
 
     def measure(self, group: Sequence[Variant], tell: Tell) -> None:
         """Judge each of a group, then sample those that held in turn. Raises Diverged where the full scene does."""

@@ -25,10 +25,11 @@ from bench.experiments.advise.advice import Advice
 from bench.experiments.advise.search import Kind, Search, Task, disturbed
 from bench.experiments.sweep import backends_here
 from bench.measure.growth import MAX_GROWTH, Growth
-from bench.measure.machine import enter_machine, source_revision
+from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
 from bench.reference import cache
 from bench.store.database import Store
+from bench.store.versions import code_version
 from model.core.build import pinned_indices
 from model.core.errors import SceneError
 from model.core.simulation import PRECISIONS
@@ -67,7 +68,7 @@ def advise(
     end = END if time is None else time
     _check(scene, error, end, total_seconds)
     chosen = backends_here(backends)
-    revision = source_revision()
+    revision = code_version()
     machine = enter_machine(store)
     with progress_bar(progress) as bar:
         row = bar.add_task("growth of a disturbance", total=None)

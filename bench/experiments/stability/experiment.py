@@ -35,10 +35,11 @@ from bench.experiments.stability.points import (
 )
 from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
 from bench.experiments.sweep import backends_here, source_hash
-from bench.measure.machine import enter_machine, gpu_simulated, source_revision
+from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, measures
+from bench.store.versions import code_version
 from model.core.integrators import INTEGRATORS, damping_rate
 from model.core.simulation import PRECISIONS, Simulation
 from model.core.stability_limit import scene_frequency
@@ -180,7 +181,7 @@ def run_stability(
     """
     begin = time.perf_counter()
     names = chosen(integrators, list(INTEGRATORS), "--integrator")
-    here, revision = backends_here(backends), source_revision()
+    here, revision = backends_here(backends), code_version()
     summary = StabilitySummary(enter_machine(store))
     everything = cases(QUICK if quick else FULL, here, names)
     missing = [c for c in everything if not store.has_measure(c.description, summary.machine, c.sources, c.done)]

@@ -1,0 +1,119 @@
+"""Which version of the code a number is from, and so what may be compared with what.
+
+Two timings are compared only where they are of one version of the code: those of one backend if its sources were the same;
+CPU against GPU if some run names the sources of both, because those then lay side by side. Every run says so when it is
+entered (`code_version`). What is not of one version is not set side by side: there is no sentence and no line.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Protocol, TypeVar
+
+from model.core.digest import ROOT, backend_sources, source_digest
+
+BACKENDS = ("cpu", "gpu")
+COMMIT = "SOFTLAB_COMMIT"  # environment variable: the revision of a copy that has no history of its own
+
+
+@dataclass(frozen=True)
+class Version:
+    """`commit`: the revision, `+` added where files differed from it, None where unknown; `cpu`, `gpu`: the digests of the
+    backends' sources, None in the records of labs that did not tell."""
+
+    commit: str | None
+    cpu: str | None = None
+    gpu: str | None = None
+
+    def __str__(self) -> str:
+        """For captions: `commit 9613136a2b1c`, or what is known instead."""
+        if self.commit:
+            return f"commit {self.commit}"
+        return f"sources {self.cpu[:8]} and {self.gpu[:8]}" if self.cpu and self.gpu else "commit unknown"
+
+
+def code_version() -> str:
+    """What a run says of the code that it is of: `9613136a2b1c+ cpu:<digest> gpu:<digest>`; the revision is `-` outside a
+    checkout, unless SOFTLAB_COMMIT names it."""
+    return " ".join([_revision() or "-", *(f"{name}:{digest_of(name)}" for name in BACKENDS)])
+
+
+@cache
+def digest_of(backend: str) -> str:
+    """The digest of a backend's sources as they are now."""
+    return source_digest(*backend_sources(backend))
+
+
+def read_version(text: str | None) -> Version:
+    """The version that a run's entry tells of; of runs of earlier labs the revision at most."""
+    commit, *others = (text or "-").split()
+    told = dict(word.split(":", 1) for word in others if ":" in word)
+    return Version(None if commit == "-" else commit, told.get("cpu"), told.get("gpu"))
+
+
+def _revision() -> str | None:
+    """The revision of the lab's own files, `+` added where they differ from it; None where nothing tells."""
+    told = os.environ.get(COMMIT, "").strip()
+    if told or not (ROOT / ".git").exists():
+        return told.split()[0] if told else None
+    try:
+
+        def git(*words: str) -> str:
+            done = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, timeout=10)
+            return done.stdout.strip() if done.returncode == 0 else ""
+
+        revision = git("rev-parse", "--short=12", "HEAD")
+        return revision + ("+" if git("status", "--porcelain") else "") if revision else None
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+# ---------------------------------------------------------------------- what may be compared
+
+
+class Dated(Protocol):
+    """A timing, or a measure of a speed."""
+
+    @property
+    def backend(self) -> str: ...
+    @property
+    def sources(self) -> str: ...
+
+
+Item = TypeVar("Item", bound=Dated)
+
+
+def sources_of(item: Dated) -> str:
+    """The digest of the backend's sources that a timing is of (an experiment's own mark comes after it)."""
+    return item.sources.partition("-")[0]
+
+
+def of_one_version(items: Sequence[Item], versions: Sequence[Version], here: bool) -> list[Item]:
+    """Those that are of one version of the code, and so may be compared, in their order.
+
+    Of each backend those of the version that most are of, or with `here` of the code that runs now, if any are; of several
+    the one measured last (`versions` are in order of time). CPU and GPU stay together only if some run names the sources
+    of both; else the one that was measured last stays.
+    """
+    chosen, when = {}, {}
+    for backend in BACKENDS:
+        count = Counter(sources_of(item) for item in items if item.backend == backend)
+        places = {getattr(version, backend): place for place, version in enumerate(versions)}
+        now = digest_of(backend) if here and count else None
+        if count:
+            best = max(count, key=lambda key: (key == now, count[key], places.get(key, -1)))
+            chosen[backend], when[backend] = best, (places.get(best, -1), count[best])
+    if len(chosen) == len(BACKENDS) and not _side_by_side(chosen, versions):
+        del chosen[min(BACKENDS, key=lambda backend: when[backend])]
+    return [item for item in items if chosen.get(item.backend) == sources_of(item)]
+
+
+def _side_by_side(digests: dict[str, str], versions: Sequence[Version]) -> bool:
+    """Whether the sources of both backends are of one version: named by one run, or not told apart at all."""
+    wanted = tuple(digests[backend] for backend in BACKENDS)
+    return len(set(wanted)) == 1 or any((version.cpu, version.gpu) == wanted for version in versions)

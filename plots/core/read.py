@@ -1,0 +1,129 @@
+"""Reading stores and text exports: what each machine in them measured, of one version of the code each."""
+
+from __future__ import annotations
+
+import gc
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from bench.experiments import projections, throughput
+from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
+from bench.measure.energy import STAGE as ENERGY_STAGE
+from bench.measure.findings_timing import STAGE as FINDINGS_STAGE
+from bench.peers.results import ratios
+from bench.store.results import Store, Timing, canonical, machines, measures, open_readonly, timings
+from bench.store.versions import of_one_version, read_version
+from plots.core.data import Origin, Results, Run, Source
+
+SIMULATOR = "CUDA simulator"  # in a suspect mark: no time of a GPU at all
+STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS_STAGE)
+RATES = tuple((experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput))
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """While a hundred thousand small tables are made that all stay, looking for garbage takes a third of the time."""
+    wanted = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if wanted:
+            gc.enable()
+
+
+def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] = ()) -> Results:
+    """Read the user's own store(s) (None: there are none) and the committed text exports. Raises InputError."""
+    origins: list[Origin] = [] if own is None else [own] if isinstance(own, Store | str | Path) else list(own)
+    found: list[Source] = []
+    with uncollected(), ExitStack() as stack:
+        for origin in origins:
+            store = origin if isinstance(origin, Store) else stack.enter_context(open_readonly(origin))
+            found += _sources(store, own=True)
+        for path in committed:
+            found += _sources(stack.enter_context(open_readonly(path)), own=False)
+    found.sort(key=lambda source: (not source.own, not source.has_gpu_times))
+    return Results(tuple(found))
+
+
+def _sources(store: Store, own: bool) -> list[Source]:
+    """What each machine in a store measured."""
+    descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
+    result = []
+    for machine in machines(store):
+        everything = [
+            timing
+            for timing in timings(store, machine.key)
+            if timing.peer is None and not any(SIMULATOR in mark for mark in timing.suspect)
+        ]
+        simulated = machine.record.get("gpu_count") is None
+        numbers = [
+            m
+            for m in measures(store, machine=machine.key)
+            if not (simulated and m.description["backend"] == "gpu") and m.description.get("peer") is None
+        ]
+        runs = tuple(
+            Run(read_version(version), started, command)
+            for version, started, command in store.query(
+                "SELECT commit_hash, started, command FROM run WHERE machine = ? ORDER BY started, rowid",
+                (machine.key,),
+            )
+        )
+        versions = [run.version for run in runs]
+        scene, everything = _one_family(everything, descriptions)
+        threading, everything = _one_threading(everything)
+        of_stages = [[t for t in everything if t.chosen], [t for t in everything if not t.chosen]] + [
+            [t for t in timings(store, machine.key, stage) if not any(SIMULATOR in mark for mark in t.suspect)]
+            for stage in STAGES
+        ]
+        kept = [of_one_version(times, versions, own) for times in of_stages]
+        of_rates = [[m for m in numbers if m.name in names] for names in RATES]
+        dropped = {id(m) for rates in of_rates for m in rates}
+        dropped -= {id(m) for rates in of_rates for m in of_one_version(rates, versions, own)}
+        numbers = [m for m in numbers if id(m) not in dropped]
+        times, forced, costs, energies, findings = kept
+        defaults = {m.configuration: bool(m.value) for m in numbers if m.name == "default"}
+        peers = tuple(ratios(store, machine.key))
+        if everything or numbers or peers:
+            source = Source(
+                machine, own, tuple(times), tuple(numbers), runs, scene, threading,
+                {timing.configuration: timing for timing in costs}, tuple(forced),
+                {timing.configuration: timing for timing in energies}, defaults, peers, tuple(findings),
+                sum(map(len, of_stages)) - sum(map(len, kept)) + len(dropped),
+            )  # fmt: skip
+            result.append(source)
+    return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
+
+
+def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict[str, Any], list[Timing]]:
+    """The timings of the scene that was swept over most sizes: scenes timed at one size are no curve."""
+
+    def family(timing: Timing) -> str:
+        scene = json.loads(canonical(descriptions[timing.configuration]["scene"]))
+        for table in scene.values():
+            if isinstance(table, dict) and "rows" in table:
+                del table["rows"], table["columns"]
+        return canonical(scene | {"math": descriptions[timing.configuration]["math"]})
+
+    sizes: dict[str, set[tuple[int, int]]] = {}
+    for timing in times:
+        sizes.setdefault(family(timing), set()).add((timing.rows, timing.columns))
+    if not sizes:
+        return {}, []
+    chosen = max(sizes, key=lambda key: len(sizes[key]))
+    scene = json.loads(chosen)
+    scene.pop("math")
+    return scene, [timing for timing in times if family(timing) == chosen]
+
+
+def _one_threading(times: list[Timing]) -> tuple[tuple[str | None, str | None], list[Timing]]:
+    """The timings of the threading layer and wait policy that were measured most: mixed curves would compare those."""
+    count = Counter((timing.layer, timing.wait_policy) for timing in times if timing.backend == "cpu")
+    if not count:
+        return (None, None), times
+    (chosen, _), *_ = count.most_common(1)
+    return chosen, [t for t in times if t.backend != "cpu" or (t.layer, t.wait_policy) == chosen]
