@@ -93,7 +93,7 @@ def run_kernel_sweep(
     """Measure what the store lacks of the kernels, and say what was done; arguments as of bench/experiments/sweep.py's
     run_sweep.
 
-    `kernels`: only these. `energy`: also joules, half a second a configuration, where the machine counts them. `starts`:
+    `kernels`: only these. `energy`: also joules, a second a configuration, where the machine counts them. `starts`:
     also how long `softlab run` takes to its first step, cold and warm. The machine's limits (bench/measure/limits.py) are
     measured where its record lacks them. Ctrl-C ends cleanly.
 

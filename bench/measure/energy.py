@@ -1,8 +1,9 @@
 """Joules of stepping, from the counters that some machines have: NVML's of a GPU, RAPL's of processor packages (Linux).
 
 A counter holds what the whole device took since it was started, idle parts included. It moves in jumps (NVML's every 20
-to 100 ms), so a sample of 20 ms tells nothing: steps are run for about half a second, and only what lies between the
-first and the last jump counts. No counter, no joules, and no error: most processors hide theirs from users.
+to 100 ms), so a sample of 20 ms tells nothing: from one jump to another nearly a second later, and only there is the counter
+read while steps run, because each look makes the device wait: in between they run as they do when they are timed. No counter,
+no joules, and no error: most processors hide theirs from users.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from bench.measure.timing import Subject
 Counter = Callable[[], float]  # joules since some beginning
 
 STAGE = "energy"  # of the samples that hold joules
-LOOP_SECONDS = 0.5  # s
-MAX_SECONDS = 0.6  # s: the end of waiting for one more jump
-BATCH_SECONDS = 0.01  # s of steps between two looks at the counter: the error of an interval's ends
+LOOP_SECONDS = 0.8  # s of steps between two jumps of the counter
+MAX_WAIT = 0.25  # s: the end of waiting for a jump
+BATCH_SECONDS = 0.005  # s of steps between two looks at the counter: the error of an interval's ends
 SLOWEST_STEP = 0.1  # s: with longer ones the loop would hold too few
+SLOWER = 1.1  # times as long as when they were timed: such steps are not those whose joules are wanted
 RAPL = Path("/sys/class/powercap")
 
 
@@ -32,6 +34,18 @@ class Energy:
     joules: float
     seconds: float
     steps: int
+
+    @property
+    def watts(self) -> float:
+        return self.joules / self.seconds
+
+    def suspect(self, seconds_per_step: float, limit: float | None) -> str | None:
+        """Why it is to be read with care, or None. `seconds_per_step` [s]: as timed; `limit` [W]: what the device may take."""
+        slower = self.seconds / self.steps / seconds_per_step
+        reasons = [f"steps took {slower:.2f} times as long as when timed"] if slower > SLOWER else []
+        if limit is not None and self.watts > 1.05 * limit:
+            reasons.append(f"{self.watts:.0f} W of a device that may take {limit:.0f} W")
+        return "; ".join(reasons) or None
 
 
 def energy_counter(backend: str) -> Counter | None:
@@ -50,6 +64,19 @@ def nvml_counter() -> Counter | None:
     except Exception:  # the library is optional, and fails in as many ways as drivers do
         return None
     return lambda: 1e-3 * pynvml.nvmlDeviceGetTotalEnergyConsumption(handle)
+
+
+def power_limit(backend: str) -> float | None:
+    """What the GPU may take [W]; None for a CPU, or where the driver does not tell."""
+    if backend != "gpu":
+        return None
+    try:
+        import pynvml
+
+        pynvml.nvmlInit()
+        return 1e-3 * pynvml.nvmlDeviceGetEnforcedPowerLimit(_nvml_handle(pynvml))
+    except Exception:  # as in nvml_counter
+        return None
 
 
 def _nvml_handle(pynvml: Any) -> Any:
@@ -89,27 +116,42 @@ def rapl_counter(folder: Path = RAPL) -> Counter | None:
 
 
 def measure_energy(subject: Subject, counter: Counter, seconds: float = LOOP_SECONDS) -> Energy | None:
-    """Step for about `seconds` [s] and hold the steps against the counter; None where it did not move twice.
+    """Step for about `seconds` [s] from a jump of the counter to another; None where it does not jump, or a step takes so
+    long that the interval would hold too few.
 
     Needs `warm_up` (of bench/measure/timing.py). Raises Diverged.
     """
     if subject.seconds_per_step > SLOWEST_STEP:
         return None
-    batch = max(1, round(BATCH_SECONDS / max(subject.seconds_per_step, 1e-9)))
+    per_step = max(subject.seconds_per_step, 1e-9)
+    batch, loop = max(1, round(BATCH_SECONDS / per_step)), max(1, round(seconds / per_step))
     subject.restore()
-    begin, steps, before = time.perf_counter(), 0, counter()
-    jumps: list[tuple[float, int, float]] = []  # clock, steps done, joules: of the first jump and of the last
-    while True:
+    first = _jump(subject, counter, batch)
+    if first is None:
+        return None
+    subject.run(loop)
+    last = _jump(subject, counter, batch)
+    if last is None:
+        return None
+    return Energy(last.joules - first.joules, last.clock - first.clock, loop + last.steps)
+
+
+@dataclass(frozen=True)
+class _Jump:
+    """When the counter moved (`clock` [s]), where to (`joules`), and how many steps were run until it did."""
+
+    clock: float
+    joules: float
+    steps: int
+
+
+def _jump(subject: Subject, counter: Counter, batch: int) -> _Jump | None:
+    """Step until the counter moves; None where it does not within MAX_WAIT."""
+    before, steps, begin = counter(), 0, time.perf_counter()
+    while time.perf_counter() - begin < MAX_WAIT:
         subject.run(batch)
         steps += batch
-        clock, joules = time.perf_counter(), counter()
+        joules = counter()
         if joules != before:
-            jumps = [*jumps[:1], (clock, steps, joules)]
-            before = joules
-        passed = clock - begin
-        if passed >= seconds * MAX_SECONDS / LOOP_SECONDS or (passed >= seconds and jumps and jumps[-1][1] == steps):
-            break
-    if len(jumps) < 2:
-        return None
-    (start, first, low), (end, last, high) = jumps
-    return Energy(high - low, end - start, last - first)
+            return _Jump(time.perf_counter(), joules, steps)
+    return None

@@ -14,7 +14,7 @@ from typing import Any
 from app.driver import open_simulation
 from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
 from bench.measure.cases import Case, record_skip
-from bench.measure.energy import STAGE, Counter, energy_counter, measure_energy
+from bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
 from bench.measure.group import GroupRunner
 from bench.measure.timing import Sample, Subject
 from model.core.simulation import Simulation, State
@@ -173,7 +173,7 @@ class KernelRunner(GroupRunner):
         if counter is None or self.store.sample_count(case.description, self.summary.machine, case.sources, STAGE):
             return
         self.tell(f"{case}: joules")
-        run, reason = self.summary.run, "the counter moved too rarely, or a step takes too long, for half a second"
+        run, reason = self.summary.run, "the counter moved too rarely, or a step takes too long, for a second"
         found = None
         try:
             found = measure_energy(subject, counter, self.effort.energy_seconds)
@@ -182,5 +182,7 @@ class KernelRunner(GroupRunner):
         if found is None:
             self.store.add_measure(run, case.description, case.sources, NO_JOULES, None, "J", reason)
             return
-        seconds, steps = found.seconds, found.steps
-        self.store.add_sample(run, case.description, case.sources, seconds, steps, stage=STAGE, joules=found.joules)
+        self.store.add_sample(
+            run, case.description, case.sources, found.seconds, found.steps, stage=STAGE, joules=found.joules,
+            suspect=found.suspect(subject.seconds_per_step, power_limit(case.backend)),
+        )  # fmt: skip

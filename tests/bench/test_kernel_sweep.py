@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,14 +12,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from app.driver import open_simulation
 from bench.experiments import kernel_sweep, sweep
 from bench.experiments.kernel_sweep import kernel_cases, kernels_of, run_kernel_sweep
 from bench.experiments.sweep import run_sweep
 from bench.measure import kernel_runner, limits, starts
 from bench.measure.cases import SweepSummary
 from bench.measure.energy import Energy, energy_counter, measure_energy, nvml_counter, rapl_counter
-from bench.measure.timing import Subject, warm_up
+from bench.measure.timing import Subject
 from bench.store.database import Store
 from bench.store.results import measures, timings
 from bench.store.tables import print_fastest, print_kernels
@@ -204,25 +204,43 @@ def test_rapl_adds_packages_and_survives_their_end(tmp_path: Path) -> None:
     assert rapl_counter(tmp_path) is None
 
 
-def test_only_what_lies_between_two_jumps_of_the_counter_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clock of 0.01 s a look, a counter that jumps by 7 J at every third: 0.5 s hold 7 J per 3 batches."""
+class Metered:
+    """A device of 1 ms a step and 300 W whose counter jumps every 0.1 s, and loses 20 ms to each look at it."""
+
+    seconds_per_step, lost, clock, looks = 0.001, 0.02, 0.0, 0
+
+    def restore(self) -> None:
+        self.clock += 0.01
+
+    def run(self, steps: int) -> float:
+        self.clock += steps * self.seconds_per_step
+        return steps * self.seconds_per_step
+
+    def counter(self) -> float:
+        self.looks += 1
+        self.clock += self.lost
+        return 300.0 * 0.1 * math.floor(10 * self.clock)
+
+
+def test_joules_lie_between_two_jumps_and_the_counter_is_read_at_the_ends_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     from bench.measure import energy
 
-    clock = iter(range(10**6))
-    monkeypatch.setattr(energy, "time", SimpleNamespace(perf_counter=lambda: 0.01 * next(clock)))
-    looks = iter(range(10**6))
-    with open_simulation("lab-grid") as simulation:
-        subject = Subject(simulation)
-        warm_up(subject)
-        subject.seconds_per_step = energy.BATCH_SECONDS / 2  # as a step of 5 ms would
-        found = measure_energy(subject, lambda: 7.0 * (next(looks) // 3))
-        assert found is not None and found.steps % 6 == 0
-        assert found.joules / found.steps == pytest.approx(7 / 6)
-        assert found.seconds / found.steps == pytest.approx(0.03 / 6)
-        assert 0.4 < found.seconds < 0.6
-        assert measure_energy(subject, lambda: 1.0) is None, "a counter that stands still tells nothing"
-        subject.seconds_per_step = 1.0
-        assert measure_energy(subject, lambda: 1.0) is None, "too slow for half a second"
+    device: Any = Metered()
+    monkeypatch.setattr(energy, "time", SimpleNamespace(perf_counter=lambda: device.clock))
+    found = measure_energy(device, device.counter)
+    assert found is not None and device.looks < 12
+    reach = energy.BATCH_SECONDS + device.lost  # of an end, which is seen so much later at most
+    assert energy.LOOP_SECONDS < found.seconds < energy.LOOP_SECONDS + 0.1 + 2 * reach
+    assert found.watts == pytest.approx(300, rel=2 * reach / found.seconds)
+    assert found.joules == pytest.approx(found.watts * found.seconds)
+    assert found.suspect(0.001, 700.0) is None, "looks at the ends take less than a tenth"
+    assert "1.50 times as long" in str(Energy(30.0, 1.5, 1000).suspect(0.001, None))
+    assert "W of a device" in str(Energy(800.0, 1.0, 1000).suspect(0.001, 700.0))
+    assert measure_energy(device, lambda: 1.0) is None, "a counter that stands still tells nothing"
+    device.seconds_per_step = 1.0
+    assert measure_energy(device, device.counter) is None, "too slow for a second"
 
 
 def test_joules_stand_beside_the_times_and_are_resumed(monkeypatch: pytest.MonkeyPatch) -> None:
