@@ -168,6 +168,13 @@ def notices(results: Results) -> list[str]:
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
             f"committed measurements, made on: {gpu.machine.label}; it is labelled as such."
         )
+    for source in results.featured:
+        if source.left_out:
+            found.append(
+                f"{source.left_out} times measured on {source.machine.label} are of another version of the code than the "
+                "others of their kind, and are left out: what is compared is of one version. The command that measured "
+                "them measures them again (softlab sweep, accuracy, ...)."
+            )
     for source in own:
         disturbed = sum(is_suspect(timing) for timing in source.timings)
         if 2 * disturbed > len(source.timings):

@@ -17,7 +17,7 @@ from typing import Any
 from bench.experiments.sweep import backends_here
 from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
 from bench.store.database import Store, canonical
-from bench.store.published import NEWTON_ITERATION, PUBLISHED
+from bench.store.published import PUBLISHED
 from bench.store.results import Measure
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
@@ -181,13 +181,3 @@ def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, Projec
     for entry in PUBLISHED:
         pairs += [(entry, point) for point in found if point.scene == entry.text]
     return pairs
-
-
-def newton_ratios(found: Sequence[ProjectionPoint]) -> list[tuple[int, float]]:
-    """(size, Newton's seconds of an iteration over ours) of twelve neighbours by Gauss-Seidel, 10 x 10, on a GPU."""
-    return [
-        (point.rows, NEWTON_ITERATION[point.rows] / point.iteration)
-        for point in found
-        if point.backend == "gpu" and point.rows == point.columns and point.rows in NEWTON_ITERATION
-        and (point.neighbours, point.ordering, point.substeps, point.iterations) == (12, "gauss-seidel", 10, 10)
-    ]  # fmt: skip

@@ -40,7 +40,7 @@ class Energy:
         return self.joules / self.seconds
 
     def suspect(self, seconds_per_step: float, limit: float | None) -> str | None:
-        """Why it is to be read with care, or None. `seconds_per_step` [s]: as timed; `limit` [W]: what the device may take."""
+        """Why it is to be read with care, or None. `seconds_per_step`: as timed [s]; `limit`: of the device's power [W]."""
         slower = self.seconds / self.steps / seconds_per_step
         reasons = [f"steps took {slower:.2f} times as long as when timed"] if slower > SLOWER else []
         if limit is not None and self.watts > 1.05 * limit:

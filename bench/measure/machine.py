@@ -235,7 +235,15 @@ def gpu_simulated() -> bool:
 
 def _gpu_facts() -> dict[str, Any]:
     facts: dict[str, Any] = dict.fromkeys(
-        ("gpu", "gpu_count", "gpu_memory_gib", "gpu_compute_capability", "gpu_multiprocessors", "gpu_driver")
+        (
+            "gpu",
+            "gpu_count",
+            "gpu_memory_gib",
+            "gpu_compute_capability",
+            "gpu_multiprocessors",
+            "gpu_l2_bytes",
+            "gpu_driver",
+        )
     )
     available, name = gpu_or_reason()
     if not available:
@@ -250,6 +258,7 @@ def _gpu_facts() -> dict[str, Any]:
     facts["gpu_memory_gib"] = round(cuda.current_context().get_memory_info()[1] / 2**30)
     facts["gpu_compute_capability"] = ".".join(map(str, device.compute_capability))
     facts["gpu_multiprocessors"] = int(device.MULTIPROCESSOR_COUNT)
+    facts["gpu_l2_bytes"] = int(device.L2_CACHE_SIZE)
     facts["gpu_driver"] = _gpu_driver()
     return facts
 

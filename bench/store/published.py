@@ -53,7 +53,3 @@ PUBLISHED = (
     Published(FLAMENCO, "30 x 30", 0.94e-3, "RTX 2080", "cloth-flamenco", {"cloth.rows": 30, "cloth.columns": 30}),
     Published(FLAMENCO, "300 x 300", 10.4e-3, "RTX 2080", "cloth-flamenco", {"cloth.rows": 300, "cloth.columns": 300}),
 )  # fmt: skip
-
-# NVIDIA Newton 1.8's XPBD in a CUDA graph on an H200, 10 substeps x 10 iterations, as reported to us, not measured here: rows
-# and columns -> seconds an iteration. Its constraints are triangles and bending beside springs.
-NEWTON_ITERATION = {32: 37e-6, 64: 43e-6, 128: 64e-6, 256: 127e-6, 512: 433e-6}

@@ -242,8 +242,8 @@ def spin(results: Results) -> Claim:
     off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
     parts = [f"{percent(bar.values[KEPT])} at {_substeps(bar)} a frame" for bar in found]
     return Claim(
-        f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: what the law "
-        f"says, to {number(off, 1)}.",
+        f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: by "
+        f"Newton's law it would keep all of it; this is what its own method's law says, to {number(off, 1)}.",
         {"off": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
     )  # fmt: skip
 

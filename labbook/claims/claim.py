@@ -2,18 +2,19 @@
 
 A claim is `supported` when the repeats of what it compares do not overlap (or a number it needs is there at all).
 Otherwise its sentence is neutral: no difference beyond the spread, or not measured. Timings whose answer was wrong take
-no part. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
+no part; suspect ones only where there are no others, and then the sentence says so. Every sentence names the machine that
+its numbers are from. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bench.store.results import Timing
 from labbook import words
 from labbook.words import masses, percent, seconds, times
-from plots.core.data import THREAD_WORDS, Results, Source, is_wrong
+from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
 from plots.figures.bandwidth import copy_bandwidth, fraction
 from plots.figures.precisions import float64_pairs
 
@@ -40,12 +41,34 @@ def cpu_source(results: Results) -> Source | None:
 
 def on_gpu(source: Source) -> str:
     """`On the NVIDIA H200`, and that these are the committed measurements where they are not the reader's own."""
-    return f"On the {source.gpu}{'' if source.own else ' (committed measurements)'}"
+    return f"On the {named(source, 'gpu')}"
+
+
+def on(source: Source, backend: str) -> str:
+    """The same of either processor: `On the AMD EPYC, 2 cores`."""
+    return f"On the {named(source, backend)}"
+
+
+def named(source: Source, backend: str) -> str:
+    """`NVIDIA H200 (committed measurements)`: the reader's machine and a committed one never share a label."""
+    name = source.gpu if backend == "gpu" else source.processor
+    return f"{name}{'' if source.own else ' (committed measurements)'}"
 
 
 def where(backend: str, source: Source) -> str:
     """`the GPU (NVIDIA H200)`."""
-    return f"the {backend.upper()} ({source.gpu if backend == 'gpu' else source.processor})"
+    name = source.gpu if backend == "gpu" else source.processor
+    return f"the {backend.upper()} ({name}{'' if source.own else ', committed measurements'})"
+
+
+SUSPECT = " (from times that are marked as suspect)"
+
+
+def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...]], str]:
+    """Of what is set side by side that in which no time is suspect, and nothing to add; all of it where there is no such,
+    and the words that say so."""
+    clean = [timings for timings in found if not any(is_suspect(timing) for timing in timings)]
+    return (clean, "") if clean else (list(found), SUSPECT if found else "")
 
 
 def clearly(a: Timing, b: Timing) -> int:
@@ -70,66 +93,69 @@ def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
 def threads_at(results: Results, end: int) -> Claim:
     """2x and 4x threads against 1x at the smallest (`end` 0) or the largest (-1) size all were measured at."""
     source = cpu_source(results)
-    found = {word: thread_pairs(source, word) for word in THREAD_WORDS[1:]} if source else {}
-    found = {word: both for word, both in found.items() if both}
-    if not found:
+    found = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
+    found = {word: both for word, both in found.items() if both[0]}
+    sizes = [{base.particles for base, _ in both} for both, _ in found.values()]
+    shared = sorted(set.intersection(*sizes)) if sizes else []
+    if source is None or not shared:
         return Claim("More threads than cores were not measured.")
+    size = shared[end]
     parts, numbers, supported = [], {}, True
-    size = found[next(iter(found))][end][0].particles
-    for word, both in found.items():
-        base, more = both[end]
-        if base.particles != size:
-            continue
+    for word, (both, suspect) in found.items():
+        base, more = next(pair for pair in both if pair[0].particles == size)
         verdict = clearly(more, base)
         ratio = more.median / base.median
         numbers[word] = ratio
         supported = supported and verdict != 0
         if verdict > 0:
-            parts.append(f"a step with {word} threads takes {times(ratio)} as long as with 1x")
+            parts.append(f"a step with {word} threads takes {times(ratio)} as long as with 1x{suspect}")
         elif verdict < 0:
-            parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x")
+            parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x{suspect}")
         else:
-            parts.append(f"{word} threads show no difference to 1x beyond the spread")
-    return Claim(f"At {masses(size)}, {words.listed(parts)}.", numbers | {"masses": size}, supported)
+            parts.append(f"{word} threads show no difference to 1x beyond the spread{suspect}")
+    text = f"{on(source, 'cpu')}, at {masses(size)}, {words.listed(parts)}."
+    return Claim(text, numbers | {"masses": size}, supported)
 
 
 def threads_best(results: Results) -> Claim:
     """At how many sizes more threads than cores are clearly faster than as many."""
     source = cpu_source(results)
-    found = {word: thread_pairs(source, word) for word in THREAD_WORDS[1:]} if source else {}
-    sizes = sorted({base.particles for both in found.values() for base, _ in both})
-    if not sizes:
+    found = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
+    sizes = sorted({base.particles for both, _ in found.values() for base, _ in both})
+    if source is None or not sizes:
         return Claim("Whether more threads than cores ever help was not measured.")
-    faster = {base.particles for both in found.values() for base, more in both if clearly(more, base) < 0}
-    slower = {base.particles for both in found.values() for base, more in both if clearly(more, base) > 0} - faster
+    faster = {base.particles for both, _ in found.values() for base, more in both if clearly(more, base) < 0}
+    slower = {base.particles for both, _ in found.values() for base, more in both if clearly(more, base) > 0} - faster
     numbers = {"sizes": len(sizes), "faster": len(faster), "slower": len(slower)}
+    suspect = max((marked for _, marked in found.values()), default="")
+    start, of = on(source, "cpu"), f"of the {len(sizes)} square sizes{suspect}"
     if not faster and slower:
         text = (
-            f"At none of the {len(sizes)} square sizes are 2x or 4x threads faster than 1x beyond the spread; "
-            f"at {len(slower)} of them one or both are slower."
+            f"{start}, at none {of} are 2x or 4x threads faster than 1x beyond the spread; at {len(slower)} of them one or "
+            "both are slower."
         )
     elif faster:
         text = (
-            f"At {len(faster)} of the {len(sizes)} square sizes 2x or 4x threads are faster than 1x beyond the spread, "
-            f"the smallest of them {masses(min(faster))}; at {len(slower)} others one or both are slower."
+            f"{start}, at {len(faster)} {of} 2x or 4x threads are faster than 1x beyond the spread, the smallest of them "
+            f"{masses(min(faster))}; at {len(slower)} others one or both are slower."
         )
     else:
-        text = f"At none of the {len(sizes)} square sizes do 2x or 4x threads differ from 1x beyond the spread."
+        text = f"{start}, at none {of} do 2x or 4x threads differ from 1x beyond the spread."
     return Claim(text, numbers, bool(faster or slower))
 
 
 def region_cost(results: Results) -> Claim:
     """What starting and ending a parallel region costs with few and with many threads."""
-    source = cpu_source(results)
+    source = next((s for s in (*results.featured, *results.background) if s.machine.record.get("region_seconds")), None)
     costs = (source.machine.record.get("region_seconds") if source else None) or {}
     cores = source.machine.record.get("cores") if source else None
     known = {int(threads): cost for threads, cost in costs.items()}
-    if not cores or cores not in known or len(known) < 2 or max(known) <= cores:
+    if source is None or not cores or cores not in known or len(known) < 2 or max(known) <= cores:
         return Claim("What an empty parallel region costs was not measured.")
     most = max(known)
-    layer, policy = source.threading if source else (None, None)
+    layer, policy = source.threading
     text = (
-        f"An empty parallel region costs {seconds(known[cores], 2)} with {cores} threads and "
+        f"{on(source, 'cpu')} an empty parallel region costs {seconds(known[cores], 2)} with {cores} threads and "
         f"{seconds(known[most], 2)} with {most} (layer {layer or 'unknown'}, wait policy {policy or 'unknown'})."
     )
     return Claim(text, {"few": known[cores], "many": known[most]}, True)
@@ -140,20 +166,22 @@ def region_cost(results: Results) -> Claim:
 
 def _bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
     name = "GPU" if backend == "gpu" else "CPU"
-    largest = sound(source.select(backend, word))[-1:] if source else []
+    found, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
+    largest = [t for (t,) in found][-1:]
     share = fraction(source, largest[0]) if source and largest else None
     limit = copy_bandwidth(source, backend) if source else None
     if source is None or share is None or limit is None:
         return Claim(f"How much of the {name}'s copy bandwidth a step reaches was not measured.")
     beyond = (
-        "; more than all of it is possible where the grid stays in a cache, or where a pass does several steps"
+        "; more than all of it is possible where the grid stays in a cache, or where a pass over memory does several steps"
         if share > 1
         else ""
     )
-    start = f"{on_gpu(source)}, a" if backend == "gpu" else "With 1x threads, a"
+    threads = ", with 1x threads" if word else ""
     text = (
-        f"{start} step of {masses(largest[0].particles)} moves {words.bandwidth(share * limit)}, {percent(share)} of "
-        f"the {name}'s measured copy bandwidth{beyond}."
+        f"{on(source, backend)}{threads}, a step of {masses(largest[0].particles)} has an effective bandwidth (the bytes "
+        f"that one step a pass would move, over its time) of {words.bandwidth(share * limit)}, {percent(share)} of the "
+        f"measured copy bandwidth{beyond}{suspect}."
     )
     return Claim(text, {"share": share, "masses": largest[0].particles}, True)
 
@@ -170,16 +198,16 @@ def gpu_bandwidth(results: Results) -> Claim:
 
 def _float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
     name = "GPU" if backend == "gpu" else "CPU"
-    both = float64_pairs(source, backend, word) if source else []
+    both, suspect = trusted(float64_pairs(source, backend, word)) if source else ([], "")
     if source is None or not both:
         return Claim(f"What float64 costs on the {name} was not measured.")
     single, double = both[-1]
     ratio = double.median / single.median
-    start = f"{on_gpu(source)}, at" if backend == "gpu" else "On the CPU, at"
+    start = f"{on(source, backend)}, at"
     if clearly(double, single) == 0:
-        text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than the spread."
+        text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than the spread{suspect}."
         return Claim(text, {"ratio": ratio}, False)
-    text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32."
+    text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32{suspect}."
     return Claim(text, {"ratio": ratio, "masses": single.particles}, True)
 
 
@@ -193,10 +221,15 @@ def gpu_float64(results: Results) -> Claim:
     return _float64_cost(results.with_gpu(), "gpu", None)
 
 
+def _trusted_curve(source: Source | None) -> list[Timing]:
+    """The GPU's times that are not suspect, smallest grid first."""
+    return [t for t in sound(source.select("gpu")) if not is_suspect(t)] if source else []
+
+
 def gpu_flat(results: Results) -> Claim:
     """Up to which size the GPU's time hardly depends on the number of masses."""
     source = results.with_gpu()
-    curve = sound(source.select("gpu")) if source else []
+    curve = _trusted_curve(source)
     if source is None or len(curve) < 2:
         return Claim("How the GPU's time depends on the size of the grid was not measured.")
     flat = curve[0]
@@ -219,14 +252,14 @@ def gpu_flat(results: Results) -> Claim:
 def gpu_growth(results: Results) -> Claim:
     """How the GPU's time grows between its two largest squares."""
     source = results.with_gpu()
-    curve = sound(source.select("gpu")) if source else []
+    curve = _trusted_curve(source)
     if source is None or len(curve) < 2:
         return Claim("How the GPU's time grows at large sizes was not measured.")
     left, right = curve[-2:]
     more, longer = right.particles / left.particles, right.median / left.median
     text = (
-        f"Between its two largest squares, {masses(left.particles)} and {masses(right.particles)}, {times(more)} the "
-        f"masses take {times(longer)} the time."
+        f"{on_gpu(source)}, between the two largest squares, {masses(left.particles)} and {masses(right.particles)}, "
+        f"{times(more)} the masses take {times(longer)} the time."
     )
     return Claim(text, {"masses": more, "time": longer}, clearly(right, left) > 0)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
-from bench.experiments.projections import ProjectionPoint, beside_published, newton_ratios
+from bench.experiments.projections import ProjectionPoint, beside_published
 from labbook import words
 from labbook.claims.claim import Claim, where
 from plots.core.data import Results
@@ -88,23 +88,6 @@ def published(results: Results) -> Claim:
     return Claim(f"The published frames took {words.listed(parts)}.", numbers, True)
 
 
-def newton(results: Results) -> Claim:
-    """The time that was reported of Newton's iterations over ours."""
-    for backend, _, found in panels(results):
-        ratios = dict(newton_ratios(found)) if backend == "gpu" else {}
-        if ratios:
-            sizes = [
-                f"{words.times(ratio)} at {size}{words.SPACE}{words.TIMES}{words.SPACE}{size}"
-                for size, ratio in ratios.items()
-            ]
-            return Claim(
-                "An iteration of NVIDIA Newton 1.8 as reported on the same GPU, whose constraints are triangles and bending "
-                f"beside springs, takes {words.listed(sizes)} the time of one over twelve neighbours here.",
-                {str(size): ratio for size, ratio in ratios.items()}, min(ratios.values()) > 1,
-            )  # fmt: skip
-    return Claim("No GPU was timed beside what was reported of Newton.")
-
-
 def discretisation(results: Results) -> Claim:
     """What cutting a sheet along one diagonal, or along alternating ones, does to it."""
     for source in (*results.featured, *results.background):
@@ -128,6 +111,5 @@ CLAIMS: dict[str, Callable[[Results], Claim]] = {
     "projection-rates": rates,
     "projection-orderings": per_projection,
     "projection-published": published,
-    "projection-newton": newton,
     "discretisation": discretisation,
 }

@@ -8,63 +8,76 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from labbook import words
-from labbook.claims.claim import Claim, clearly, cpu_source, on_gpu
+from labbook.claims.claim import SUSPECT, Claim, clearly, cpu_source, named, on, on_gpu, trusted
 from labbook.words import masses, percent, times
-from plots.core.data import Results, is_wrong
+from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.core.shapes import shape_ratios
-from plots.figures.crossover import crossing, pairs
+from plots.figures.crossover import Pair, crossing, pairs
 from plots.figures.graphics import drawing_costs, skipped_reason
+
+
+def compared(results: Results, graphics: bool = False) -> tuple[Source | None, list[Pair], str]:
+    """The first machine that timed both backends with one version of the code, what it timed at one size (without suspect
+    times, if it can be), and what must be said of it."""
+    for source in (*results.featured, *results.background):
+        found = pairs(source, graphics=graphics)
+        clean = [pair for pair in found if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
+        if found:
+            return source, clean or found, "" if clean else SUSPECT
+    return None, [], ""
+
+
+NOT_COMPARED = "no machine in the data has timed both with one version of the code (softlab sweep)"
 
 
 def overtakes(results: Results) -> Claim:
     """From which size on the GPU is faster than the CPU's fastest thread count, and by how much at the largest."""
-    source = next((s for s in (*results.featured, *results.background) if pairs(s)), None)
+    source, found, suspect = compared(results)
     if source is None:
-        return Claim("GPU and CPU were not compared: no machine in the data has timed both.")
-    found = pairs(source)
+        return Claim(f"GPU and CPU were not compared: {NOT_COMPARED}.")
     first, last = found[0], found[-1]
     where = crossing(found)
-    numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "crossing": where or 0.0}
-    start = f"{on_gpu(source)}, against the fastest thread count of the {source.processor}:"
+    numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "crossing": where or 0.0, "first": first.ratio}
+    start = f"{on_gpu(source)}, against the fastest thread count of the {source.processor} and at the same step:"
     at_last = f"at {masses(last.gpu.particles)}, the largest size that both ran,"
     if not last.clear:
-        return Claim(f"{start} {at_last} there is no difference beyond the spread.", numbers, False)
+        return Claim(f"{start} {at_last} there is no difference beyond the spread{suspect}.", numbers, False)
     if last.ratio < 1:
-        text = f"{start} {at_last} the GPU's step takes {times(1 / last.ratio)} as long as the CPU's."
+        text = f"{start} {at_last} the GPU's step takes {times(1 / last.ratio)} as long as the CPU's"
     elif where:
         text = (
             f"{start} the GPU overtakes at about {masses(where, exact=False)}, and {at_last} its step is "
-            f"{times(last.ratio)} as fast."
+            f"{times(last.ratio)} as fast"
         )
     else:
         text = (
             f"{start} the GPU is ahead from {masses(first.gpu.particles)} on, the smallest size, where it is "
-            f"{times(first.ratio)} as fast; {at_last} it is {times(last.ratio)} as fast."
+            f"{times(first.ratio)} as fast; {at_last} it is {times(last.ratio)} as fast"
         )
-    return Claim(text, numbers, True)
+    return Claim(f"{text}{suspect}.", numbers, True)
 
 
 def drawing(results: Results) -> Claim:
     """What drawing costs at the largest grid that was timed with it, on each backend."""
     parts, numbers = [], {}
-    for source, backend, word, name in (
-        (cpu_source(results), "cpu", "1x", "the CPU"),
-        (results.with_gpu(), "gpu", None, "the GPU"),
+    for source, backend, word in (
+        (cpu_source(results), "cpu", "1x"),
+        (results.with_gpu(), "gpu", None),
     ):
         costs = drawing_costs(source, backend, word) if source else []
-        both = [pair for pair in costs if not any(is_wrong(timing) for timing in pair)]
+        both, suspect = trusted([pair for pair in costs if not any(is_wrong(timing) for timing in pair)])
         if source is None or not both:
             continue
         without, drawn = both[-1]
         numbers[backend] = drawn.median / without.median
-        label = name if source.own or backend == "cpu" else f"{name} (committed measurements)"
+        label = f"on the {named(source, backend)}"
         if clearly(drawn, without) > 0:
             parts.append(
-                f"on {label} a step with drawing takes {times(drawn.median / without.median)} as long as without, at "
-                f"{masses(without.particles)}"
+                f"{label} a step with drawing takes {times(drawn.median / without.median)} as long as without, at "
+                f"{masses(without.particles)}{suspect}"
             )
         else:
-            parts.append(f"on {label} drawing costs no more than the spread, at {masses(without.particles)}")
+            parts.append(f"{label} drawing costs no more than the spread, at {masses(without.particles)}{suspect}")
     if not parts:
         reason = skipped_reason(results)
         return Claim("Nothing was timed with graphics" + (f": {reason.rstrip('.')}." if reason else "."))
@@ -73,32 +86,41 @@ def drawing(results: Results) -> Claim:
 
 
 def overtakes_drawing(results: Results) -> Claim:
-    """GPU against CPU with graphics."""
-    source = next((s for s in (*results.featured, *results.background) if pairs(s, graphics=True)), None)
+    """GPU against CPU with graphics: up to which size the CPU is ahead, and the largest."""
+    source, found, suspect = compared(results, graphics=True)
     if source is None:
         return Claim("GPU and CPU were not compared with graphics.")
-    last = pairs(source, graphics=True)[-1]
-    at = f"With graphics, at {masses(last.gpu.particles)},"
+    last = found[-1]
+    ahead = [pair for pair in found if pair.clear and pair.ratio < 1]
+    numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "cpu ahead": ahead[-1].gpu.particles if ahead else 0}
+    start = f"{on_gpu(source)} and the {source.processor}, with graphics"
+    if ahead and ahead[-1] is last:
+        text = (
+            f"{start} the CPU's step is the faster up to {masses(last.gpu.particles)}, the largest size that both ran"
+        )
+        return Claim(f"{text}, there {times(1 / last.ratio)} as fast{suspect}.", numbers, True)
+    text = f"{start} the CPU is ahead up to {masses(ahead[-1].gpu.particles)}; at" if ahead else f"{start}, at"
+    text = f"{text} {masses(last.gpu.particles)}"
     if not last.clear:
-        return Claim(f"{at} GPU and CPU differ by no more than the spread.", {"ratio": last.ratio}, False)
-    if last.ratio > 1:
-        return Claim(f"{at} the GPU's step is {times(last.ratio)} as fast as the CPU's.", {"ratio": last.ratio}, True)
-    return Claim(f"{at} the CPU's step is {times(1 / last.ratio)} as fast as the GPU's.", {"ratio": last.ratio}, True)
+        return Claim(f"{text} GPU and CPU differ by no more than the spread{suspect}.", numbers, bool(ahead))
+    return Claim(f"{text} the GPU's step is {times(last.ratio)} as fast as the CPU's{suspect}.", numbers, True)
 
 
 def shape(results: Results) -> Claim:
     """Whether long, tall and odd grids cost more than squares, on the CPU with 1x threads."""
     source = cpu_source(results)
-    found = shape_ratios(source, "cpu", "1x") if source else []
-    if not found:
+    everything = shape_ratios(source, "cpu", "1x") if source else []
+    clean = [(timing, square) for timing, square in everything if not is_suspect(timing)]
+    found, suspect = (clean, "") if clean else (everything, SUSPECT)
+    if source is None or not found:
         return Claim("Whether the shape of the grid matters was not measured.")
     ratios = [timing.median / square for timing, square in found]
     off = [timing for timing, square in found if timing.low > square or timing.high < square]
     numbers = {"least": min(ratios), "most": max(ratios), "off": len(off)}
-    start = f"Against squares of as many masses, the {len(found)} long, tall and odd grids"
+    start = f"{on(source, 'cpu')}, against squares of as many masses, {len(found)} long, tall and odd grids"
     if not off:
-        return Claim(f"{start} show no difference beyond the spread.", numbers, False)
-    text = f"{start} take between {percent(min(ratios))} and {percent(max(ratios))} of the time on the CPU."
+        return Claim(f"{start} show no difference beyond the spread{suspect}.", numbers, False)
+    text = f"{start} take between {percent(min(ratios))} and {percent(max(ratios))} of the time{suspect}."
     return Claim(text, numbers, True)
 
 
@@ -112,9 +134,14 @@ def trust(results: Results) -> Claim:
     checked = sum(timing.error is not None for timing in everything)
     text = (
         f"Of the {len(everything)} configurations timed for this book, {checked} were held against the reference, "
-        f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect."
+        f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect; "
+        "sentences rest on those only where they say so."
     )
-    return Claim(text, {"timed": len(everything), "wrong": wrong, "suspect": suspect, "checked": checked}, True)
+    left_out = sum(source.left_out for source in results.featured)
+    if left_out:
+        text += f" {words.count(left_out)} more are of another version of the code and not used."
+    numbers = {"timed": len(everything), "wrong": wrong, "suspect": suspect, "checked": checked, "left out": left_out}
+    return Claim(text, numbers, True)
 
 
 CLAIMS: dict[str, Callable[[Results], Claim]] = {

@@ -58,8 +58,9 @@ def spin(results: Results) -> Claim:
     last = list(found)[-1]
     text = (
         f"A rigid body that turns once a second keeps of that, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
-        f"substeps a frame, as its law says to {number(off, 1)}; with {_substeps(last)} it then is "
-        f"{number(found[last][2], 2)} spacings from where Newton's law has it."
+        f"substeps a frame. That is what the method's own law says, to {number(off, 1)}, and what these rows are judged by; "
+        f"Newton's law keeps all of it, and with {_substeps(last)} substeps the body then is {number(found[last][2], 2)} "
+        "spacings from where that has it."
     )
     numbers = {"off": off, "kept": found[last][0]}
     single = {case: values for case in found if (values := _values(_one(rows, case, "float32"), SPIN_KEPT, OFF_LAW))}

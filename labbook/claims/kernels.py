@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 from bench.measure.starts import COLD, WARM
 from labbook import words
-from labbook.claims.claim import Claim, clearly, on_gpu, sound
+from labbook.claims.claim import Claim, clearly, on, sound, trusted
 from labbook.words import masses, number, percent, seconds, times
 from plots.core.data import Results, Source
 from plots.core.ladder import defaults, fastest, machine_of
+from plots.figures.bandwidth import from_memory
 from plots.figures.joules import has_joules, joules, watts
 from plots.figures.roofline import ceilings
 
@@ -27,13 +28,6 @@ BELOW = {  # each rung, its backend, and the rung that it is held against
 }
 
 
-def on(source: Source, backend: str) -> str:
-    """`On the NVIDIA H200`, `On the AMD EPYC, 2 cores`, and whether these are the committed measurements."""
-    if backend == "gpu":
-        return on_gpu(source)
-    return f"On the {source.processor}{'' if source.own else ' (committed measurements)'}"
-
-
 def rung(results: Results, kernel: str) -> Claim:
     """A kernel against the rung below it, at the size where it gains most, and the sizes where it is the fastest."""
     backend, below = BELOW[kernel]
@@ -42,13 +36,13 @@ def rung(results: Results, kernel: str) -> Claim:
     if source is None or kernel not in kernels:
         return Claim(f"The {NAMES[backend]}'s kernel {kernel} was not timed.")
     held = {t.particles: t for t in sound(kernels.get(below, []))}
-    both = [(t, held[t.particles]) for t in sound(kernels[kernel]) if t.particles in held]
+    both, suspect = trusted([(t, held[t.particles]) for t in sound(kernels[kernel]) if t.particles in held])
     if not both:
         return Claim(f"The {NAMES[backend]}'s kernels {kernel} and {below} were not timed at one size.")
     where = on(source, backend)
     gains = [(under.median / t.median, t, under) for t, under in both if clearly(t, under) < 0]
     if not gains:
-        text = f"{where}, {kernel} is at none of the {len(both)} sizes faster than {below} beyond the spread."
+        text = f"{where}, {kernel} is at none of the {len(both)} sizes faster than {below} beyond the spread{suspect}."
         return Claim(text, {"sizes": len(both)}, False)
     gain, best, under = max(gains, key=lambda found: found[0])
     at = (
@@ -56,7 +50,7 @@ def rung(results: Results, kernel: str) -> Claim:
     )
     text = (
         f"{where}, {at}, a step takes {seconds(best.median)} with {kernel} and {seconds(under.median)} with {below}: "
-        f"{times(gain)} as fast{', its largest gain' if len(gains) > 1 else ''}."
+        f"{times(gain)} as fast{', its largest gain' if len(gains) > 1 else ''}{suspect}."
     )
     return Claim(f"{text} {_first_of_all(source, backend, kernel)}", {"gain": gain, "masses": best.particles}, True)
 
@@ -78,7 +72,9 @@ def choice(results: Results, backend: str) -> Claim:
     best = [t for t in fastest(source, backend) if t.particles in chosen] if source else []
     if source is None or not best:
         return Claim(f"Whether the {NAMES[backend]} chooses its fastest kernel was not measured.")
-    slower = [(chosen[t.particles].median / t.median, t) for t in best if clearly(chosen[t.particles], t) > 0]
+    pairs, suspect = trusted([(chosen[t.particles], t) for t in best])
+    best = [t for _, t in pairs]
+    slower = [(mine.median / t.median, t) for mine, t in pairs if clearly(mine, t) > 0]
     good = len(best) - len(slower)
     text = (
         f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond the spread, at "
@@ -89,23 +85,27 @@ def choice(results: Results, backend: str) -> Claim:
         ratio, worst = max(slower, key=lambda found: found[0])
         numbers["worst"] = ratio
         text += f"; at worst, at {masses(worst.particles)}, it takes {times(ratio)} as long as {worst.kernel}"
-    return Claim(f"{text}.", numbers, True)
+    return Claim(f"{text}{suspect}.", numbers, True)
 
 
 def roof(results: Results, backend: str) -> Claim:
     """The largest share of the one-step-per-pass roof that any kernel reaches, and of the arithmetic one."""
     source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None)
     found = ceilings(source, backend) if source else None
-    ranked = fastest(source, backend) if source else []
+    beyond = [(t,) for t in fastest(source, backend) if from_memory(source, t)] if source else []
+    ranked, suspect = trusted(beyond)
     if source is None or found is None or not ranked:
-        return Claim(f"How the {NAMES[backend]}'s kernels stand against its ceilings was not measured.")
-    best = max(ranked, key=found.share)
+        return Claim(
+            f"How the {NAMES[backend]}'s kernels stand against its ceilings beyond the caches was not measured."
+        )
+    best = max((t for (t,) in ranked), key=found.share)
     share = found.share(best)
     numbers = {"share": share, "masses": best.particles}
     more = "more" if share > 1 else "no more"
     text = (
-        f"{on(source, backend)}, the highest is {percent(share)} of one step per pass, by {best.kernel} at "
-        f"{masses(best.particles)}: {more} than any kernel could reach that does one step per pass from memory"
+        f"{on(source, backend)}, of grids that outgrow the last cache the highest is {percent(share)} of one step per pass, "
+        f"by {best.kernel} at {masses(best.particles)}: {more} than any kernel could reach that does one step per pass from "
+        f"memory{suspect}"
     )
     if found.arithmetic_share and found.rate:
         numbers["arithmetic"] = share / found.arithmetic_share
@@ -173,7 +173,7 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     more = source.ladder("cpu", word="4x").get(kernel, []) if source else []
     other = source.ladder("cpu", word="4x" if against else "1x").get(against or kernel, []) if source else []
     held = {t.particles: t for t in sound(other)}
-    both = [(t, held[t.particles]) for t in sound(more) if t.particles in held]
+    both, suspect = trusted([(t, held[t.particles]) for t in sound(more) if t.particles in held])
     if source is None or not both:
         return Claim(f"The kernel {kernel} was not timed with more threads than cores.")
     packed, base = both[0]
@@ -183,14 +183,15 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     numbers = {"ratio": ratio, "masses": packed.particles}
     verdict = clearly(packed, base)
     if verdict == 0:
-        return Claim(f"{at} {seconds(packed.median)}, no other than {name} beyond the spread.", numbers, False)
+        return Claim(f"{at} {seconds(packed.median)}, no other than {name} beyond the spread{suspect}.", numbers, False)
     factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"
-    return Claim(f"{at} {seconds(packed.median)}, {factor} {name}.", numbers, True)
+    return Claim(f"{at} {seconds(packed.median)}, {factor} {name}{suspect}.", numbers, True)
 
 
 def policies(results: Results) -> Claim:
     """What an empty region costs where idle threads spin, and where they sleep, with few threads and with many."""
-    source = next((s for s in results.featured if s.machine.record.get("region_policies")), None)
+    everyone = (*results.featured, *results.background)
+    source = next((s for s in everyone if s.machine.record.get("region_policies")), None)
     costs = (source.machine.record["region_policies"] if source else None) or {}
     spin, sleep = ({int(n): cost for n, cost in (costs.get(p) or {}).items()} for p in ("active", "passive"))
     cores = source.machine.record.get("cores") if source else None
@@ -199,8 +200,9 @@ def policies(results: Results) -> Claim:
         return Claim("What spinning and sleeping cost was not measured.")
     few_times, many_times = sleep[cores] / spin[cores], spin[many] / sleep[many]
     text = (
-        f"With {cores} threads on {cores} cores an empty region costs {seconds(spin[cores], 2)} when idle threads spin and "
-        f"{seconds(sleep[cores], 2)} when they sleep; with {many}, {seconds(spin[many], 2)} and {seconds(sleep[many], 2)}. "
+        f"{on(source, 'cpu')}, with {cores} threads on {cores} cores an empty region costs {seconds(spin[cores], 2)} when "
+        f"idle threads spin and {seconds(sleep[cores], 2)} when they sleep; with {many}, {seconds(spin[many], 2)} and "
+        f"{seconds(sleep[many], 2)}. "
     )
     if few_times > 1 and many_times > 1:
         text += "Spinning is quicker as long as each thread has a core, and slower once they share them."

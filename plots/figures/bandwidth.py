@@ -44,6 +44,18 @@ def fraction(source: Source, timing: Timing, seconds: float | None = None) -> fl
     return timing.bytes_per_step / (timing.median if seconds is None else seconds) / bandwidth
 
 
+UNKNOWN_CACHE = 1 << 26  # B
+
+
+def from_memory(source: Source, timing: Timing) -> bool:
+    """Whether both buffers of a timing's state outgrow the processor's last cache, so that its bytes come from memory: what
+    stays in a cache is no share of the memory's bandwidth. A cache of unknown size counts as 64 MiB."""
+    caches = source.machine.record.get("caches") or {}
+    on_gpu = timing.backend == "gpu"
+    last = source.machine.record.get("gpu_l2_bytes") if on_gpu else caches.get("L3") or caches.get("L2")
+    return (timing.bytes_per_step or 0) > (last or UNKNOWN_CACHE)
+
+
 def draw(results: Results) -> Drawing | str:
     """The figure, or why there is none."""
     figure, chosen = panels(results, lambda source: any(fraction(source, t) for t in source.timings))

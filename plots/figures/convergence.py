@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 from bench.experiments.accuracy.methods import XPBD, name_of
@@ -72,22 +69,6 @@ def _entry(numbers: dict[str, Measure]) -> Converging | None:
 def source_of(results: Results, backend: str | None = None) -> Source | None:
     """The first source that holds the experiment (on a backend), featured ones first."""
     return source_with(results, lambda source: bool(converging(source, backend)))
-
-
-def seconds_to(found: Sequence[Converging], left: float) -> float | None:
-    """The time [s] in which one ordering at one size gets down to `left`, between two numbers of iterations by straight lines
-    in logarithms; None where it does not."""
-    points = [(e.left, e.seconds) for e in sorted(found, key=lambda e: e.iterations)]
-    for (above, early), (below, late) in pairwise(points):
-        if above > left >= below:
-            share = math.log(above / left) / math.log(above / below)
-            return early * (late / early) ** share
-    return points[0][1] if points and points[0][0] <= left else None
-
-
-def least_common(groups: Sequence[Sequence[Converging]]) -> float:
-    """The smallest residual that every ordering reached: where they are compared."""
-    return max(min(e.left for e in group) for group in groups)
 
 
 def draw(results: Results) -> Drawing | str:

@@ -67,7 +67,7 @@ def draw(results: Results) -> Drawing | str:
     """The figure, or why there is none."""
     source = next((s for s in (*results.featured, *results.background) if pairs(s)), None)
     if source is None:
-        return "no machine in the data has timed both a GPU and a CPU at one size"
+        return "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"
     figure, (ax,) = new_figure(1, HEIGHT)
     for precision, colour, marker in (("float32", GREEN, "D"), ("float64", PURPLE, "P")):
         found = pairs(source, precision)

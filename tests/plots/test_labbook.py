@@ -87,7 +87,7 @@ def test_thread_claims_follow_the_regions_cost(variants: dict[str, Results]) -> 
     assert made.numbers["4x"] == pytest.approx((4.3e-5 + work) / (1.5e-6 + work))
     assert "as long as with 1x" in made.sentence
     best = claims.threads_best(variants["cpu alone"])
-    assert best.numbers["faster"] == 0 and best.sentence.startswith("At none")
+    assert best.numbers["faster"] == 0 and "at none of the" in best.sentence
 
 
 def test_claims_turn_neutral_where_the_spread_overlaps() -> None:
@@ -153,7 +153,9 @@ def test_wrong_and_suspect_times_are_counted() -> None:
     maker.timing((16, 16), 1e-5, **how)
     maker.timing((32, 32), 1e-5, error=float("inf"), **how)
     maker.timing((64, 64), 1e-5, suspect="load: busy", **how)
-    assert comparison_claims.trust(load(store)).numbers == {"timed": 3, "wrong": 1, "suspect": 1, "checked": 3}
+    assert comparison_claims.trust(load(store)).numbers == {
+        "timed": 3, "wrong": 1, "suspect": 1, "checked": 3, "left out": 0,
+    }  # fmt: skip
     cells = [time_cell(timing) for timing in load(store).featured[0].timings]
     assert [cell[-1] for cell in cells] == ["]", "!", "*"]
 

@@ -89,12 +89,17 @@ def test_shares_of_the_ceilings(gpu: Results) -> None:
 
 
 def test_a_machine_without_an_arithmetic_rate_has_one_roof() -> None:
-    results = ladder_of(CPU_RECORD | {"arithmetic": None})
+    results = ladder_of(CPU_RECORD | {"arithmetic": None}, (32, 512, 2048))
     with settings():
         drawing = roofline.draw(results)
     assert not isinstance(drawing, str) and "not measured" in drawing.caption
     made = kernel_claims.roof(results, "cpu")
     assert made.supported and "arithmetic" not in made.numbers
+    assert made.numbers["masses"] == 2048**2, (
+        "what stays in the last cache, of 32 MiB, is no share of the memory's bandwidth"
+    )
+    small = kernel_claims.roof(ladder_of(CPU_RECORD, (32, 512)), "cpu")
+    assert not small.supported and "beyond the caches was not measured" in small.sentence
     assert "not measured" in kernel_tables.ceiling_tables(results)[0]["title"]
 
 

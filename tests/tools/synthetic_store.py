@@ -91,6 +91,7 @@ class Maker:
         label = f"{record['cpu']}, {record['cores']} cores; {record['gpu'] or 'no GPU'}"
         store.add_machine(key, label, record)
         self.run = store.start_run(key, "softlab sweep", "abc123def456")
+        self.sources = "sources"
 
     def timing(self, shape: tuple[int, int], seconds: float, *, suspect: str | None = None, error: float = 1e-5, **how):
         """Three repeats of a configuration, with its error."""
@@ -98,8 +99,8 @@ class Maker:
         scene = load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
         description = configuration(scene, **how)
         for factor in (1, 1 + self.wobble, 1 - self.wobble):
-            self.store.add_sample(self.run, description, "sources", 1000 * factor * seconds, 1000, suspect=suspect)
-        self.store.add_measure(self.run, description, "sources", "error", error, "spacing", "made up")
+            self.store.add_sample(self.run, description, self.sources, 1000 * factor * seconds, 1000, suspect=suspect)
+        self.store.add_measure(self.run, description, self.sources, "error", error, "spacing", "made up")
         return description
 
     def sweep(self, sizes: Iterable[int] = SIZES, law: Callable = cpu_seconds, *, graphics: bool = True) -> None:
@@ -265,6 +266,11 @@ class Maker:
     def point(self, scene_name, integrator, dt, error, cost, half, precision, backend) -> None:
         """One accuracy run."""
         scene = load_scene(scene_name).replace({"method.integrator": integrator, "method.dt": dt})
+        self.point_of(scene, error, cost, half, precision, backend)
+
+    def point_of(self, scene, error, cost, half=None, precision="float64", backend="cpu") -> None:
+        """The same of any scene."""
+        dt = scene.method.dt
         threads = self.record["cores"] if backend == "cpu" else None
         description = configuration(scene, backend=backend, threads=threads, precision=precision)
         names = {ERROR: error, HALF: half, COST: cost, COPY: 2e-5, GROWTH: 0.09}
