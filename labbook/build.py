@@ -17,6 +17,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from labbook.answer import answer_tables
 from labbook.claims import ablation as ablation_claims
 from labbook.claims import accuracy as accuracy_claims
 from labbook.claims import bodies as body_claims
@@ -33,9 +34,8 @@ from labbook.claims import kernels as kernel_claims
 from labbook.claims import stability as stability_claims
 from labbook.claims import throughput as throughput_claims
 from labbook.facts import facts
-from labbook.kernel_tables import ceiling_tables, joule_tables, kernel_tables, region_tables
-from labbook.stability_tables import edge_tables
-from labbook.tables import error_tables, fastest_tables, machine_table, pareto_tables, scene_table, time_tables
+from labbook.kernel_tables import kernel_tables, region_tables
+from labbook.tables import machine_table, scene_table
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
 from plots.core.data import Origin, Results, is_suspect
@@ -46,20 +46,10 @@ from plots.core.style import without_footer
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
-CHAPTERS = (
-    *ENTRIES,
-    "conclusions",
-    "rungs",
-    "threads",
-    "accuracy",
-    "findings",
-    "stability",
-    "hard",
-    "ablation",
-    "cloth",
-    "bodies",
-    "three-solvers",
-)
+MAIN = ("answer", *ENTRIES, "conclusions", "lab-step", "accuracy", "material", "breaks", "references")
+OWN_PAGE = ("answer", *ENTRIES, "lab-step")  # begin on a new one
+APPENDIX = ("rungs", "threads", "findings", "ablation", "cloth", "bodies")
+CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence that the measurements make, by name
     name: claim
     for module in (
@@ -130,23 +120,16 @@ def book_data(results: Results) -> dict[str, Any]:
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
         "provenance": [f"{source.provenance}" for source in results.sources],
         "notices": notices(results),
-        "chapters": list(CHAPTERS),
+        "chapters": list(MAIN),
+        "own-page": list(OWN_PAGE),
+        "appendix": list(APPENDIX),
         "facts": facts(),
         "claims": {name: claim(results).sentence for name, claim in CLAIMS.items()},
         "tables": {
             "machines": [machine_table(source) for source in results.sources],
             "scene": [scene] if scene else [],
-            "times": [table for source in results.sources for table in time_tables(source)],
-            "errors": error_tables(results),
-            "edges": edge_tables(results),
-            "hard": hard_claims.hard_tables(results),
-            "hard-bodies": hard_body_claims.body_tables(results),
-            "hard-waiting": hard_claims.waiting_tables(results),
-            "fastest": fastest_tables(results),
-            "pareto": pareto_tables(results),
+            "answer": answer_tables(results),
             "kernels": kernel_tables(results),
-            "ceilings": ceiling_tables(results),
-            "joules": joule_tables(results),
             "regions": region_tables(results),
         },
     }

@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 from bench.experiments.accuracy.equal_error import TARGETS
 from bench.experiments.accuracy.equal_error import equal_error as ways_to
+from bench.experiments.accuracy.points import SIZES
 from labbook import words
-from labbook.claims.claim import Claim, on_gpu
+from labbook.claims.claim import Claim, named, on_gpu
+from labbook.claims.comparison import NOT_COMPARED
 from labbook.words import number, seconds
 from model.core.integrators import INTEGRATORS
-from plots.core.accuracy_points import Point, observed_order, order_points, points, reaching
+from plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching
 from plots.core.data import Results
 from plots.figures.work_precision import accurate_source
 
@@ -117,7 +119,12 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
         )
     best = able[0]
     other = next((p for p in able if p.integrator != best.integrator), None)
-    text = f"{at} is reached soonest by {best.name}: {seconds(best.seconds or 0.0)} of wall time a simulated second"
+    source = accurate_source(results)
+    assert source is not None
+    text = (
+        f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached soonest by {best.name}: "
+        f"{seconds(best.seconds or 0.0)} of wall time a simulated second"
+    )
     numbers = {"seconds": best.seconds or 0.0, "error": best.error}
     if other is None:
         return Claim(f"{text}; no other integrator reaches it at these step sizes.", numbers, True)
@@ -129,33 +136,40 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
 
 
 def equal_error(results: Results, target: float = 1e-3) -> Claim:
-    """GPU against CPU at equal error."""
+    """GPU against CPU at equal error, without and with the copy of the end state, by size."""
+    labels = sorted((SCENE, *SIZES), key=lambda label: SIZES.get(label, (label, SIDE))[1])
     for source in (*results.featured, *results.background):
-        found = points(source, SCENE)
-        best = {name: reaching([p for p in found if p.backend == name], target)[:1] for name in ("cpu", "gpu")}
-        if best["cpu"] and best["gpu"]:
+        rows = {label: ways_to(points(source, label), [target])[0] for label in labels}
+        rows = {label: row for label, row in rows.items() if row.cpu is not None and row.gpu is not None}
+        if rows:
             break
     else:
-        return Claim("GPU and CPU were not compared at equal error.")
-    cpu, gpu = best["cpu"][0], best["gpu"][0]
-    ratio = (cpu.seconds or 0.0) / (gpu.seconds or 1.0)
-    bounds = (cpu.low, cpu.high, gpu.low, gpu.high)
-    clear = None not in bounds and ((cpu.low or 0) > (gpu.high or 0) or (cpu.high or 0) < (gpu.low or 0))
-    at = (
-        f"{on_gpu(source)}, at an error of {number(target, 1)} spacings in {SCENE} and with the fastest configuration "
-        "of each,"
+        return Claim("GPU and CPU were not compared at equal error: " + NOT_COMPARED + ".")
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for label, row in rows.items():
+        assert row.cpu is not None and row.gpu is not None and row.speed_up is not None
+        ratio, name = row.speed_up, "" if label == SCENE else f" {label}"
+        numbers[f"ratio{name}"] = ratio
+        bounds = (row.cpu.low, row.cpu.high, row.gpu.low, row.gpu.high)
+        clear = None not in bounds and (
+            (row.cpu.low or 0) > (row.gpu.high or 0) or (row.cpu.high or 0) < (row.gpu.low or 0)
+        )
+        told = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than the spread"
+        if row.speed_up_copied is not None:
+            numbers[f"copied{name}"] = row.speed_up_copied
+            told += f" ({words.times(row.speed_up_copied)} with the copy of the end state to the host in both times)"
+        parts.append(f"{words.masses(SIZES.get(label, (label, SIDE))[1] ** 2)}: {told}")
+    text = (
+        f"{on_gpu(source)} and the {source.processor}, at an error of {number(target, 1)} spacings in {SCENE} and with the "
+        f"fastest configuration of each, at {'; at '.join(parts)}."
     )
-    if not clear:
-        return Claim(f"{at} GPU and CPU differ by no more than the spread.", {"ratio": ratio}, False)
+    return Claim(text, numbers, True)
+
+
+def _times_as_fast(ratio: float) -> str:
     one, other, factor = ("GPU", "CPU", ratio) if ratio > 1 else ("CPU", "GPU", 1 / ratio)
-    text = f"{at} the {one} is {words.times(factor)} as fast as the {other}"
-    numbers = {"ratio": ratio}
-    copied = ways_to(found, [target])[0].speed_up_copied
-    if copied is not None:
-        numbers["copied"] = copied
-        there = words.times(copied if ratio > 1 else 1 / copied)
-        text += f", and {there} with the copy of the end state to the host in both times"
-    return Claim(f"{text}.", numbers, True)
+    return f"the {one} is {words.times(factor)} as fast as the {other}"
 
 
 CLAIMS: dict[str, Callable[[Results], Claim]] = {

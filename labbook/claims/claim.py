@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from bench.store.results import Timing
 from labbook import words
 from labbook.words import masses, percent, seconds, times
+from plots.core.bandwidth import copy_bandwidth, fraction
 from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
-from plots.figures.bandwidth import copy_bandwidth, fraction
-from plots.figures.precisions import float64_pairs
+from plots.core.pairs import float64_pairs
 
 FLAT = 1.5  # a time that grew by less counts as flat
 

@@ -11,7 +11,7 @@ from labbook import words
 from labbook.claims.claim import SUSPECT, Claim, clearly, cpu_source, named, on, on_gpu, trusted
 from labbook.words import masses, percent, times
 from plots.core.data import Results, Source, is_suspect, is_wrong
-from plots.core.shapes import shape_ratios
+from plots.core.pairs import shape_ratios
 from plots.figures.crossover import Pair, crossing, pairs
 from plots.figures.graphics import drawing_costs, skipped_reason
 

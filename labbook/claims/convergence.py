@@ -16,6 +16,7 @@ from plots.core.data import Results
 EQUAL = 0.1  # errors that differ by less of themselves count as the same
 NEAR = 0.25  # how far an observed order may be from 1 to count as it
 SCENE = "S1"
+PRECISIONS = ("float32", "float64")
 STIFF = "S4"  # the scene that the orderings are compared on
 ORDERING_TARGETS = (1.0, 0.3, 0.1, 0.03, 0.01)  # spacings
 
@@ -82,6 +83,39 @@ def wrong_ordering(results: Results) -> Claim:
     return Claim(f"{text}.", {"averaged": off, "weighted": good}, worse)
 
 
+def in_float32(results: Results) -> Claim:
+    """Whether smaller substeps make position-based steps worse in float32: where it shows most."""
+    worst: tuple[float, Point, Point, Point] | None = None
+    for source in (*results.featured, *results.background):
+        found = [
+            p for p in points(source) if p.integrator in XPBD[:2] and not p.diverged and not p.refused and p.iterations
+        ]
+        ways = {(p.scene, p.integrator, p.iterations, p.backend) for p in found}
+        for way in sorted(ways, key=str):
+            mine = [p for p in found if (p.scene, p.integrator, p.iterations, p.backend) == way]
+            single, double = (
+                sorted((p for p in mine if p.precision == name), key=lambda p: p.dt) for name in PRECISIONS
+            )
+            least = min(single, key=lambda p: p.error, default=None)
+            same = next((p for p in double if single and p.dt == single[0].dt), None)
+            if least is None or same is None or least.dt <= single[0].dt or same.error > least.error:
+                continue
+            if worst is None or single[0].error / least.error > worst[0]:
+                worst = single[0].error / least.error, least, single[0], same
+        if worst is not None:
+            break
+    if worst is None:
+        return Claim("Whether float32 bounds position-based steps was not measured.")
+    ratio, least, finest, same = worst
+    text = (
+        f"In float32 smaller substeps can make positions worse: in {least.scene} "
+        f"{method_words(least.integrator, least.iterations)} is {number(least.error, 2)} spacings off at "
+        f"{seconds(least.dt, 2)} and {number(finest.error, 2)} at {seconds(finest.dt, 2)}, where float64 leaves "
+        f"{number(same.error, 2)}"
+    )
+    return Claim(f"{text}.", {"ratio": ratio, "least": least.error, "finest": finest.error}, ratio > 2)
+
+
 def against_integrators(results: Results, target: float = 1e-2) -> Claim:
     """The soonest position-based way to an error against the soonest integrator."""
     parts: list[str] = []
@@ -137,5 +171,6 @@ CLAIMS: dict[str, Callable[[Results], Claim]] = {
     "xpbd-iterations": iterations_or_substeps,
     "xpbd-wrong": wrong_ordering,
     "xpbd-integrators": against_integrators,
+    "xpbd-float32": in_float32,
     "xpbd-orderings": orderings,
 }

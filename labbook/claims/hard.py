@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from bench.stress.cases import NOT_YET
 from bench.stress.laws import SLOW_DOWN
-from bench.stress.results import CODES, HardRow, disagreements, in_words, rounding_differences, table_of
+from bench.stress.results import CODES, HardRow, disagreements, rounding_differences
 from labbook import words
 from labbook.claims.claim import Claim
 from labbook.words import count, number
-from plots.core.data import Results, provenance
+from plots.core.data import Results
 from plots.figures.hard import hard_rows
 
 NOT_RUN = "The hard cases were not run."
@@ -146,22 +145,6 @@ def denormal(results: Results) -> Claim:
     )
     text += "aimed at."
     return Claim(text, ratios, True)
-
-
-def hard_tables(results: Results) -> list[dict[str, Any]]:
-    """The verdicts, a line a case."""
-    found, sources = hard_rows(results)
-    if not found:
-        return []
-    names, lines = table_of(found)
-    rows = [[case, title, lead, in_words(names, cells)] for case, title, lead, cells in lines]
-    head = ["Case", "What", "Measured, worst in float64 (bound)", "Verdict"]
-    return [table(f"Hard cases. {provenance(sources)}", head, rows)]
-
-
-def waiting_tables(_: Results) -> list[dict[str, Any]]:
-    """The rows that no solver here can run yet."""
-    return [table("Rows that wait for other solvers", ["Row", "Why"], [[*item] for item in NOT_YET.items()])]
 
 
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:

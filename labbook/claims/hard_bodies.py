@@ -4,17 +4,16 @@ rules."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from bench.experiments.body_laws import SECONDS, SPIN
 from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
 from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
-from bench.stress.results import HardRow, in_words, table_of
+from bench.stress.results import HardRow
 from labbook import words
 from labbook.claims.claim import Claim
-from labbook.claims.hard import compare_backends, count_verdicts, table, told
+from labbook.claims.hard import compare_backends, count_verdicts, told
 from labbook.words import count, number, percent, seconds
-from plots.core.data import Results, provenance
+from plots.core.data import Results
 from plots.figures.hard_bodies import body_rows
 
 FEW = 0.02  # of the spin: what rounding may take without being told of
@@ -122,18 +121,6 @@ def load(results: Results) -> Claim:
         f"to {number(wrong, 1)} of that.",
         {"stack": off, "load": wrong, "depth": depth}, max(off, wrong) < FEW,
     )  # fmt: skip
-
-
-def body_tables(results: Results) -> list[dict[str, Any]]:
-    """The verdicts, a line a case, and where each bound comes from."""
-    found, sources = body_rows(results)
-    if not found:
-        return []
-    names, lines = table_of(found)
-    bases = {row.case: row.basis for row in found}
-    rows = [[case, title, lead, bases[case], in_words(names, cells)] for case, title, lead, cells in lines]
-    head = ["Case", "What", "Measured, worst in float64 (bound)", "The bound is", "Verdict"]
-    return [table(f"Hard cases of bodies. {provenance(sources)}", head, rows)]
 
 
 CLAIMS: dict[str, Callable[[Results], Claim]] = {

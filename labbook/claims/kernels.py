@@ -9,9 +9,9 @@ from bench.measure.starts import COLD, WARM
 from labbook import words
 from labbook.claims.claim import Claim, clearly, on, sound, trusted
 from labbook.words import masses, number, percent, seconds, times
+from plots.core.bandwidth import from_memory
 from plots.core.data import Results, Source
 from plots.core.ladder import defaults, fastest, machine_of
-from plots.figures.bandwidth import from_memory
 from plots.figures.joules import has_joules, joules, watts
 from plots.figures.roofline import ceilings
 

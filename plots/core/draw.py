@@ -17,13 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from model.core.errors import InputError
-from plots.core import shapes
 from plots.core.data import Origin, Results
 from plots.core.read import load
 from plots.core.style import SUFFIXES, Drawing, save, settings
 from plots.figures import (
     ablation,
-    bandwidth,
     bar,
     convergence,
     crossover,
@@ -34,7 +32,6 @@ from plots.figures import (
     kernels,
     lab_step,
     peers,
-    precisions,
     projections,
     roofline,
     stability,
@@ -43,21 +40,14 @@ from plots.figures import (
     time_per_step,
     work_precision,
 )
-from plots.findings import damping as findings_damping
 from plots.findings import determinism as findings_determinism
-from plots.findings import dissipation as findings_dissipation
-from plots.findings import exact as findings_exact
 from plots.findings import float32 as findings_float32
-from plots.findings import looks as findings_looks
 
 FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "time-per-step": time_per_step.draw,
     "thread-scaling": thread_scaling.draw,
     "crossover": crossover.draw,
     "graphics": graphics.draw,
-    "bandwidth": bandwidth.draw,
-    "precisions": precisions.draw,
-    "shapes": shapes.draw,
     "work-precision": work_precision.draw,
     "lab-step": lab_step.draw,
     "kernels": kernels.draw,
@@ -66,21 +56,15 @@ FIGURES: dict[str, Callable[[Results], Drawing | str]] = {
     "peers": peers.draw,
     "stability-stiffness": stability.draw_stiffness,
     "stability-damping": stability.draw_damping,
-    "findings-damping": findings_damping.draw,
     "findings-float32": findings_float32.draw,
-    "findings-dissipation": findings_dissipation.draw,
-    "findings-exact": findings_exact.draw,
-    "findings-looks": findings_looks.draw,
     "findings-determinism": findings_determinism.draw,
     "convergence": convergence.draw,
     "ablation": ablation.draw,
     "projections": projections.draw,
-    "published": projections.draw_published,
     "throughput": throughput.draw,
     "hard-states": hard.draw_states,
     "hard-verdicts": hard.draw_verdicts,
     "hard-bodies": hard_bodies.draw,
-    "hard-body-states": hard_bodies.draw_states,
     "bar-solvers": bar.draw,
     "bar-clusters": bar.draw_clusters,
 }
@@ -89,9 +73,6 @@ TITLES = {
     "thread-scaling": thread_scaling.TITLE,
     "crossover": crossover.TITLE,
     "graphics": graphics.TITLE,
-    "bandwidth": bandwidth.TITLE,
-    "precisions": precisions.TITLE,
-    "shapes": shapes.TITLE,
     "work-precision": work_precision.TITLE,
     "lab-step": lab_step.TITLE,
     "kernels": kernels.TITLE,
@@ -100,21 +81,15 @@ TITLES = {
     "peers": peers.TITLE,
     "stability-stiffness": stability.TITLE_STIFFNESS,
     "stability-damping": stability.TITLE_DAMPING,
-    "findings-damping": findings_damping.TITLE,
     "findings-float32": findings_float32.TITLE,
-    "findings-dissipation": findings_dissipation.TITLE,
-    "findings-exact": findings_exact.TITLE,
-    "findings-looks": findings_looks.TITLE,
     "findings-determinism": findings_determinism.TITLE,
     "convergence": convergence.TITLE,
     "ablation": ablation.TITLE,
     "projections": projections.TITLE,
-    "published": projections.PUBLISHED_TITLE,
     "throughput": throughput.TITLE,
     "hard-states": hard.STATES_TITLE,
     "hard-verdicts": hard.VERDICTS_TITLE,
     "hard-bodies": hard_bodies.TITLE,
-    "hard-body-states": hard_bodies.STATES_TITLE,
     "bar-solvers": bar.TITLE,
     "bar-clusters": bar.CLUSTERS_TITLE,
 }

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from bench.stress.results import BODIES, HardRow, Told, rows_of
 from plots.core.data import Results, Source, judgements
 from plots.core.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, Drawing, legend_below
-from plots.figures.hard import ACROSS, PANEL, as_seen, finish_panel, framed, new_sheet
+from plots.figures.hard import new_sheet
 
 TITLE = "Bodies against their bounds"
 STATES_TITLE = "What the hard cases of bodies end in"
@@ -81,44 +78,3 @@ def draw(results: Results) -> Drawing | str:
         "it. Right of the line is a failure. What is less than a ten-thousandth, or 0, stands at the left edge."
     )
     return Drawing(figure, TITLE, caption, sources)
-
-
-def draw_states(results: Results) -> Drawing | str:
-    """The contact sheet, or why there is none."""
-    rows, sources = body_rows(results)
-    shown = _shown(rows)
-    if not shown:
-        return MISSING
-    lines = -(-len(shown) // ACROSS)
-    figure = new_sheet(PANEL * lines)
-    axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
-    for ax in axes:
-        ax.set_axis_off()
-    for ax, row in zip(axes, shown, strict=False):
-        _draw_particles(ax, row)
-    words = "; ".join(f"{row.case}: {row.title}" for row in shown)
-    caption = (
-        "The last state of each hard case of bodies, its particles from the right and above, a colour a body, each panel to "
-        f"its own scale. {words}."
-    )
-    return Drawing(figure, STATES_TITLE, caption, sources)
-
-
-def _shown(rows: Sequence[HardRow]) -> list[HardRow]:
-    """A row a case: one that failed, else one in float64."""
-    found = []
-    for case in dict.fromkeys(row.case for row in rows):
-        drawn = [row for row in rows if row.case == case and row.shape]
-        drawn.sort(key=lambda row: (row.verdict not in ("fail", "known"), row.precision != "float64"))
-        found += drawn[:1]
-    return found
-
-
-def _draw_particles(ax: Any, row: HardRow) -> None:
-    assert row.shape is not None
-    bodies = [as_seen(np.array(body, dtype=float)) for body in row.shape.position]
-    centre, extent = framed(np.concatenate(bodies))
-    for number, body in enumerate(bodies):
-        at = (body - centre) / extent if extent > 0 else np.zeros_like(body)
-        ax.plot(at[:, 0], at[:, 1], linestyle="", marker=".", markersize=1.5, color=OF_BODIES[number % len(OF_BODIES)])
-    finish_panel(ax, row, extent)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bench.store.results import Timing
+from plots.core.bandwidth import copy_bandwidth
 from plots.core.data import Results
 from plots.core.ladder import backend_panels, in_order, mark_switches, rung, sources_of, threading_words
 from plots.core.style import BLACK, Drawing, draw_times, legend_below, log_axes, time_ticks
-from plots.figures.bandwidth import copy_bandwidth
 
 TITLE = "Every kernel"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.projections import ProjectionPoint, beside_published, points
+from bench.experiments.projections import ProjectionPoint, points
 from plots.core.data import Results, Source
 from plots.core.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 from plots.figures import backends
@@ -58,35 +58,3 @@ def _curve(ax: Any, found: list[ProjectionPoint], key: tuple[str, int, int], lin
         ax.plot(
             [p.rows * p.columns for p in mine], [p.rate for p in mine], line, color=colour, marker=marker, label=name
         )
-
-
-def draw_published(results: Results) -> Drawing | str:
-    """Published milliseconds a step, and ours of the same size and iterations; or why there is none."""
-    chosen = [(b, s, beside_published(found)) for b, s, found in panels(results)]
-    chosen = [entry for entry in chosen if entry[2]]
-    if not chosen:
-        return "no published scene was timed (softlab projections)"
-    figure, (ax,) = new_figure(1, 3.4)
-    names = list(dict.fromkeys(f"{e.source}\n{e.what}" for _, _, pairs in chosen for e, _ in pairs))
-    published = {f"{e.source}\n{e.what}": (e.seconds, e.processor) for _, _, pairs in chosen for e, _ in pairs}
-    places = range(len(names))
-    ax.plot([published[n][0] for n in names], places, "|", color="black", markersize=12, label="published")
-    for place, name in zip(places, names, strict=True):
-        ax.annotate(
-            published[name][1], (published[name][0], place), (6, 0), textcoords="offset points", fontsize=6, va="center"
-        )
-    for (backend, source, pairs), colour in zip(chosen, (BLUE, GREEN), strict=False):
-        mine = {f"{e.source}\n{e.what}": p.step for e, p in pairs}
-        held = [(mine[n], place) for place, n in zip(places, names, strict=True) if n in mine]
-        ax.plot(*zip(*held, strict=True), "o", color=colour, label=name_of(backend, source))
-    ax.set_yticks(list(places), names, fontsize=7)
-    ax.invert_yaxis()
-    ax.set_xscale("log")
-    ax.set_xlabel("time of a step / s")
-    legend_below(figure, [ax])
-    caption = (
-        "The time of a step as published, with the GPU it was measured on, and of a sheet of the same size, springs and "
-        "iterations here, float32. Materials and what else was computed are not all told, and the GPUs are years apart: "
-        "read orders of magnitude."
-    )
-    return Drawing(figure, PUBLISHED_TITLE, caption, sources_of(chosen))

@@ -15,10 +15,10 @@ from bench.store.results import Timing
 from model.core.errors import SoftlabError
 from model.core.families import scene_plan
 from model.scene.scene import Scene
+from plots.core.bandwidth import copy_bandwidth
 from plots.core.data import Results, Source
 from plots.core.ladder import backend_panels, in_order, rung, sources_of
 from plots.core.style import BLACK, GREY, Drawing, draw_times, legend_below, log_axes, plain_ticks
-from plots.figures.bandwidth import copy_bandwidth
 
 TITLE = "Roofline"
 

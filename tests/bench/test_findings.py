@@ -16,9 +16,6 @@ from plots.core.accuracy_points import observed_order
 from plots.core.data import Results
 from plots.core.read import load
 from plots.core.style import Drawing, settings
-from plots.findings import damping as findings_damping
-from plots.findings import dissipation as findings_dissipation
-from plots.findings import exact as findings_exact
 from plots.findings import float32 as findings_float32
 from plots.findings.points import exact_pairs, rows
 
@@ -129,7 +126,7 @@ def test_what_the_claims_say(results):
     assert cloth.numbers["ratio"] == pytest.approx(391, abs=1)
 
 
-@pytest.mark.parametrize("figure", [findings_damping, findings_dissipation, findings_exact, findings_float32])
+@pytest.mark.parametrize("figure", [findings_float32])
 def test_every_figure_is_drawn_or_says_why_not(results, figure):
     with settings():
         drawing = figure.draw(results)

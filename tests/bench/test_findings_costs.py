@@ -41,7 +41,6 @@ from plots.core.data import Results
 from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.findings import determinism as determinism_figure
-from plots.findings import looks as looks_figure
 
 STEPS = 20
 TINY = Effort(2, 1e-4, 1e-3)
@@ -219,7 +218,7 @@ def test_every_claim_is_a_sentence(results, name):
 
 @pytest.mark.parametrize(
     ("figure", "wanted"),
-    [(looks_figure, LABELS["findings-looks"]), (determinism_figure, LABELS["findings-determinism"])],
+    [(determinism_figure, LABELS["findings-determinism"])],
 )
 def test_every_figure_is_drawn_or_says_why_not(results, figure, wanted):
     with settings():

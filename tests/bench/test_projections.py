@@ -118,9 +118,8 @@ def test_others_times_are_set_beside_ours(tmp_path):
     assert claims["projection-published"].numbers == {"gpu least": pytest.approx(5.0), "gpu most": pytest.approx(5.0)}
     assert not claims["projection-orderings"].supported  # Jacobi was not timed
     with settings():
-        published, rates = projections.draw_published(results), projections.draw(results)
-    assert published.sources and rates.sources
-    assert labels(published.figure) == LABELS["published"] and labels(rates.figure) == LABELS["projections"]
+        rates = projections.draw(results)
+    assert rates.sources and labels(rates.figure) == LABELS["projections"]
 
 
 def test_nothing_is_claimed_of_nothing(store):
@@ -130,7 +129,6 @@ def test_nothing_is_claimed_of_nothing(store):
     assert claims["projection-orderings"].supported
     for name in ("projection-rates", "projection-published"):
         assert not claims[name].supported and claims[name].sentence.endswith(".")
-    assert projections.draw_published(results) == "no published scene was timed (softlab projections)"
 
 
 @pytest.mark.parametrize("how", [{"sizes": [1]}, {"precisions": ("float16",)}, {"backends": ["tpu"]}])

@@ -170,16 +170,11 @@ def results() -> Results:
 
 def test_figures_show_every_case(results: Results) -> None:
     with settings():
-        bounds, states = hard_bodies.draw(results), hard_bodies.draw_states(results)
-        assert not isinstance(bounds, str) and not isinstance(states, str)
-        for drawing in (bounds, states):
-            assert drawing.sources and drawing.caption
+        bounds = hard_bodies.draw(results)
+        assert not isinstance(bounds, str) and bounds.sources and bounds.caption
     assert labels(bounds.figure) == LABELS["hard-bodies"]
-    assert [ax for ax in states.figure.axes if ax.axison] == LABELS["hard-body-states"]
     (ax,) = bounds.figure.axes
     assert len(ax.get_yticklabels()) == len(BODY_CASES) and len(ax.lines) == 4 + 1
-    titles = {panel.get_title().strip() for panel in states.figure.axes}
-    assert {case.name for case in BODY_CASES if case.row != "B20"} <= titles
 
 
 def test_shares_of_bounds() -> None:
@@ -207,14 +202,6 @@ def test_claims_follow_the_numbers(results: Results) -> None:
     for name, claim in hard_body_claims.CLAIMS.items():
         nothing = claim(load(None))
         assert not nothing.supported and nothing.sentence.endswith("."), name
-
-
-def test_the_table_says_where_bounds_come_from(results: Results) -> None:
-    (table,) = hard_body_claims.body_tables(results)
-    assert len(table["rows"]) == len(BODY_CASES) and table["head"][3] == "The bound is"
-    for case, row in zip(BODY_CASES, table["rows"], strict=True):
-        assert row[0] == case.name and row[3] == case.basis and row[4] == "pass"
-    assert hard_body_claims.body_tables(load(None)) == []
 
 
 def test_the_book_tells_of_them(tmp_path: Any) -> None:

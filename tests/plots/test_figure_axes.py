@@ -35,13 +35,13 @@ from plots.core.style import settings
 from plots.figures.energies import EnergyRecord, energy_drawing
 
 ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
-    **dict.fromkeys(["findings-looks", "findings-determinism"], "test_findings_costs.py"),
+    "findings-determinism": "test_findings_costs.py",
     "convergence": "test_convergence.py",
     "ablation": "test_ablate.py",
-    **dict.fromkeys(["projections", "published"], "test_projections.py"),
+    "projections": "test_projections.py",
     "throughput": "test_throughput.py",
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
-    **dict.fromkeys(["hard-bodies", "hard-body-states"], "test_hard_bodies.py"),
+    "hard-bodies": "test_hard_bodies.py",
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),
 }
 LARGE = (*SIZES, 1024, 2048, 4096)
@@ -90,19 +90,14 @@ CURVES: list[tuple[str, int, str, Sequence[float], Callable[[], Any]]] = [
     ("thread-scaling", 0, "2x threads", GPU_SQUARES, lambda: cpu(16) / cpu(32)),
     ("crossover", 0, "float32", GPU_SQUARES, lambda: fastest_cpu() / gpu()),
     ("graphics", 0, "GPU, with graphics", GPU_SQUARES, lambda: gpu() + 2e-4 + 4e-9 * GPU_SQUARES),
-    ("bandwidth", 0, "GPU, float32", GPU_SQUARES, lambda: 100 * 32 * GPU_SQUARES / gpu() / 4e12),
-    ("bandwidth", 0, "GPU, float64", GPU_SQUARES, lambda: 100 * 64 * GPU_SQUARES / gpu("float64") / 4e12),
-    ("precisions", 0, "GPU", GPU_SQUARES, lambda: gpu("float64") / gpu()),
     ("lab-step", 0, "semi-implicit-euler", STEPS_MS, lambda: 1e-2 * STEPS_MS / 10),
     ("lab-step", 1, "rk4", STEPS_MS, lambda: 2e-5 * (STEPS_MS / 10) ** 4),
     ("kernels", 1, "stages", RUNGS, lambda: STAGES),
     ("roofline", 1, "graph", RUNGS, lambda: 100 * 32 * RUNGS / 4e12 / GRAPH),
     ("joules", 0, "graph", RUNGS, lambda: 1e6 * WATTS * GRAPH / RUNGS),
     ("peers", 1, "CUDA C++ in a graph", [n * n for n in SIZES], lambda: [2] * len(SIZES)),
-    ("findings-damping", 0, "damper explicit", STEPS_MS, lambda: 1e-3 * STEPS_MS / 10),
     ("findings-float32", 1, "lab, float32", sorted(findings.OFFSETS),
      lambda: [1e-5 * (1 + offset / 100) for offset in sorted(findings.OFFSETS)]),
-    ("findings-dissipation", 0, "taylor", 1000 * np.sort(findings.RATE_STEPS), lambda: [2.0] * len(findings.RATE_STEPS)),
 ]  # fmt: skip
 
 

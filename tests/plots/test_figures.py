@@ -18,18 +18,18 @@ from bench.store.transfer import export
 from model.core.energy import energies
 from model.core.errors import InputError
 from model.scene.scene import load_scene
-from plots.core import shapes
+from plots.core import bandwidth, pairs
 from plots.core.accuracy_points import observed_order, order_points, points, reaching
 from plots.core.data import Results, is_suspect, is_wrong
 from plots.core.draw import FIGURES, TITLES, draw_all, draw_figures
 from plots.core.read import load
 from plots.core.style import BLACK, GREY, settings
-from plots.figures import bandwidth, crossover, precisions, thread_scaling, time_per_step, work_precision
+from plots.figures import crossover, thread_scaling, time_per_step, work_precision
 from plots.figures.energies import draw_energies, read_energies
 
 # What the made-up stores hold. The others are drawn by test_hard.py, test_findings.py, test_ablate.py, test_bar.py,
 # test_throughput.py.
-ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "published", "bar-", "throughput")
+ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "bar-", "throughput")
 MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 
 
@@ -68,7 +68,7 @@ def test_figures_are_files_of_vectors_and_of_pixels(
 ) -> None:
     """What each figure shows is looked at in test_figure_axes.py: here, that what is drawn is what lies on disk."""
     names = ["time-per-step", "lab-step"]
-    for name in set(FIGURES) - {*names, "published"}:
+    for name in set(FIGURES) - {*names, "ablation"}:
         monkeypatch.delitem(FIGURES, name)
     paths = draw_all(gpu, tmp_path / "figures")
     assert {path.name for path in paths} == {f"{name}.{suffix}" for name in names for suffix in ("svg", "png")}
@@ -240,7 +240,7 @@ def test_fraction_of_the_copy_bandwidth(gpu: Store) -> None:
 
 def test_shapes_are_held_against_squares_of_as_many_masses(cpu: Store) -> None:
     source = load(cpu).featured[0]
-    ratios = {(t.rows, t.columns): t.median / square for t, square in shapes.shape_ratios(source, "cpu", "1x")}
+    ratios = {(t.rows, t.columns): t.median / square for t, square in pairs.shape_ratios(source, "cpu", "1x")}
     assert ratios[32, 128] == pytest.approx(1) and ratios[128, 32] == pytest.approx(1)  # 64 x 64 was timed
     assert ratios[100, 100] == pytest.approx(1, abs=0.1)  # between 64 x 64 and 128 x 128
     assert set(ratios) == {(32, 128), (128, 32), (100, 100)}
@@ -249,7 +249,7 @@ def test_shapes_are_held_against_squares_of_as_many_masses(cpu: Store) -> None:
 def test_pairs_of_precisions_and_baselines(cpu: Store) -> None:
     source = load(cpu).featured[0]
     assert thread_scaling.baseline(source) == "1x"
-    assert all(single.particles == double.particles for single, double in precisions.float64_pairs(source, "cpu", "1x"))
+    assert all(single.particles == double.particles for single, double in pairs.float64_pairs(source, "cpu", "1x"))
 
 
 def test_accuracy_points(cpu: Store) -> None:

@@ -100,7 +100,6 @@ def test_a_machine_without_an_arithmetic_rate_has_one_roof() -> None:
     )
     small = kernel_claims.roof(ladder_of(CPU_RECORD, (32, 512)), "cpu")
     assert not small.supported and "beyond the caches was not measured" in small.sentence
-    assert "not measured" in kernel_tables.ceiling_tables(results)[0]["title"]
 
 
 def test_joules_are_power_times_time(gpu: Results, cpu: Results) -> None:
@@ -111,7 +110,6 @@ def test_joules_are_power_times_time(gpu: Results, cpu: Results) -> None:
     with settings():
         assert not isinstance(joules.draw(gpu), str)
         assert isinstance(joules.draw(cpu), str), "that machine counts none"
-    assert kernel_tables.joule_tables(cpu) == [] and len(kernel_tables.joule_tables(gpu)) == 1
     made = kernel_claims.energy(gpu)
     assert made.supported and "tiles" in made.sentence and made.numbers["gpu least"] < made.numbers["gpu most"]
 
@@ -158,7 +156,7 @@ def test_what_more_threads_than_cores_cost(cpu: Results) -> None:
 
 def test_tables_hold_every_kernel_and_name_the_fastest(gpu: Results) -> None:
     tables = kernel_tables.kernel_tables(gpu)
-    assert len(tables) == 4 and all(len(row) == len(made["head"]) for made in tables for row in made["rows"])
+    assert len(tables) == 2 and all(len(row) == len(made["head"]) for made in tables for row in made["rows"])
     on_gpu = next(made for made in tables if "float32. GPU" in made["title"])
     assert [row[1] for row in on_gpu["rows"]][:3] == ["one-block", "one-block", "resident"]
     assert on_gpu["rows"][-1][2 + 3] == kernel_tables.DASH, "one-block holds no 4096 x 4096"

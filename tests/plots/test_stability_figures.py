@@ -7,10 +7,8 @@ from dataclasses import replace
 import pytest
 from synthetic_store import CPU_RECORD, Maker, cpu_store, gpu_store
 
-from bench.experiments.stability.points import stability_of
 from bench.store.database import Store
 from labbook.claims import stability as stability_claims
-from labbook.stability_tables import edge_tables
 from model.core.integrators import INTEGRATORS
 from plots.core.data import Results
 from plots.core.read import load
@@ -104,18 +102,9 @@ def test_claims_follow_the_data(cpu: Results) -> None:
     assert lost.numbers["diverged"] > 0 and "with rk4" in lost.sentence
 
 
-def test_the_table_holds_every_edge_of_the_chain(gpu: Results) -> None:
-    (table,) = edge_tables(gpu)
-    edges = [e for e in stability_of(gpu.sources[0].measures)[1] if e.place.chain]
-    assert table["head"][-2:] == ["CPU, float64 / ms", "GPU, float64 / ms"]
-    assert len(table["rows"]) == 10 and len(edges) == 20
-    assert all(len(row) == len(table["head"]) for row in table["rows"])
-    assert ["lab", "0.03", "44.466", "44.422", "44.422"] in table["rows"]
-
-
 def test_nothing_measured_is_said(cpu: Results) -> None:
     for empty in (load(None), without(cpu, lambda m: not m.name.startswith("stability"))):
-        assert isinstance(stability.draw_stiffness(empty), str) and edge_tables(empty) == []
+        assert isinstance(stability.draw_stiffness(empty), str)
         assert not any(claim(empty).supported for claim in stability_claims.CLAIMS.values())
     edges_alone = without(cpu, lambda m: m.name in ("stability_edge", "stability_limit"))
     assert stability.draw_damping(edges_alone) == "the stability runs hold no map"

@@ -1,0 +1,82 @@
+"""The lab book's first page: the method that reaches an error soonest, scene by scene, from whatever was measured."""
+
+from __future__ import annotations
+
+from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, method_words
+from labbook import words
+from labbook.tables import DASH, Table, table
+from labbook.words import number, seconds
+from model.scene.scene import load_scene
+from plots.core.accuracy_points import Point, points, reaching
+from plots.core.data import Results, Source
+
+TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
+ORDER = ("S1-16", "S1", "S1-64", "S2", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
+HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
+
+
+def answer_tables(results: Results) -> list[Table]:
+    """One table: a row for each scene and error, from the first machine that answers it (the reader's own before committed
+    ones); nothing where no accuracy runs were timed."""
+    rows = []
+    for label in ORDER:
+        source = _answering(results, label)
+        if source is not None:
+            found = [*points(source, label), *points(source, label, "exact")]
+            rows += [[*_scene(label), *_row(source, found, target)] for target in TARGETS]
+    title = (
+        "The soonest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
+        "second without the copy of the end state, and from which step size on the same method diverged in that scene"
+    )
+    return [table(title, HEAD, rows, left=1)] if rows else []
+
+
+def _answering(results: Results, label: str) -> Source | None:
+    """The first machine whose runs of a scene were timed."""
+    everyone = (*results.featured, *results.background)
+    return next((s for s in everyone if any(p.seconds for p in points(s, label))), None)
+
+
+def _scene(label: str) -> tuple[str, str]:
+    """`Lab curtain (S1)`, `1024`."""
+    base, side = SIZES.get(label, (label, None))
+    scene = load_scene((SCENES | CLOTHS)[base])
+    grid = scene.grid
+    masses = side * side if side else grid.particle_count
+    return f"{(scene.title or base).partition(' (')[0]} ({label})", words.count(masses)
+
+
+def _row(source: Source, found: list[Point], target: float) -> list[str]:
+    able = reaching(found, target)
+    if not able:
+        return [number(target, 1), *_unanswered(found, target)]
+    best = able[0]
+    exact = "" if best.math == "fast" else f", {best.math}"
+    return [
+        number(target, 1), method_words(best.integrator, best.iterations), f"{1000 * best.dt:g}{words.SPACE}ms",
+        f"{best.precision}{exact}", _processor(source, best), seconds(best.seconds or 0.0, 2), _breaks(found, best),
+    ]  # fmt: skip
+
+
+def _unanswered(found: list[Point], target: float) -> list[str]:
+    """`Not timed` is not `did not reach`."""
+    if any(p.error <= target for p in found):
+        return ["reached, but not timed", *[DASH] * 5]
+    nearest = min((p for p in found if not p.diverged and not p.refused), key=lambda p: p.error, default=None)
+    told = f"not reached; least {number(nearest.error, 2)}" if nearest else "not reached"
+    return [told, *[DASH] * 5]
+
+
+def _processor(source: Source, point: Point) -> str:
+    return (source.gpu or "GPU") if point.backend == "gpu" else source.processor
+
+
+def _breaks(found: list[Point], best: Point) -> str:
+    """The least step size at which the method diverged, or that it held at all that were tried."""
+    mine = [
+        p for p in found if (p.integrator, p.iterations, p.backend) == (best.integrator, best.iterations, best.backend)
+    ]
+    lost = [p.dt for p in mine if p.diverged]
+    if lost:
+        return f"at {1000 * min(lost):g}{words.SPACE}ms"
+    return f"not up to {1000 * max(p.dt for p in mine):g}{words.SPACE}ms"

@@ -1,0 +1,30 @@
+"""A step's bytes beside what the machine's memory was measured to move."""
+
+from __future__ import annotations
+
+from bench.store.results import Timing
+from plots.core.data import Source
+
+UNKNOWN_CACHE = 1 << 26  # B
+
+
+def copy_bandwidth(source: Source, backend: str) -> float | None:
+    """The measured copy bandwidth of a backend's memory [B/s]; None where it was not measured."""
+    return source.machine.record.get("gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth")
+
+
+def fraction(source: Source, timing: Timing, seconds: float | None = None) -> float | None:
+    """Bytes that one fused pass moves, over the time of a step, over the copy bandwidth; None where one is unknown."""
+    bandwidth = copy_bandwidth(source, timing.backend)
+    if not bandwidth or not timing.bytes_per_step:
+        return None
+    return timing.bytes_per_step / (timing.median if seconds is None else seconds) / bandwidth
+
+
+def from_memory(source: Source, timing: Timing) -> bool:
+    """Whether both buffers of a timing's state outgrow the processor's last cache, so that its bytes come from memory: what
+    stays in a cache is no share of the memory's bandwidth. A cache of unknown size counts as 64 MiB."""
+    caches = source.machine.record.get("caches") or {}
+    on_gpu = timing.backend == "gpu"
+    last = source.machine.record.get("gpu_l2_bytes") if on_gpu else caches.get("L3") or caches.get("L2")
+    return (timing.bytes_per_step or 0) > (last or UNKNOWN_CACHE)
