@@ -45,6 +45,7 @@ def sweep(
     repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
     min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    threads: Annotated[list[str] | None, typer.Option(help="On the CPU: 1x, 2x, 4x or a number. Repeatable.")] = None,
     kernels: Annotated[
         bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
     ] = False,
@@ -62,6 +63,8 @@ def sweep(
 
     if peers and (kernels or kernel):
         raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
+    if threads and (peers or kernels):
+        raise SceneError("--threads", threads[0], "is for the ordinary sweep; leave out --kernels and --peers")
     if kernel and not kernels:
         raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
     how: dict[str, Any] = {
@@ -85,7 +88,7 @@ def sweep(
         else:
             from bench.experiments.sweep import run_sweep
 
-            summary = run_sweep(opened, graphics=graphics, **how)
+            summary = run_sweep(opened, graphics=graphics, **({"threads": threads} if threads else {}), **how)
         print_sweep(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)

@@ -147,6 +147,7 @@ def choose_effort(
         min_seconds or preset.min_seconds,
         max_seconds or preset.max_seconds,
         total_seconds or preset.total_seconds,
+        again=0 if quick else repeats or preset.repeats,
     )
 
 

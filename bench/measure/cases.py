@@ -20,13 +20,15 @@ Costs = dict[tuple[Any, ...], tuple[int, float, float]]  # kind of case -> (part
 @dataclass(frozen=True)
 class Effort:
     """`repeats` samples of `min_seconds` [s] each; `max_seconds`: the most for one configuration; `total_seconds`:
-    of the sweep; `energy_seconds`: of stepping beside an energy counter, 0 for none."""
+    of the sweep; `energy_seconds`: of stepping beside an energy counter, 0 for none; `again`: turns more for what other
+    programs disturbed."""
 
     repeats: int
     min_seconds: float
     max_seconds: float
     total_seconds: float | None
     energy_seconds: float = 0.0
+    again: int = 0
 
     def repeats_of(self, case: Case) -> int:
         """The samples that a case is worth."""

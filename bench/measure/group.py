@@ -211,7 +211,7 @@ class GroupRunner:
             return f"no off-screen drawing: {error}"
 
     def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
-        return interleaved(subjects, wanted, self._neighbours)
+        return interleaved(subjects, wanted, self._neighbours, self.effort.again)
 
     def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
         """Sample the subjects in turn; each sample is on disk before the next one starts."""

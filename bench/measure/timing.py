@@ -31,6 +31,7 @@ PASSES = 4  # of a kernel that does several steps in a pass, in a sample at leas
 MEASUREMENT = 1  # part of every resume key: raise it when what a sample means changes
 DRAW_EVERY = 10  # steps, as the hand-out suggests
 SHORTEST_SAMPLE = 1e-3  # s
+DISTURBED = "load: other programs ran on the cores in use"  # a mark of a sample
 MAX_RETAKES = 2
 BUSY_NEIGHBOUR = 0.25  # cores that others may use before a sample is suspect
 LOOK_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts in hundredths of a second
@@ -87,7 +88,7 @@ class Neighbours:
         busy = self.cores()
         spare = cores - min(threads, cores)
         if busy > spare + BUSY_NEIGHBOUR:
-            return "load: other programs ran on the cores in use"
+            return DISTURBED
         return None
 
 
@@ -233,14 +234,21 @@ def _two_digits(number: float) -> int:
 
 
 def interleaved(
-    subjects: Sequence[Subject], repeats: Sequence[int], neighbours: Neighbours | None = None
+    subjects: Sequence[Subject], repeats: Sequence[int], neighbours: Neighbours | None = None, again: int = 0
 ) -> Iterator[tuple[Subject, Sample]]:
-    """Samples in the order A B A B ...: `repeats[k]` of subject k. Each is handed out as soon as it is finished."""
+    """Samples in the order A B A B ...: `repeats[k]` of subject k. Each is handed out as soon as it is finished.
+
+    `again`: in so many turns more, what other programs disturbed is sampled once more, until there is an undisturbed one
+    for each that was wanted.
+    """
     watch = neighbours or Neighbours()
-    for turn in range(max(repeats, default=0)):
-        for subject, wanted in zip(subjects, repeats, strict=True):
-            if turn < wanted:
-                yield subject, subject.sample(watch)
+    left = list(repeats)
+    for turn in range(max(repeats, default=0) + again):
+        for k, (subject, wanted) in enumerate(zip(subjects, repeats, strict=True)):
+            if turn < wanted or (left[k] > 0 and turn >= max(repeats)):
+                sample = subject.sample(watch)
+                left[k] -= DISTURBED not in (sample.suspect or "")
+                yield subject, sample
 
 
 def time_simulations(

@@ -41,6 +41,7 @@ __all__ = [
 ]
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
+ENOUGH = 3  # undisturbed samples of a configuration, beside which disturbed ones do not count
 NOTES = ("error", "kernel")  # measures that are told with a timing
 ITEM_BYTES = {"float32": 4, "float64": 8}
 
@@ -192,7 +193,8 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
 def timings(store: Store, machine: str | None = None, stage: str | None = "step") -> list[Timing]:
     """The timings in the store, of one machine (a key) or all, of one stage (None: all), smallest grids first.
 
-    Of a configuration that was measured with several sources, those measured last.
+    Of a configuration that was measured with several sources, those measured last. Marked samples are left out where there
+    are ENOUGH others.
     """
     rows = store.query(
         "SELECT run.machine, sample.configuration, stage, sources, seconds, steps, joules, suspect "
@@ -211,6 +213,8 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
     result = []
     for (owner, key, stage_name), of_sources in groups.items():
         sources, samples = list(of_sources.items())[-1]
+        clean = [sample for sample in samples if not sample[-1]]
+        samples = clean if len(clean) >= ENOUGH else samples
         error, kernel = (notes.get((owner, key, name)) for name in NOTES)
         result.append(
             _timing((owner, key, stage_name, sources), samples, descriptions[key], cores.get(owner), error, kernel)

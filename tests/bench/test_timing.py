@@ -13,6 +13,7 @@ from app.driver import open_simulation
 from bench.measure import timing
 from bench.measure.machine import machine_key, machine_label, machine_record
 from bench.measure.timing import (
+    DISTURBED,
     DRAW_EVERY,
     Neighbours,
     Sample,
@@ -65,6 +66,22 @@ def test_samples_are_interleaved_and_handed_out_at_once() -> None:
         assert [s.name for s, _ in interleaved(subjects, [3, 2], Quiet())] == list("ABABA")
         first = next(interleaved(subjects, [3, 3], Quiet()))
         assert first[0].name == "A" and two.step <= 1
+
+
+def test_what_is_disturbed_is_sampled_again() -> None:
+    """A second sample that is disturbed, and the next one too: B is taken twice more, A never."""
+    marks = iter([None, None, None, DISTURBED, DISTURBED, None, DISTURBED])
+
+    class Made:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def sample(self, _: object) -> Sample:
+            return Sample(1.0, 1, next(marks))
+
+    subjects: Any = [Made("A"), Made("B")]
+    taken = [(s.name, sample.suspect) for s, sample in interleaved(subjects, [2, 2], Quiet(), again=3)]
+    assert taken == [("A", None), ("B", None), ("A", None), ("B", DISTURBED), ("B", DISTURBED), ("B", None)]
 
 
 def test_time_simulations_gives_raw_repeats_for_each() -> None:

@@ -193,6 +193,19 @@ def test_a_spread_over_a_tenth_is_suspect(spread: float, suspect: tuple[str, ...
     assert found.spread == pytest.approx(spread) and found.suspect == suspect
 
 
+def test_disturbed_samples_do_not_count_beside_three_others() -> None:
+    with Store(":memory:") as store:
+        store.add_machine("m", "A machine", RECORD)
+        run = store.start_run("m", "softlab sweep")
+        for n, clean in ((8, 2), (16, 3)):
+            for seconds in (1.0,) * clean:
+                store.add_sample(run, describe(n), "s", seconds, 10)
+            store.add_sample(run, describe(n), "s", 9.0, 10, suspect="load: busy")
+        few, enough = timings(store)
+    assert (few.count, few.high, few.suspect[0]) == (3, 0.9, "load: busy")
+    assert (enough.count, enough.high, enough.suspect) == (3, 0.1, ())
+
+
 def test_one_repeat_that_was_disturbed_is_in_the_extremes_and_not_in_the_spread() -> None:
     found = timed(1.0, 1.01, 1.02, 1.03, 50.0)
     assert (found.low, found.median, found.high) == (1.0, 1.02, 50.0)
