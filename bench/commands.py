@@ -86,9 +86,9 @@ def sweep(
             summary = run_peers(opened, **how)
             print_peers(out, opened, summary.machine)
         else:
-            from bench.experiments.sweep import run_sweep
+            from bench.experiments.sweep import THREADS, run_sweep
 
-            summary = run_sweep(opened, graphics=graphics, **({"threads": threads} if threads else {}), **how)
+            summary = run_sweep(opened, graphics=graphics, threads=threads or THREADS, **how)
         print_sweep(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)

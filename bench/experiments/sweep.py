@@ -39,6 +39,7 @@ ODD: tuple[Shape, ...] = ((100, 100), (1000, 37), (37, 1000), (1023, 1025), (300
 STRETCHED = (64, 256, 1024, 4096)  # squares that are also measured at 4:1 and 1:4
 
 
+THREADS = ("1x", "2x", "4x")
 QUICK = Effort(3, 0.02, 3.0, 75.0)
 FULL = Effort(5, 0.1, 30.0, None)
 
@@ -158,7 +159,7 @@ def run_sweep(
     scene: Scene | str = "lab-grid",
     backends: Sequence[str] | None = None,
     sizes: Iterable[int | Shape] | None = None,
-    threads: Sequence[str | int] = ("1x", "2x", "4x"),
+    threads: Sequence[str | int] = THREADS,
     precisions: Sequence[str] = ("float32", "float64"),
     graphics: bool = True,
     max_seconds: float | None = None,
