@@ -16,7 +16,8 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.shape_matching.damping import at_damping, make_damping
-from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching, make_particles
+from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
+from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
 from model.formulas import distance
 from model.formulas.cluster import LANES

@@ -73,7 +73,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/shape_matching/kernels.py",
+        "cpu_backend/shape_matching/particles.py",
         "test_bodies_solver.py",
         {
             "bodies move with twice the substep (cpu)": ("inverse = record[X_INVERSE_SUBSTEP]\n", "inverse = record[X_INVERSE_SUBSTEP] + record[X_INVERSE_SUBSTEP]\n"),
