@@ -89,7 +89,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/contact/particles_find.py",
+        "cpu_backend/contact/particles_cells.py",
         "test_particle_contacts.py::test_neighbours_are_those_of_asking_all",
         {
             "a row of cells is looked at too short (cpu)": ("runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]", "runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 1]"),
