@@ -17,10 +17,11 @@ from app.render.skinning import ClusterFrames
 from app.render.skins import ClusterTexture, Skins
 from app.render.space_view import SpaceView
 from app.render.vertex_arrays import (
-    POSITION,
     delete_all,
     draw_elements,
+    draw_squares,
     refill,
+    square_array,
     static_buffer,
     uniform_matrix,
     vertex_array,
@@ -31,7 +32,6 @@ from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.shape_matching.spare import copies_there
 
-LOOK = 4  # where the shaders of app/render/body_shaders.py look for it
 PARTICLE_RADIUS = 0.5  # of the particle spacing
 SKIN_COVER = 0.22  # of the particles behind it, where both are shown
 SMALL = 0.45  # times a particle's radius then, and beside clusters, so that they lie inside
@@ -67,8 +67,8 @@ class BodiesView(SpaceView):
         self._buffers = [
             static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())
         ]
-        self._spheres = self._sphere_array(self.vertices.position_buffer, self._buffers[0])
-        self._middles = self._sphere_array(*self._buffers[2:4])
+        self._spheres = square_array(self.vertices.position_buffer, self._buffers[0])
+        self._middles = square_array(*self._buffers[2:4])
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1])
         self._links = np.concatenate([copy.first_particle + copy.baked.links for copy in body_set.copies]).astype(
             np.uint32
@@ -100,22 +100,6 @@ class BodiesView(SpaceView):
         ends = np.ascontiguousarray(self._links[self._there[self.scene.body_set.body[self._links[:, 0]]]])
         refill(self._buffers[-1], ends)
         self._link_ends = ends.size
-
-    @staticmethod
-    def _sphere_array(position: int, look: int) -> Any:
-        from pyglet import gl
-
-        array = gl.GLuint()
-        gl.glGenVertexArrays(1, array)
-        gl.glBindVertexArray(array)
-        for place, buffer, size in ((POSITION, position, 3), (LOOK, look, 4)):
-            gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
-            gl.glEnableVertexAttribArray(place)
-            gl.glVertexAttribPointer(place, size, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
-            gl.glVertexAttribDivisor(place, 1)
-        gl.glBindVertexArray(0)
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
-        return array
 
     def _constants(self) -> None:
         """Uniforms that never change."""
@@ -245,19 +229,12 @@ class BodiesView(SpaceView):
             gl.glEnable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
         if self.particles:
             program["size"] = SMALL if self.skin or self.clusters or self.links else 1.0
-            self._draw_squares(self._spheres, self.scene.grid.particle_count)
+            draw_squares(self._spheres, self.scene.grid.particle_count)
         if self.clusters:
             program["size"] = 1.0
-            self._draw_squares(self._middles, self.frames.count)
+            draw_squares(self._middles, self.frames.count)
         gl.glDisable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
         program.stop()
-
-    @staticmethod
-    def _draw_squares(spheres: Any, count: int) -> None:
-        from pyglet import gl
-
-        gl.glBindVertexArray(spheres)
-        gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, count)
 
     def _draw_skins(self, camera: Camera3D, cover: float) -> None:
         self._lit_skin.use(camera)
@@ -281,7 +258,7 @@ class BodiesView(SpaceView):
 
     def _shade_spheres(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
         self._use_shadow(self._sphere_shadow, camera, flatten, centre)
-        self._draw_squares(self._spheres, self.scene.grid.particle_count)
+        draw_squares(self._spheres, self.scene.grid.particle_count)
         self._sphere_shadow.stop()
 
     @staticmethod

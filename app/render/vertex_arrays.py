@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 POSITION, NORMAL = 0, 1  # where the shaders of app/render/shaders3d.py look for them
+LOOK = 4  # likewise, those of app/render/body_shaders.py
 
 
 def static_buffer(data: np.ndarray) -> int:
@@ -31,22 +32,34 @@ def refill(buffer: int, data: np.ndarray) -> None:
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
 
-def vertex_array(position: int, elements: int, normal: int | None = None) -> Any:
-    """A vertex array of (vertices, 3) float32 buffers, drawn in the order of the buffer `elements`."""
+def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) -> Any:
+    """A vertex array of (place, buffer, numbers a vertex), float32; without `elements` a vertex is an instance."""
     from pyglet import gl
 
     array = gl.GLuint()
     gl.glGenVertexArrays(1, array)
     gl.glBindVertexArray(array)
-    for place, buffer in ((POSITION, position), (NORMAL, normal)):
-        if buffer is not None:
-            gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
-            gl.glEnableVertexAttribArray(place)
-            gl.glVertexAttribPointer(place, 3, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
-    gl.glBindBuffer(gl.GL_ELEMENT_ARRAY_BUFFER, elements)
+    for place, buffer, size in sources:
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+        gl.glEnableVertexAttribArray(place)
+        gl.glVertexAttribPointer(place, size, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
+        if elements is None:
+            gl.glVertexAttribDivisor(place, 1)
+    if elements is not None:
+        gl.glBindBuffer(gl.GL_ELEMENT_ARRAY_BUFFER, elements)
     gl.glBindVertexArray(0)
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
     return array
+
+
+def vertex_array(position: int, elements: int, normal: int | None = None) -> Any:
+    """A vertex array of (vertices, 3) float32 buffers, drawn in the order of the buffer `elements`."""
+    return _array_of([(POSITION, position, 3)] + ([] if normal is None else [(NORMAL, normal, 3)]), elements)
+
+
+def square_array(position: int, look: int) -> Any:
+    """A vertex array of a square a vertex: (vertices, 3) positions, and colours and sizes (vertices, 4); float32."""
+    return _array_of([(POSITION, position, 3), (LOOK, look, 4)])
 
 
 def draw_elements(array: Any, mode: int, count: int) -> None:
@@ -55,6 +68,14 @@ def draw_elements(array: Any, mode: int, count: int) -> None:
 
     gl.glBindVertexArray(array)
     gl.glDrawElements(mode, count, gl.GL_UNSIGNED_INT, None)
+
+
+def draw_squares(array: Any, count: int) -> None:
+    """Draw `count` squares of `square_array`."""
+    from pyglet import gl
+
+    gl.glBindVertexArray(array)
+    gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, count)
 
 
 def uniform_matrix(matrix: np.ndarray) -> tuple[float, ...]:

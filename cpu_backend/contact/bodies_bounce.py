@@ -4,6 +4,7 @@ bodies would make of theirs, as in model/shape_matching/rigid_rebound.py."""
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,28 +19,11 @@ from model.formulas import rebound
 from model.formulas.pace import MOTION
 
 
-@cache
-def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
-    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
-    what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
-    from
-    `place` on those of `make_rebound`, and a scale of each particle; `pitch`: numbers of a band's scratch."""
-    compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
+def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
+    """What whole bodies do: `spread`, `join`: see the inner functions; of particles `first` to before `last`."""
     formulas = rebound.make(real, compiler.compiled)
-    rigid, joined = formulas.rigid, formulas.joined
-    damping, answer = make_damping(compiler, real, True, place), make_rebound(compiler, real, True, place).answer
-    gather, slow = damping.gather, damping.slow
-    plain, scaled = make_passes(compiler, real, False), make_passes(compiler, real, True)
-    tell, push, push_scaled = plain.tell, plain.push, scaled.push
-    at_clusters, at_factors, at_motions, at_limits = place + 1, place + 2, place + 3, place + 4
-    at_struck, at_scales, zero, one = place + 5, place + 6, real(0), real(1)
-
-    @compiler.compiled
-    def strike(first, last, count, who, met, ways, struck):
-        for n in range(first, last):
-            i = who[n]
-            for axis in range(AXES):
-                struck[axis * count + i] = ways[AXES * n + axis] if met[i] != zero else zero
+    rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), real(1)
+    at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
 
     @compiler.compiled
     def spread(first, last, arrays, scales):
@@ -53,6 +37,7 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
 
     @compiler.compiled
     def join(first, last, position, velocity, count, arrays, struck):
+        """Velocities with the clusters' motions, or with what was `struck` where there is no cluster."""
         starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
@@ -70,19 +55,64 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
                 joined(velocity[z], c),
             )
 
+    return SimpleNamespace(spread=spread, join=join)
+
+
+def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
+    """strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales): what
+    particles get that bounce, as particles_bounce.make_passes, into `struck`."""
+    push, zero = make_passes(compiler, real, scaled).push, real(0)
+
+    @compiler.compiled
+    def strike(band, count, neighbours, contacts, struck):
+        who, _, _, _, begins, active, _ = neighbours
+        _, met, ways = contacts
+        for n in range(begins[band], begins[band] + active[band]):
+            i = who[n]
+            for axis in range(AXES):
+                struck[axis * count + i] = ways[AXES * n + axis] if met[i] != zero else zero
+
+    @compiler.compiled
+    def strike_all(
+        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales
+    ):  # fmt: skip
+        for band in shares(team, member, bands):
+            push(band, weights.size, position, old, velocity, weights, record, neighbours, contacts, scales)
+            strike(band, weights.size, neighbours, contacts, struck)
+
+    return strike_all
+
+
+@cache
+def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
+    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
+    from `place` on those of `make_rebound`, and a scale of each particle; `pitch`: numbers of a band's scratch."""
+    compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
+    damping, answer = make_damping(compiler, real, True, place), make_rebound(compiler, real, True, place).answer
+    gather, slow, tell = damping.gather, damping.slow, make_passes(compiler, real, False).tell
+    strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
+    motions_made = make_motions(compiler, real, place)
+    spread, join = motions_made.spread, motions_made.join
+    at_motions, at_limits, at_struck, at_scales, zero = place + 3, place + 4, place + 5, place + 6, real(0)
+
+    @compiler.compiled
+    def gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch):
+        """The motions of the bodies that come off as a whole."""
+        limits = arrays[at_limits]
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(limits.size * band // bands, limits.size * (band + 1) // bands):
+                if limits[c] != zero:
+                    gather(c, position, velocity, count, arrays, room)
+
     @compiler.compiled
     def bounce_all(
         team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
     ):  # fmt: skip
-        who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways = contacts
-        motions, limits, struck, scales = arrays[at_motions], arrays[at_limits], arrays[at_struck], arrays[at_scales]
-        count, clusters = weights.size, limits.size
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
-            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                if limits[c] != zero:
-                    gather(c, position, velocity, count, arrays, room)
+        motions, struck, scales = arrays[at_motions], arrays[at_struck], arrays[at_scales]
+        count, clusters = weights.size, arrays[at_limits].size
+        gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
             slow(low, high, position, velocity, count, arrays)
@@ -90,34 +120,18 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
                 for k in range(axis * count + low, axis * count + high):
                     struck[k] = zero
         for band in shares(team, member, bands):
-            first = begins[band]
-            last = first + active[band]
-            tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met)
-        for band in shares(team, member, bands):
-            first = begins[band]
-            last = first + active[band]
-            push(
-                first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, scales
-            )  # fmt: skip
-            strike(first, last, count, who, met, ways, struck)
+            tell(band, count, position, old, velocity, record, neighbours, contacts)
+        strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales)
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                 motions[MOTION * c] = answer(c, position, count, arrays, room)
         for band in shares(team, member, bands):
             spread(count * band // bands, count * (band + 1) // bands, arrays, scales)
-        for band in shares(team, member, bands):
-            first = begins[band]
-            last = first + active[band]
-            push_scaled(
-                first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, scales
-            )  # fmt: skip
-            strike(first, last, count, who, met, ways, struck)
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
-            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                if limits[c] != zero:
-                    gather(c, position, struck, count, arrays, room)
+        strike_scaled(
+            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales
+        )
+        gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
             join(low, high, position, velocity, count, arrays, struck)

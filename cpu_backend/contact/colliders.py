@@ -39,20 +39,13 @@ from model.scene.cloth import COLLIDER_KINDS
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
 
 
-def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """By kind: touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
-
-    `body`: a row of model/mass_spring/cloth_parameters.py, and what follows it; `begin`, `end`: time [s] of the step;
-    `slow`: of
-    `make_instants`; a: where the mass was before the step; p, v: where it is after it, and at what velocity.
-    """
-    compiled = compiler.compiled
-    formulas, sums = colliders.make(real, compiled), cloth.make(real, compiled)
-    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
-    sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
-    moved, between, pushed = sums.moved, sums.between, sums.pushed
+def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`point(body, time)`: where a collider is; `answer(body, slow, v, n)`: a mass's velocity after it touched; `push`: see
+    the inner function."""
+    compiled, sums = compiler.compiled, cloth.make(real, compiler.compiled)
+    formulas, moved, pushed = colliders.make(real, compiled), sums.moved, sums.pushed
+    respond, rebound, zero = formulas.respond, formulas.rebound, real(0)
     has_friction, bounces = "friction" in parts, "restitution" in parts
-    zero, one = real(0), real(1)
 
     @compiled
     def point(body, time):
@@ -79,6 +72,23 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
             vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
         return px, py, pz, vx, vy, vz
+
+    return SimpleNamespace(point=point, answer=answer, push=push)
+
+
+def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """By kind: touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
+
+    `body`: a row of model/mass_spring/cloth_parameters.py, and what follows it; `begin`, `end`: time [s] of the step;
+    `slow`: of `make_instants`; a: where the mass was before the step; p, v: where it is after it, and at what velocity.
+    """
+    compiled = compiler.compiled
+    formulas, between = colliders.make(real, compiled), cloth.make(real, compiled).between
+    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
+    pushing, sphere_entry = make_push(compiler, real, parts), formulas.sphere_entry
+    point, answer, push = pushing.point, pushing.answer, pushing.push
+    has_friction, bounces = "friction" in parts, "restitution" in parts
+    zero, one = real(0), real(1)
 
     @compiled
     def touch_plane(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):

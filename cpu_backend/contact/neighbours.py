@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.particles_find import AXES, BOX, PLACES, ROOM, TABLE, make_find_stage
+from cpu_backend.contact.particles_cells import AXES, BOX
+from cpu_backend.contact.particles_find import PLACES, ROOM, TABLE, make_find_stage
 from cpu_backend.core.layout import aligned_zeros
 from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.formulas.cluster import LANES

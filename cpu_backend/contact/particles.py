@@ -9,7 +9,7 @@ import numpy as np
 
 from cpu_backend.contact.neighbours import Neighbours
 from cpu_backend.contact.particles_bounce import make_bounce_stage
-from cpu_backend.contact.particles_find import AXES
+from cpu_backend.contact.particles_cells import AXES
 from cpu_backend.contact.particles_project import make_project_stage
 from cpu_backend.core.layout import aligned_zeros
 from model.contact.particle_parameters import (

@@ -17,7 +17,7 @@ from model.formulas import particle_contact, rebound
 
 
 def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
-    """`tell`, `push`, `put`: see the inner functions. `first`: the band's first place in `who`. `scaled`: impulses of a pair
+    """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours. `scaled`: impulses of a pair
     are multiplied by the lesser one of both particles' `scales`."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
@@ -41,9 +41,13 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
         return lack, nx, ny, nz
 
     @compiler.compiled
-    def tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met):
+    def tell(band, count, position, old, velocity, record, neighbours, contacts):
         """With whom each must part faster: their places, one particle's after the other's, into `acting`, how many into
         `met`."""
+        who, numbers, entries, pairs, begins, active, _ = neighbours
+        acting, met, _ = contacts
+        first = begins[band]
+        last = first + active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
         for n in range(first, last):
             i, begin = who[n], place
@@ -55,11 +59,12 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
             met[i] = real(place - begin)
 
     @compiler.compiled
-    def push(
-        first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways,
-        scales,
-    ):  # fmt: skip
+    def push(band, count, position, old, velocity, weights, record, neighbours, contacts, scales):
         """What those get that bounce, into `ways` by their places in `who`."""
+        who, _, entries, pairs, begins, active, _ = neighbours
+        acting, met, ways = contacts
+        first = begins[band]
+        last = first + active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
         for n in range(first, last):
             i = who[n]
@@ -82,8 +87,10 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
             )
 
     @compiler.compiled
-    def put(first, last, count, velocity, who, met, ways):
-        for n in range(first, last):
+    def put(band, count, velocity, neighbours, contacts):
+        who, _, _, _, begins, active, _ = neighbours
+        _, met, ways = contacts
+        for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             if met[i] != zero:
                 for axis in range(3):
@@ -102,22 +109,13 @@ def make_bounce(real: Any, math: str) -> Any:
 
     @compiler.compiled
     def bounce_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts):
-        who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways = contacts
         count = weights.size
         for band in shares(team, member, bands):
-            first = begins[band]
-            last = first + active[band]
-            tell(first, last, count, position, old, velocity, record, who, numbers, entries, pairs, acting, met)
+            tell(band, count, position, old, velocity, record, neighbours, contacts)
         for band in shares(team, member, bands):
-            first = begins[band]
-            last = first + active[band]
-            push(
-                first, last, count, position, old, velocity, weights, record, who, entries, pairs, acting, met, ways, ways
-            )  # fmt: skip
+            push(band, count, position, old, velocity, weights, record, neighbours, contacts, velocity)
         for band in shares(team, member, bands):
-            first = begins[band]
-            put(first, first + active[band], count, velocity, who, met, ways)
+            put(band, count, velocity, neighbours, contacts)
 
     return bounce_all
 

@@ -10,24 +10,22 @@ Neighbours come in the order of cells, z, y, x, then of their numbers, whatever 
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
+from cpu_backend.contact.particles_cells import AXES, BOX, make_runs, make_sort, make_table
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.plain import in_python
 from cpu_backend.core.progress import shares
 from model.contact.particle_parameters import (
-    FARTHEST,
     G_DISTANCE,
     G_NEIGHBOURS,
     G_OWN,
     G_REACH,
-    H_INVERSE_CELL,
     MAX_NEIGHBOURS,
     PAIR_FIELDS,
     PAIRS,
@@ -35,14 +33,10 @@ from model.contact.particle_parameters import (
 from model.formulas import particle_contact
 from model.formulas.cluster import LANES
 
-AXES = 3
-NARROWEST = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
 PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
-BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, how many each way
 HOLDS = BOX  # of the table's only: whether it holds all cells that there are
 TABLE = BOX + 1
 ROOM = 64  # whole numbers: where the runs of a band's cell begin and end, 27 at most
-FAR = np.int32(2**31 - 1)
 
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
@@ -63,143 +57,9 @@ def _lowest_bit(number: Any) -> int:
     return (int(number) & -int(number)).bit_length() - 1
 
 
-def _make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`cells_of`, `span`, `enter`: from positions to places in the table."""
-    scaled = particle_contact.make(real, compiler.compiled).scaled
-    zero, farthest = real(0), real(FARTHEST)
-
-    @compiler.row
-    def cells_of(n, weights, x, y, z, record, cell_x, cell_y, cell_z, box):
-        """The cells of n particles, and the box of those that weigh anything and are somewhere; FAR for the others."""
-        inverse = record[H_INVERSE_CELL]
-        low_x, low_y, low_z, high_x, high_y, high_z = FAR, FAR, FAR, -FAR, -FAR, -FAR
-        for k in range(n):
-            a, b, c = scaled(x[k], inverse), scaled(y[k], inverse), scaled(z[k], inverse)
-            i, j, l = np.int32(a), np.int32(b), np.int32(c)  # noqa: E741
-            i = np.int32(i - 1) if a < real(i) else i
-            j = np.int32(j - 1) if b < real(j) else j
-            l = np.int32(l - 1) if c < real(l) else l  # noqa: E741
-            there = (
-                (weights[k] != zero) & (abs(a) <= farthest) & (abs(b) <= farthest) & (abs(c) <= farthest)
-            )  # no NaN is
-            cell_x[k], cell_y[k], cell_z[k] = i if there else FAR, j, l
-            low_x, high_x = min(low_x, i if there else FAR), max(high_x, i if there else -FAR)
-            low_y, high_y = min(low_y, j if there else FAR), max(high_y, j if there else -FAR)
-            low_z, high_z = min(low_z, l if there else FAR), max(high_z, l if there else -FAR)
-        box[0], box[1], box[2], box[3], box[4], box[5] = low_x, low_y, low_z, high_x, high_y, high_z
-
-    @compiler.compiled
-    def span(bands, boxes, most, table):
-        """The table of at most `most` cells that holds the boxes of all bands and a cell around; returned: whether
-        it does, or is but as large as it may be."""
-        holds = True
-        for axis in range(AXES):
-            low, high = np.int64(FAR), -np.int64(FAR)
-            for band in range(bands):
-                low, high = min(low, boxes[BOX * band + axis]), max(high, boxes[BOX * band + AXES + axis])
-            table[axis], table[AXES + axis] = low - 1, max(high - low + 3, NARROWEST)
-        while table[3] > most or table[4] > most or table[3] * table[4] > most or table[3] * table[4] * table[5] > most:
-            widest, holds = 3, False
-            for axis in (4, 5):
-                if table[axis] > table[widest]:
-                    widest = axis
-            table[widest] = max(NARROWEST, (table[widest] + 1) // 2)
-        return holds
-
-    @compiler.compiled
-    def within_table(cell, low, size):
-        place = np.int64(cell) - low
-        return place if 0 <= place < size else place - size * (place // size)
-
-    @compiler.row
-    def enter_rows(n, cell_x, cell_y, cell_z, low_x, low_y, low_z, width, height, buckets):
-        for k in range(n):
-            place = ((cell_z[k] - low_z) * height + (cell_y[k] - low_y)) * width + (cell_x[k] - low_x)
-            buckets[k] = place if cell_x[k] != FAR else np.int32(-1)
-
-    @compiler.compiled
-    def enter(first, last, count, cells, table, holds, buckets):
-        """The places of the particles' cells in the table, -1 of those that have none. `holds`: whether it has all."""
-        if holds:
-            enter_rows(
-                last - first, row_at(cells, first), row_at(cells, count + first), row_at(cells, 2 * count + first),
-                np.int32(table[0]), np.int32(table[1]), np.int32(table[2]), np.int32(table[3]), np.int32(table[4]),
-                row_at(buckets, first),
-            )  # fmt: skip
-            return
-        for k in range(first, last):
-            x = within_table(cells[k], table[0], table[3])
-            y = within_table(cells[count + k], table[1], table[4])
-            z = within_table(cells[2 * count + k], table[2], table[5])
-            buckets[k] = np.int32((z * table[4] + y) * table[3] + x) if cells[k] != FAR else np.int32(-1)
-
-    return SimpleNamespace(cells_of=cells_of, span=span, enter=enter)
-
-
-def _make_sort(compiler: Compiler) -> SimpleNamespace:
-    """`tally` and `put`: a counting sort that keeps the order, of the cells `low` to before `high` of the table."""
-
-    @compiler.compiled
-    def tally(low, high, buckets, starts):
-        """How many particles each of the cells holds; returned: all of them."""
-        inside = 0
-        for b in range(low, high):
-            starts[b] = 0
-        for k in range(buckets.size):
-            b = buckets[k]
-            if low <= b < high:
-                starts[b] += 1
-                inside += 1
-        return inside
-
-    @compiler.compiled
-    def put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies):
-        """`end`: how many particles are in the cells before. Afterwards starts[b] is the first of cell b."""
-        room = order.size
-        for b in range(low, high):
-            end += starts[b]
-            starts[b] = end
-        for n in range(count):
-            k = count - 1 - n
-            b = buckets[k]
-            if low <= b < high:
-                starts[b] -= 1
-                q = starts[b]
-                order[q], bodies[q] = k, body[k]
-                for axis in range(AXES):
-                    places[axis * room + q] = position[axis * count + k]
-                    places[(AXES + axis) * room + q] = rest[axis * count + k]
-
-    return SimpleNamespace(tally=tally, put=put)
-
-
-def _make_runs(compiler: Compiler) -> Any:
-    """runs_around(b, table, holds, starts, runs): where the sorted particles of the 27 cells around cell b begin and end,
-    without empty runs; returned: how many numbers."""
-
-    @compiler.compiled
-    def runs_around(b, table, holds, starts, runs):
-        width, height, depth, n = table[3], table[4], table[5], 0
-        if holds:  # a cell lies around all that are entered
-            for place in range(9):
-                cell = b + (place // 3 - 1) * (width * height) + (place % 3 - 1) * width
-                runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]
-                n += 2 if runs[n + 1] > runs[n] else 0
-            return n
-        x, y, z = b % width, b // width % height, b // (width * height)
-        for place in range(27):
-            row = (z + place // 9 - 1 + depth) % depth * height + (y + place // 3 % 3 - 1 + height) % height
-            cell = row * width + (x + place % 3 - 1 + width) % width
-            runs[n], runs[n + 1] = starts[cell], starts[cell + 1]
-            n += 2 if runs[n + 1] > runs[n] else 0
-        return n
-
-    return runs_around
-
-
 def _make_search(compiler: Compiler, real: Any) -> Any:
     """search(band, first, last, ...): see the inner function."""
-    formulas, runs_around = particle_contact.make(real, compiler.compiled), _make_runs(compiler)
+    formulas, runs_around = particle_contact.make(real, compiler.compiled), make_runs(compiler)
     squared, within = formulas.squared, formulas.within
     zero = real(0)
 
@@ -276,7 +136,7 @@ def make_find(real: Any, math: str) -> Any:
     """find(team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): what a
     member of a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them."""
     compiler = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math)
-    table_made, sort = _make_table(compiler, real), _make_sort(compiler)
+    table_made, sort = make_table(compiler, real), make_sort(compiler)
     cells_of, span, enter = table_made.cells_of, table_made.span, table_made.enter
     tally, put, search = sort.tally, sort.put, _make_search(compiler, real)
 

@@ -30,7 +30,7 @@ PACES = frozenset({"speed-limit", "sleeping"})
 
 
 def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool) -> SimpleNamespace:
-    """`tell`, `push`, `put`: see the inner functions. `first`: the band's first place in `who`."""
+    """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, within, split, held, direction = (
         formulas.squared, formulas.within, formulas.split, formulas.held, formulas.direction
@@ -40,9 +40,13 @@ def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion:
     zero = real(0)
 
     @compiler.compiled
-    def tell(first, last, count, position, record, who, numbers, entries, pairs, acting, met):
+    def tell(band, count, position, record, neighbours, contacts):
         """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
         `acting`, how many into `met`."""
+        who, numbers, entries, pairs, begins, active, _ = neighbours
+        acting, met, _ = contacts
+        first = begins[band]
+        last = first + active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
         xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         for n in range(first, last):
@@ -58,8 +62,12 @@ def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion:
             met[i] = real(place - begin)
 
     @compiler.compiled
-    def push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways):
+    def push(band, count, before, position, weights, record, neighbours, contacts):
         """Where the particles that have contacts go, into `ways` by their places in `who`."""
+        who, _, entries, pairs, begins, active, _ = neighbours
+        acting, met, ways = contacts
+        first = begins[band]
+        last = first + active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
         xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
@@ -99,8 +107,10 @@ def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion:
             )
 
     @compiler.compiled
-    def put(first, last, count, position, who, met, ways):
-        for n in range(first, last):
+    def put(band, count, position, neighbours, contacts):
+        who, _, _, _, begins, active, _ = neighbours
+        _, met, ways = contacts
+        for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             if met[i] != zero:
                 for axis in range(3):
@@ -120,21 +130,14 @@ def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool) -
 
     @compiler.compiled
     def project_all(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts):
-        who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways = contacts
         count = weights.size
         for _ in range(sweeps):
             for band in shares(team, member, bands):
-                first = begins[band]
-                last = first + active[band]
-                tell(first, last, count, position, record, who, numbers, entries, pairs, acting, met)
+                tell(band, count, position, record, neighbours, contacts)
             for band in shares(team, member, bands):
-                first = begins[band]
-                last = first + active[band]
-                push(first, last, count, before, position, weights, record, who, entries, pairs, acting, met, ways)
+                push(band, count, before, position, weights, record, neighbours, contacts)
             for band in shares(team, member, bands):
-                first = begins[band]
-                put(first, first + active[band], count, position, who, met, ways)
+                put(band, count, position, neighbours, contacts)
 
     return project_all
 

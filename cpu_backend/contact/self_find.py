@@ -95,15 +95,9 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
     return meet
 
 
-@cache
-def make_find(real: Any, math: str) -> SimpleNamespace:
-    """`hash_cells` and `find_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
-    compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
-    formulas, numbers = contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
-    length, middle, scaled = formulas.length, formulas.middle, formulas.scaled
-    key_of, bucket_of = numbers.key, numbers.bucket
-    meet = _make_triangle(compiler, real, formulas, numbers)
-    zero = real(0)
+def _make_space(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> SimpleNamespace:
+    """`floor`, of a coordinate; `relative`: how far mass k moves, seen from a reference."""
+    length = formulas.length
 
     @compiler.compiled
     def floor(x):
@@ -113,6 +107,14 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
     @compiler.compiled
     def relative(move, k, reference):
         return length(move[k, 0] - move[reference, 0], move[k, 1] - move[reference, 1], move[k, 2] - move[reference, 2])
+
+    return SimpleNamespace(floor=floor, relative=relative)
+
+
+def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
+    """hash_cells: see the inner function."""
+    space, middle, scaled, zero = _make_space(compiler, real, formulas), formulas.middle, formulas.scaled, real(0)
+    floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
 
     @compiler.compiled
     def enclose(q, a, columns, begin, move, reference, boxes, center):
@@ -132,14 +134,6 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
     @compiler.compiled
     def center_of(a, columns, begin, axis):
         return middle(begin[a, axis], begin[a + 1, axis], begin[a + columns, axis], begin[a + columns + 1, axis])
-
-    @compiler.compiled
-    def beside(x, y, z, own, boxes, q):
-        """Whether a point is farther than `own` from the box of cell q along an axis."""
-        return (
-            x < boxes[q, 0] - own or x > boxes[q, 3] + own or y < boxes[q, 1] - own or y > boxes[q, 4] + own
-            or z < boxes[q, 2] - own or z > boxes[q, 5] + own
-        )  # fmt: skip
 
     def hash_cells(
         team, member, bands, before, predicted, record, begin, move, boxes, keys, buckets, largest, starts, totals,
@@ -198,6 +192,23 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                     starts[buckets[q]] -= 1
                     sorted_cells[starts[buckets[q]]] = q
 
+    return compiler.team(hash_cells)
+
+
+def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
+    """find_contacts: see the inner function."""
+    space, scaled, zero = _make_space(compiler, real, formulas), formulas.scaled, real(0)
+    floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
+    meet = _make_triangle(compiler, real, formulas, numbers)
+
+    @compiler.compiled
+    def beside(x, y, z, own, boxes, q):
+        """Whether a point is farther than `own` from the box of cell q along an axis."""
+        return (
+            x < boxes[q, 0] - own or x > boxes[q, 3] + own or y < boxes[q, 1] - own or y > boxes[q, 4] + own
+            or z < boxes[q, 2] - own or z > boxes[q, 5] + own
+        )  # fmt: skip
+
     def find_contacts(
         rows, columns, record, begin, move, boxes, keys, largest, starts, sorted_cells, triangles, corners, values,
         found,
@@ -237,4 +248,12 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                                 )  # fmt: skip
                 found[k] = count
 
-    return SimpleNamespace(hash_cells=compiler.team(hash_cells), find_contacts=compiler.kernel(find_contacts))
+    return compiler.kernel(find_contacts)
+
+
+@cache
+def make_find(real: Any, math: str) -> SimpleNamespace:
+    """`hash_cells` and `find_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
+    compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
+    given = compiler, real, contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
+    return SimpleNamespace(hash_cells=_make_hash(*given), find_contacts=_make_search(*given))

@@ -67,50 +67,8 @@ def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, fric
     return depth_of, push
 
 
-@cache
-def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
-    """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
-    compiler = Compiler(f"{np.dtype(real).name}_{math}_{'friction' if friction else 'smooth'}", math)
-    formulas = contact.make(real, compiler.compiled)
-    first_weight, taken, shifted = formulas.first_weight, formulas.taken, formulas.shifted
-    depth_of, push = _make_contact(compiler, real, formulas, friction)
-    zero, one = real(0), real(1)
-
-    @compiler.compiled
-    def share(values, place):
-        """Of a triangle's corner: of contact place // 3, the corner place % 3."""
-        slot, corner = place // 3, place % 3
-        if corner == 0:
-            return first_weight(values[slot, V_B], values[slot, V_C])
-        return values[slot, V_B + corner - 1]
-
-    @compiler.compiled
-    def gather(k, found, values, starts, links, forces):
-        """How far all its contacts move mass k, for a weight of 1."""
-        x, y, z = zero, zero, zero
-        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
-            if forces[slot, F_DEPTH] > zero:
-                x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
-        for place in range(starts[k], starts[k + 1]):
-            slot = links[place] // 3
-            if forces[slot, F_DEPTH] > zero:
-                part = share(values, links[place])
-                x = taken(x, part, forces[slot, F_X])
-                y = taken(y, part, forces[slot, F_Y])
-                z = taken(z, part, forces[slot, F_Z])
-        return x, y, z
-
-    @compiler.compiled
-    def load_of(k, found, values, starts, links, forces):
-        """How many contacts ask something of mass k, those of its triangles by its part in them."""
-        load = zero
-        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
-            if forces[slot, F_DEPTH] > zero:
-                load += one
-        for place in range(starts[k], starts[k + 1]):
-            if forces[links[place] // 3, F_DEPTH] > zero:
-                load += share(values, links[place])
-        return load
+def _make_link(compiler: Compiler) -> Any:
+    """link_contacts: see the inner function."""
 
     def link_contacts(team, member, bands, found, corners, starts, totals, links):
         """Of mass m the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]], ascending. A
@@ -150,6 +108,60 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                             starts[m] -= 1
                             links[starts[m]] = 3 * slot + corner
 
+    return compiler.team(link_contacts)
+
+
+def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tuple[Any, Any]:
+    """(gather, load_of), of one mass."""
+    first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
+
+    @compiler.compiled
+    def share(values, place):
+        """Of a triangle's corner: of contact place // 3, the corner place % 3."""
+        slot, corner = place // 3, place % 3
+        if corner == 0:
+            return first_weight(values[slot, V_B], values[slot, V_C])
+        return values[slot, V_B + corner - 1]
+
+    @compiler.compiled
+    def gather(k, found, values, starts, links, forces):
+        """How far all its contacts move mass k, for a weight of 1."""
+        x, y, z = zero, zero, zero
+        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+            if forces[slot, F_DEPTH] > zero:
+                x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
+        for place in range(starts[k], starts[k + 1]):
+            slot = links[place] // 3
+            if forces[slot, F_DEPTH] > zero:
+                part = share(values, links[place])
+                x = taken(x, part, forces[slot, F_X])
+                y = taken(y, part, forces[slot, F_Y])
+                z = taken(z, part, forces[slot, F_Z])
+        return x, y, z
+
+    @compiler.compiled
+    def load_of(k, found, values, starts, links, forces):
+        """How many contacts ask something of mass k, those of its triangles by its part in them."""
+        load = zero
+        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+            if forces[slot, F_DEPTH] > zero:
+                load += one
+        for place in range(starts[k], starts[k + 1]):
+            if forces[links[place] // 3, F_DEPTH] > zero:
+                load += share(values, links[place])
+        return load
+
+    return gather, load_of
+
+
+@cache
+def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
+    """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
+    compiler = Compiler(f"{np.dtype(real).name}_{math}_{'friction' if friction else 'smooth'}", math)
+    formulas, zero = contact.make(real, compiler.compiled), real(0)
+    (depth_of, push), shifted = _make_contact(compiler, real, formulas, friction), formulas.shifted
+    gather, load_of = _make_gather(compiler, real, formulas)
+
     def project_contacts(
         team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, record, points, loads,
         forces,
@@ -184,4 +196,4 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                         position[1, i, j] = shifted(points[k, 1], weights[k], y)
                         position[2, i, j] = shifted(points[k, 2], weights[k], z)
 
-    return SimpleNamespace(link_contacts=compiler.team(link_contacts), project_contacts=compiler.team(project_contacts))
+    return SimpleNamespace(link_contacts=_make_link(compiler), project_contacts=compiler.team(project_contacts))

@@ -23,13 +23,29 @@ def at_damping(parts: frozenset[str]) -> int:
     return AT_SHAPES + 3 * bool(shaping(parts))
 
 
+def make_lane_sum(compiler: Compiler, real: Any) -> Any:
+    """sum_of(lanes, n): the sum of row n, of LANES numbers."""
+    total = cluster.make(real, compiler.compiled).total
+
+    @compiler.compiled
+    def sum_of(lanes, n):
+        k = n * LANES
+        return total(
+            lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6], lanes[k + 7],
+            lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13], lanes[k + 14],
+            lanes[k + 15],
+        )  # fmt: skip
+
+    return sum_of
+
+
 def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> SimpleNamespace:
     """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c; `slow(first, last, position,
     velocity, count, arrays)`: particles towards those of their clusters. Arrays from `place` on: starts and clusters of
     particles, factors, motions, flat. Nothing is done unless `damped`. `scratch`: MOMENTA * LANES numbers."""
     if not damped:
         return _undamped(compiler)
-    formulas, total = pace.make(real, compiler.compiled), cluster.make(real, compiler.compiled).total
+    formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighted, added, turned = formulas.weighted, formulas.added, formulas.turned
     motion, slowed = formulas.motion, formulas.slowed
     at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
@@ -61,15 +77,6 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
                 lanes[12 * LANES + lane] = added(lanes[12 * LANES + lane], wx, dy)
                 lanes[13 * LANES + lane] = added(lanes[13 * LANES + lane], wx, dz)
                 lanes[14 * LANES + lane] = added(lanes[14 * LANES + lane], wy, dz)
-
-    @compiler.compiled
-    def sum_of(lanes, n):
-        k = n * LANES
-        return total(
-            lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6], lanes[k + 7],
-            lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13], lanes[k + 14],
-            lanes[k + 15],
-        )  # fmt: skip
 
     @compiler.compiled
     def gather(c, position, velocity, count, arrays, scratch):

@@ -14,8 +14,9 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.force_stages import bind_forces
 from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
 from cpu_backend.core.simulation import RowsSimulation
-from cpu_backend.shape_matching.matching import STATES, make_matching_advance, make_matching_stages, scratch_rows
+from cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
 from cpu_backend.shape_matching.matching_rows import CLUSTER
+from cpu_backend.shape_matching.matching_stages import make_matching_stages
 from cpu_backend.xpbd.solver import choose_kernel
 from cpu_backend.xpbd.stages import make_point_stages
 from model.core.plan import Executor, Moment, StageRun
@@ -88,7 +89,7 @@ class ShapeMatching(RowsSimulation):
     def _fused(self) -> Executor:
         rows, region, layout = self.body.rows, self.scene.method.region, self._layout
         self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
-        self._room, self._place_after = scratch_rows(region) * layout.stride, np.zeros(1, np.int64)
+        self._room, self._place_after = scratch_places(region).count * layout.stride, np.zeros(1, np.int64)
         self._scratch = aligned_zeros(self._bands * self._room, self.real)
         wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]

@@ -14,14 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
-from model.formulas import cluster, distance, rotation
+from model.formulas import cluster, rotation
 from model.formulas.cluster import LANES, MOMENTS
-from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY, C_POKE_X
-from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP
 
 AXES = 3
 FRAME = 12  # numbers of a cluster that particles go by: its rotation, by rows, and its centre
@@ -35,104 +32,10 @@ AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
 
-def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities; `collide`."""
-    formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted, added, rate_of = (
-        formulas.kicked, formulas.kept, formulas.predicted, formulas.added, formulas.rate
-    )  # fmt: skip
-    touch = make_collide_mass(compiler, real, parts)
-    has_gravity, has_poke, has_damping = "gravity" in parts, "poke" in parts, "damping" in parts
-    has_spare, zero, one = "spare" in parts, real(0), real(1)
-
-    @compiler.row
-    def predict_rows(blocks, poked, record, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
-        """`poked`: which of them is, or one that is not there."""
-        h = record[C_DT]
-        for block in range(blocks):
-            for lane in range(LANES):
-                k = block * LANES + lane
-                w = weights[k]
-                ax, ay, az = zero, zero, zero
-                if has_gravity:
-                    ay = ay + record[C_GRAVITY]
-                if has_poke:
-                    here = one if k == poked else zero
-                    ax = added(ax, w, here * record[C_POKE_X])
-                    ay = added(ay, w, here * record[C_POKE_X + 1])
-                    az = added(az, w, here * record[C_POKE_X + 2])
-                keep = kept(record[X_DRAG], w) if has_damping else one
-                px = predicted(x[k], h, kicked(vx[k], keep, h, ax))
-                py = predicted(y[k], h, kicked(vy[k], keep, h, ay))
-                pz = predicted(z[k], h, kicked(vz[k], keep, h, az))
-                to_x[k] = px if not has_spare or w > zero else x[k]
-                to_y[k] = py if not has_spare or w > zero else y[k]
-                to_z[k] = pz if not has_spare or w > zero else z[k]
-
-    @compiler.compiled
-    def begin(first, last, count, before, after, velocity, weights, record, poked):
-        """The particles from `first` to before `last`, of `count` of a plane."""
-        predict_rows(
-            (last - first) // LANES, poked - first, record, row_at(weights, first), row_at(before, first),
-            row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
-            row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
-            row_at(after, count + first), row_at(after, 2 * count + first),
-        )  # fmt: skip
-
-    @compiler.row
-    def rate_rows(blocks, record, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz):
-        inverse = record[X_INVERSE_SUBSTEP]
-        for block in range(blocks):
-            for lane in range(LANES):
-                k = block * LANES + lane
-                goes = not has_spare or weights[k] > zero
-                vx[k] = rate_of(to_x[k], x[k], inverse) if goes else zero
-                vy[k] = rate_of(to_y[k], y[k], inverse) if goes else zero
-                vz[k] = rate_of(to_z[k], z[k], inverse) if goes else zero
-
-    @compiler.compiled
-    def rate(first, last, count, before, after, velocity, weights, record):
-        rate_rows(
-            (last - first) // LANES, record, row_at(weights, first), row_at(before, first), row_at(before, count + first),
-            row_at(before, 2 * count + first), row_at(after, first), row_at(after, count + first),
-            row_at(after, 2 * count + first), row_at(velocity, first), row_at(velocity, count + first),
-            row_at(velocity, 2 * count + first),
-        )  # fmt: skip
-
-    @compiler.compiled
-    def collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds):
-        for k in range(first, last):
-            if has_spare and weights[k] == zero:
-                continue  # also of ghosts
-            px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, number, record, before[k], before[count + k], before[2 * count + k], after[k],
-                after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
-            )  # fmt: skip
-            after[k] = px
-            after[count + k] = py
-            after[2 * count + k] = pz
-            velocity[k] = vx
-            velocity[count + k] = vy
-            velocity[2 * count + k] = vz
-
-    return SimpleNamespace(begin=begin, rate=rate, collide=collide)
-
-
-def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
-    """`match(first, last, position, count, arrays, rotation, turned, frames, scratch)`: clusters, at most LANES of them:
-    `sum_up(c, place, position, count, arrays, scratch)`, the moments of cluster c into place `place` of the scratch, and
-    `turn`, their rotations, from `rotation` into `turned` and, with their centres, into `frames`."""
-    formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
+def make_moments(compiler: Compiler, real: Any) -> Any:
+    """sum_up(c, place, position, count, arrays, scratch): the moments of cluster c into place `place` of the scratch."""
+    formulas, zero = cluster.make(real, compiler.compiled), real(0)
     weighted, added, total = formulas.weighted, formulas.added, formulas.total
-    upright, centre = formulas.upright, formulas.centre
-    near, far, matrix_of = (
-        turns.rotation_3d_near,
-        rotation.make(real, compiler.compiled).rotation_3d_far,
-        turns.matrix_of,
-    )
-    shapes = make_shapes(compiler, real, shaping, AXES)
-    prepare, finish = shapes.prepare, shapes.finish
-    zero, one = real(0), real(1)
 
     def make_sum(gathers: bool) -> Any:
         def sum_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_y, rest_z, mass, lanes):
@@ -191,6 +94,17 @@ def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Sim
                 rest_y, rest_z, mass, scratch,
             )  # fmt: skip
         add_lanes(scratch, row_at(scratch, np.int64(AT_SUMS * LANES + place)))
+
+    return sum_up
+
+
+def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
+    """turn(first, last, position, count, arrays, rotation, turned, frames, scratch): the rotations of clusters, at most LANES
+    of them, whose moments lie in the scratch: from `rotation` into `turned` and, with their centres, into `frames`."""
+    formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
+    upright, centre, near, matrix_of = formulas.upright, formulas.centre, turns.rotation_3d_near, turns.matrix_of
+    far, shapes = rotation.make(real, compiler.compiled).rotation_3d_far, make_shapes(compiler, real, shaping, AXES)
+    prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
 
     @compiler.row
     def raise_rows(lean, sums):
@@ -253,6 +167,14 @@ def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Sim
                     position[axis * count + k], sums[axis * LANES + n], leans[4 * c + 3], frame[3 * axis],
                     frame[3 * axis + 1], frame[3 * axis + 2], leans[4 * c], leans[4 * c + 1], leans[4 * c + 2],
                 )  # fmt: skip
+
+    return turn
+
+
+def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
+    """`match(first, last, position, count, arrays, rotation, turned, frames, scratch)`: clusters, at most LANES of them;
+    `sum_up` and `turn`: its two parts."""
+    sum_up, turn = make_moments(compiler, real), make_turn(compiler, real, shaping)
 
     @compiler.compiled
     def match(first, last, position, count, arrays, rotation, turned, frames, scratch):

@@ -1,7 +1,8 @@
 """Passes over lattices on CPU threads, row by row along x; see formulas/lattice.py for what is summed and in which order.
 
 Rows are arrays of unchecked length (`row_at`), none of which overlap; what belongs together (the sums of a window, and so on)
-are so many rows one after the other, `pitch` apart: of a slice in a thread's scratch, or planes of the whole.
+are so many rows one after the other, `pitch` apart: of a slice in a thread's scratch, or planes of the whole. Vectors are
+three rows; `n`: masses of a row.
 """
 
 from __future__ import annotations
@@ -17,21 +18,9 @@ LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: d
 GOAL_SLICE, GOAL_LINE = 9, 6  # of ways to goals, after the passes along z and y
 
 
-def make_lattice_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Loops along rows of `n` masses, of vectors that are three rows `pitch` apart.
-
-    `clear(n, rows, pitch, out)`; `copy(n, rows, pitch, source, source_pitch, out)`; `sum_line(n, region, x, plane, share,
-    centre, line, pitch)`: sums along a row at x; `add_line` and `add_slice`: onto a scan along y or z; `end_slice` and
-    `end_window`: both halves of a window's sums, from its own mass on; `add_window` and `add_goal_slice`: ways to goals, onto
-    a scan; `end_goals`, of any of the two; `sum_goals`: along a row.
-    """
-    compiled, row, inlined = compiler.compiled, compiler.row, compiler.inlined
-    formulas = lattice.make(real, inlined)
-    lever, part_of, part_of_row, added_turn = (
-        formulas.lever, formulas.part_of, formulas.part_of_row, formulas.added_turn
-    )  # fmt: skip
-    shifted, added_goal, ended = formulas.shifted, formulas.added_goal, formulas.ended
-    zero = real(0)
+def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`clear(n, rows, pitch, out)`; `copy(n, rows, source, source_pitch, out, pitch)`."""
+    compiled, row, zero = compiler.compiled, compiler.row, real(0)
 
     @row
     def clear_row(n, out):
@@ -53,7 +42,15 @@ def make_lattice_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
         for k in range(rows):
             copy_row(n, row_at(source, k * source_pitch), row_at(out, k * pitch))
 
-    # ------------------------------------------------------------------ moments
+    return SimpleNamespace(clear=clear, copy=copy)
+
+
+def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """Sums along a row at x, of windows: `sum_line(n, region, x, plane, share, centre, line, pitch)`, of masses;
+    `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, ways)`, of ways to goals."""
+    compiled, row, clear = compiler.compiled, compiler.row, make_rows(compiler, real).clear
+    formulas = lattice.make(real, compiler.inlined)
+    lever, part_of, added_turn, added_goal = formulas.lever, formulas.part_of, formulas.added_turn, formulas.added_goal
 
     @row
     def add_members(n, step, x, middle, share, centre, total, turn):
@@ -77,127 +74,6 @@ def make_lattice_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
                     )  # fmt: skip
 
     @row
-    def add_line_row(n, step, share, mass, total, turn, x, reference, s0, s1, s2):
-        for k in range(n):
-            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
-            s0[k] = s0[k] + part
-            s1[k] = added_turn(s1[k], turn[k], share)
-            s2[k] = added_turn(s2[k], part, step)
-
-    @compiled
-    def add_line(n, step, share, mass, line, pitch, x, reference, plane, sums, sums_pitch):
-        for axis in range(3):
-            add_line_row(
-                n, step, share, mass, row_at(line, axis * pitch), row_at(line, (3 + axis) * pitch),
-                row_at(x, axis * plane), row_at(reference, axis * plane), row_at(sums, axis * sums_pitch),
-                row_at(sums, (3 + axis) * sums_pitch), row_at(sums, (6 + axis) * sums_pitch),
-            )  # fmt: skip
-
-    @row
-    def end_slice_row(n, far, weight, mass, reference, x, a0, a1, a2, s0, s1, s2):
-        for k in range(n):
-            total = s0[k] + a0[k]
-            s1[k] = s1[k] + a1[k]
-            s2[k] = added_turn(s2[k] + a2[k], total, far)
-            s0[k] = shifted(total, mass[k] * weight, reference[k], x[k])
-
-    @compiled
-    def end_slice(n, far, weight, mass, reference, x, plane, added, added_pitch, sums, pitch):
-        for axis in range(3):
-            end_slice_row(
-                n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane),
-                row_at(added, axis * added_pitch), row_at(added, (3 + axis) * added_pitch),
-                row_at(added, (6 + axis) * added_pitch), row_at(sums, axis * pitch), row_at(sums, (3 + axis) * pitch),
-                row_at(sums, (6 + axis) * pitch),
-            )  # fmt: skip
-
-    @row
-    def add_slice_row(n, step, share, mass, total, turn, other, x, reference, s0, s1, s2, s3):
-        for k in range(n):
-            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
-            s0[k] = s0[k] + part
-            s1[k] = added_turn(s1[k], turn[k], share)
-            s2[k] = added_turn(s2[k], other[k], share)
-            s3[k] = added_turn(s3[k], part, step)
-
-    @compiled
-    def add_slice(n, step, share, mass, slices, pitch, x, reference, plane, sums, sums_pitch):
-        for axis in range(3):
-            add_slice_row(
-                n, step, share, mass, row_at(slices, axis * pitch), row_at(slices, (3 + axis) * pitch),
-                row_at(slices, (6 + axis) * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
-                row_at(sums, axis * sums_pitch), row_at(sums, (3 + axis) * sums_pitch), row_at(sums, (6 + axis) * sums_pitch),
-                row_at(sums, (9 + axis) * sums_pitch),
-            )  # fmt: skip
-
-    @row
-    def end_window_row(n, far, weight, mass, reference, x, a0, a1, a2, a3, s0, s1, s2, s3):
-        for k in range(n):
-            total = s0[k] + a0[k]
-            s1[k] = s1[k] + a1[k]
-            s2[k] = s2[k] + a2[k]
-            s3[k] = added_turn(s3[k] + a3[k], total, far)
-            s0[k] = shifted(total, mass[k] * weight, reference[k], x[k])
-
-    @compiled
-    def end_window(n, far, weight, mass, reference, x, plane, added, sums, pitch):
-        for axis in range(3):
-            end_window_row(
-                n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * pitch),
-                row_at(added, (3 + axis) * pitch), row_at(added, (6 + axis) * pitch), row_at(added, (9 + axis) * pitch),
-                row_at(sums, axis * pitch), row_at(sums, (3 + axis) * pitch), row_at(sums, (6 + axis) * pitch),
-                row_at(sums, (9 + axis) * pitch),
-            )  # fmt: skip
-
-    # ------------------------------------------------------------------ ways to goals
-
-    @row
-    def add_goal_row(n, lever, count, total, column, x, reference, way, columns):
-        for k in range(n):
-            way[k] = added_goal(way[k], total[k], count, x[k], reference[k], lever, column[k])
-            columns[k] = columns[k] + column[k]
-
-    @row
-    def add_row(n, source, out):
-        for k in range(n):
-            out[k] = out[k] + source[k]
-
-    @compiled
-    def add_goals(n, rest, lever, count, goals, pitch, x, reference, plane, sums, sums_pitch):
-        """Onto a scan: ways, the columns of the rotations along its axis, and those of `rest` axes that are still to come;
-        in `goals` these come in the order ways, others, own ones."""
-        own = 3 * (rest + 1)
-        for axis in range(3):
-            add_goal_row(
-                n, lever, count, row_at(goals, axis * pitch), row_at(goals, (own + axis) * pitch), row_at(x, axis * plane),
-                row_at(reference, axis * plane), row_at(sums, axis * sums_pitch), row_at(sums, (own + axis) * sums_pitch),
-            )  # fmt: skip
-        for other in range(3, own):
-            add_row(n, row_at(goals, other * pitch), row_at(sums, other * sums_pitch))
-
-    @row
-    def end_goal_row(n, lever, count, reference, x, added, added_column, way, column, out):
-        for k in range(n):
-            out[k] = ended(way[k] + added[k], count, reference[k], x[k], lever, column[k] + added_column[k])
-
-    @row
-    def end_other_row(n, one, other, out):
-        for k in range(n):
-            out[k] = one[k] + other[k]
-
-    @compiled
-    def end_goals(n, rest, lever, count, reference, x, plane, added, sums, pitch, out, out_pitch):
-        own = 3 * (rest + 1)
-        for axis in range(3):
-            end_goal_row(
-                n, lever, count, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * pitch),
-                row_at(added, (own + axis) * pitch), row_at(sums, axis * pitch), row_at(sums, (own + axis) * pitch),
-                row_at(out, axis * out_pitch),
-            )  # fmt: skip
-        for other in range(3, own):
-            end_other_row(n, row_at(sums, other * pitch), row_at(added, other * pitch), row_at(out, other * out_pitch))
-
-    @row
     def add_goal_members(n, step, rest, count, total, column, x, middle, centre, way):
         for k in range(n):
             along = lever(step, centre[k]) * rest
@@ -217,7 +93,139 @@ def make_lattice_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
                         row_at(centre, first + place), row_at(ways, axis * pitch + first),
                     )  # fmt: skip
 
-    return SimpleNamespace(
-        clear=clear, copy=copy, sum_line=sum_line, add_line=add_line, end_slice=end_slice, add_slice=add_slice,
-        end_window=end_window, add_goals=add_goals, end_goals=end_goals, sum_goals=sum_goals,
-    )  # fmt: skip
+    return SimpleNamespace(sum_line=sum_line, sum_goals=sum_goals)
+
+
+def make_moments(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`add_line` and `add_slice`: a row's sums onto a scan along y or z; `end_slice` and `end_window`: both halves of a
+    window's sums, counted from its own mass on."""
+    compiled, row = compiler.compiled, compiler.row
+    formulas = lattice.make(real, compiler.inlined)
+    part_of_row, added_turn, shifted = formulas.part_of_row, formulas.added_turn, formulas.shifted
+
+    @row
+    def add_line_row(n, step, share, mass, total, turn, x, reference, s0, s1, s2):
+        for k in range(n):
+            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
+            s0[k] = s0[k] + part
+            s1[k] = added_turn(s1[k], turn[k], share)
+            s2[k] = added_turn(s2[k], part, step)
+
+    @compiled
+    def add_line(n, step, share, mass, line, pitch, x, reference, plane, sums):
+        for axis in range(3):
+            add_line_row(
+                n, step, share, mass, row_at(line, axis * pitch), row_at(line, (3 + axis) * pitch),
+                row_at(x, axis * plane), row_at(reference, axis * plane), row_at(sums, axis * n),
+                row_at(sums, (3 + axis) * n), row_at(sums, (6 + axis) * n),
+            )  # fmt: skip
+
+    @row
+    def end_slice_row(n, far, weight, mass, reference, x, a0, a1, a2, s0, s1, s2):
+        for k in range(n):
+            total = s0[k] + a0[k]
+            s1[k] = s1[k] + a1[k]
+            s2[k] = added_turn(s2[k] + a2[k], total, far)
+            s0[k] = shifted(total, mass[k] * weight, reference[k], x[k])
+
+    @compiled
+    def end_slice(n, far, weight, mass, reference, x, plane, added, sums, pitch):
+        for axis in range(3):
+            end_slice_row(
+                n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * n),
+                row_at(added, (3 + axis) * n), row_at(added, (6 + axis) * n), row_at(sums, axis * pitch),
+                row_at(sums, (3 + axis) * pitch), row_at(sums, (6 + axis) * pitch),
+            )  # fmt: skip
+
+    @row
+    def add_slice_row(n, step, share, mass, total, turn, other, x, reference, s0, s1, s2, s3):
+        for k in range(n):
+            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
+            s0[k] = s0[k] + part
+            s1[k] = added_turn(s1[k], turn[k], share)
+            s2[k] = added_turn(s2[k], other[k], share)
+            s3[k] = added_turn(s3[k], part, step)
+
+    @compiled
+    def add_slice(n, step, share, mass, slices, pitch, x, reference, plane, sums):
+        for axis in range(3):
+            add_slice_row(
+                n, step, share, mass, row_at(slices, axis * pitch), row_at(slices, (3 + axis) * pitch),
+                row_at(slices, (6 + axis) * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
+                row_at(sums, axis * n), row_at(sums, (3 + axis) * n), row_at(sums, (6 + axis) * n),
+                row_at(sums, (9 + axis) * n),
+            )  # fmt: skip
+
+    @row
+    def end_window_row(n, far, weight, mass, reference, x, a0, a1, a2, a3, s0, s1, s2, s3):
+        for k in range(n):
+            total = s0[k] + a0[k]
+            s1[k] = s1[k] + a1[k]
+            s2[k] = s2[k] + a2[k]
+            s3[k] = added_turn(s3[k] + a3[k], total, far)
+            s0[k] = shifted(total, mass[k] * weight, reference[k], x[k])
+
+    @compiled
+    def end_window(n, far, weight, mass, reference, x, plane, added, sums, pitch):
+        for axis in range(3):
+            end_window_row(
+                n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * n),
+                row_at(added, (3 + axis) * n), row_at(added, (6 + axis) * n), row_at(added, (9 + axis) * n),
+                row_at(sums, axis * pitch), row_at(sums, (3 + axis) * pitch), row_at(sums, (6 + axis) * pitch),
+                row_at(sums, (9 + axis) * pitch),
+            )  # fmt: skip
+
+    return SimpleNamespace(add_line=add_line, end_slice=end_slice, add_slice=add_slice, end_window=end_window)
+
+
+def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
+    """Ways to goals along y and z: `add_goals`, onto a scan; `end_goals`, both halves. Of both: ways, the columns of the
+    rotations along the scan's axis, and those of `rest` axes that are still to come; they lie in the order ways, others, own
+    ones."""
+    compiled, row, own = compiler.compiled, compiler.row, 3 * (rest + 1)
+    formulas = lattice.make(real, compiler.inlined)
+    added_goal, ended = formulas.added_goal, formulas.ended
+
+    @row
+    def add_goal_row(n, lever, count, total, column, x, reference, way, columns):
+        for k in range(n):
+            way[k] = added_goal(way[k], total[k], count, x[k], reference[k], lever, column[k])
+            columns[k] = columns[k] + column[k]
+
+    @row
+    def add_row(n, source, out):
+        for k in range(n):
+            out[k] = out[k] + source[k]
+
+    @compiled
+    def add_goals(n, lever, count, goals, pitch, x, reference, plane, sums):
+        for axis in range(3):
+            add_goal_row(
+                n, lever, count, row_at(goals, axis * pitch), row_at(goals, (own + axis) * pitch), row_at(x, axis * plane),
+                row_at(reference, axis * plane), row_at(sums, axis * n), row_at(sums, (own + axis) * n),
+            )  # fmt: skip
+        for other in range(3, own):
+            add_row(n, row_at(goals, other * pitch), row_at(sums, other * n))
+
+    @row
+    def end_goal_row(n, lever, count, reference, x, added, added_column, way, column, out):
+        for k in range(n):
+            out[k] = ended(way[k] + added[k], count, reference[k], x[k], lever, column[k] + added_column[k])
+
+    @row
+    def end_other_row(n, one, other, out):
+        for k in range(n):
+            out[k] = one[k] + other[k]
+
+    @compiled
+    def end_goals(n, lever, count, reference, x, plane, added, sums, pitch, out, out_pitch):
+        for axis in range(3):
+            end_goal_row(
+                n, lever, count, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * pitch),
+                row_at(added, (own + axis) * pitch), row_at(sums, axis * pitch), row_at(sums, (own + axis) * pitch),
+                row_at(out, axis * out_pitch),
+            )  # fmt: skip
+        for other in range(3, own):
+            end_other_row(n, row_at(sums, other * pitch), row_at(added, other * pitch), row_at(out, other * out_pitch))
+
+    return SimpleNamespace(add_goals=add_goals, end_goals=end_goals)

@@ -10,10 +10,19 @@ from typing import Any
 import numpy as np
 
 from model.formulas.cluster import LANES
+from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import first_particles, leans
 from model.shape_matching.clusters import Clusters
 
 Bounds = tuple[np.ndarray, np.ndarray]  # first particles and first clusters of bodies, and the ends of the last one
+
+
+def bounds_of(body_set: BodySet) -> Bounds:
+    """The first particle and the first loose cluster of each copy, and the ends of the last one."""
+    first_particle = np.array([*(copy.first_particle for copy in body_set.copies), body_set.particle_count])
+    firsts = np.array([*(copy.first_cluster for copy in body_set.copies), body_set.loose.count])
+    firsts = np.minimum(firsts, body_set.loose.count)  # those of lattices come last, ...
+    return first_particle, np.minimum.accumulate(firsts[::-1])[::-1]  # ... and none of theirs are loose
 
 
 def blocks_of(sizes: np.ndarray) -> np.ndarray:

@@ -16,7 +16,8 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.shape_matching.damping import at_damping, make_damping
-from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching, make_particles
+from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
+from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
 from model.formulas import distance
 from model.formulas.cluster import LANES
@@ -92,6 +93,39 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     )  # fmt: skip
 
 
+def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """end(first, last, low, high, number, before, after, velocity, weights, arrays, room, record, bodies, kinds): what
+    becomes of particles `first` to before `last`, of the clusters `low` to before `high`, when they have come to their
+    goals."""
+    of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
+    rate, collide, has_bodies = of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
+    damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
+    gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
+    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+
+    @compiler.compiled
+    def end(
+        first, last, low, high, number, before, after, velocity, weights, arrays, room, record, bodies, kinds
+    ):  # fmt: skip
+        count = weights.size
+        rate(first, last, count, before, after, velocity, weights, record)
+        if has_damping:
+            for c in range(low, high):
+                gather(c, after, velocity, count, arrays, room)
+            slow(first, last, after, velocity, count, arrays)
+        if rebounds:
+            note(first, last, velocity, count, arrays)
+        if has_bodies:
+            collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+        if rebounds:
+            strike(first, last, velocity, count, arrays)
+            for c in range(low, high):
+                answer(c, after, count, arrays, room)
+            go(first, last, after, velocity, count, arrays)
+
+    return end
+
+
 @cache
 def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
@@ -102,14 +136,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     cluster, whether they are lone; `even`: positions when it begins, and after every other substep.
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
-    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
-    damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
-    gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
-    begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
-    sum_up, turn, move_lone = made.sum_up, made.turn, made.move_lone
-    has_bodies, rebounds = bool(parts & set(COLLIDER_KINDS)), "rigid-rebound" in parts
-    whole = make_rebound(compiler, real, rebounds, at_rebound(parts))
-    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+    begin, made = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts))
+    match, move, sum_up, turn, move_lone = made.match, made.move, made.sum_up, made.turn, made.move_lone
+    end = make_substep_end(compiler, real, parts)
 
     @compiler.compiled
     def pass_lone(
@@ -130,18 +159,22 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if iteration == iterations - 1:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
-                    rate(first, last, count, before, after, velocity, weights, record)
-                    if has_damping:
-                        gather(c, after, velocity, count, arrays, room)
-                        slow(first, last, after, velocity, count, arrays)
-                    if rebounds:
-                        note(first, last, velocity, count, arrays)
-                    if has_bodies:
-                        collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
-                    if rebounds:
-                        strike(first, last, velocity, count, arrays)
-                        answer(c, after, count, arrays, room)
-                        go(first, last, after, velocity, count, arrays)
+                    end(
+                        first,
+                        last,
+                        c,
+                        c + 1,
+                        number,
+                        before,
+                        after,
+                        velocity,
+                        weights,
+                        arrays,
+                        room,
+                        record,
+                        bodies,
+                        kinds,
+                    )
 
     @compiler.compiled
     def pass_any(
@@ -154,20 +187,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
             for c in range(low, high, LANES):
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
             move(first, last, after, count, own, own_factors, frames)
-        rate(first, last, count, before, after, velocity, weights, record)
-        if has_damping:
-            for c in range(low, high):
-                gather(c, after, velocity, count, arrays, room)
-            slow(first, last, after, velocity, count, arrays)
-        if rebounds:
-            note(first, last, velocity, count, arrays)
-        if has_bodies:
-            collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
-        if rebounds:
-            strike(first, last, velocity, count, arrays)
-            for c in range(low, high):
-                answer(c, after, count, arrays, room)
-            go(first, last, after, velocity, count, arrays)
+        end(first, last, low, high, number, before, after, velocity, weights, arrays, room, record, bodies, kinds)
 
     def advance(
         band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,

@@ -3,7 +3,7 @@
 Windows are `region` masses wide to either side; formulas/shape_matching.py says in which order they are summed. Rows are
 arrays of unchecked length (`row_at`), none of which overlap, but for the same one read at another place: a loop goes along
 the row for one member of all its windows at a time, and is vectorised. What belongs together (SUMS of a window, and so on)
-are so many rows `stride` apart.
+are so many rows `stride` apart. Of `columns` masses; (x, y): their positions; `table`: of the columns.
 """
 
 from __future__ import annotations
@@ -11,10 +11,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from model.formulas import shape_matching
+from model.formulas import distance, random, shape_matching
+from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
+from model.xpbd.parameters import X_INVERSE_SUBSTEP, X_KEEP, X_MATCHING
 
 LINE = 4  # sums along a row of masses
 SUMS = 6  # of a window
@@ -22,31 +26,26 @@ CLUSTER = 4  # centre (x, y), cosine, sine
 GOALS = 6  # sums along a row of clusters
 
 
-def make_matching_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
-    """Of rows of `columns` masses; (x, y): their positions; `table`: of the columns.
-
-    `window(i, rows)`: (first, behind the last) row of the window of row i. `clear(columns, row)`. `sum_line(columns, stride,
-    x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y, here_x, here_y, table, share, offset,
-    sums)`: onto those of the windows around a row (here_x, here_y) those of the row (x, y), of that `share`, that `offset`
-    [spacings] below their centres. `finish(columns, stride, sums, here_x, here_y, inverse, table, cluster)`: the clusters.
-    `sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns, stride,
-    goals, cluster, x, y, table, down, way_x, way_y)`: onto the ways of the masses (x, y) those to the goals of a row of
-    clusters, `down` [m] below whose centres they lie at rest.
-    """
-    compiled, inlined, row = compiler.compiled, compiler.inlined, compiler.row
-    formulas = shape_matching.make(real, inlined)
-    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
-    rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
+def make_clear(compiler: Compiler, real: Any) -> Any:
+    """clear(columns, row)"""
     zero = real(0)
 
-    @compiled
-    def window(i, rows):
-        return max(0, i - region), min(rows, i + region + 1)
-
-    @row
+    @compiler.row
     def clear(columns, out):
         for j in range(columns):
             out[j] = zero
+
+    return clear
+
+
+def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
+    """`sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y, here_x,
+    here_y, table, share, offset, sums)`: onto those of the windows around a row (here_x, here_y) those of the row (x, y), of
+    that `share`, that `offset` [spacings] below their centres. `finish(columns, stride, sums, here_x, here_y, inverse, table,
+    cluster)`: the clusters."""
+    compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
+    formulas = shape_matching.make(real, compiler.inlined)
+    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
 
     @row
     def add_members(count, step, x, y, shares, middle_x, middle_y, centres, l0, l1, l2, l3):
@@ -99,6 +98,17 @@ def make_matching_rows(compiler: Compiler, real: Any, region: int) -> SimpleName
             cluster, row_at(cluster, stride), row_at(cluster, 2 * stride), row_at(cluster, 3 * stride),
         )  # fmt: skip
 
+    return SimpleNamespace(sum_line=sum_line, add_window=add_window, finish=finish)
+
+
+def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
+    """`sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns,
+    stride, goals, cluster, x, y, table, down, way_x, way_y)`: onto the ways of the masses (x, y) those to the goals of a row
+    of clusters, `down` [m] below whose centres they lie at rest."""
+    compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
+    formulas = shape_matching.make(real, compiler.inlined)
+    rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
+
     @row
     def add_clusters(count, step, c0, c1, c2, c3, middle_x, middle_y, centres, rest, g0, g1, g2, g3, g4, g5):
         for j in range(count):
@@ -138,7 +148,59 @@ def make_matching_rows(compiler: Compiler, real: Any, region: int) -> SimpleName
             row_at(table, T_COUNT * stride), down, way_x, way_y,
         )  # fmt: skip
 
-    return SimpleNamespace(
-        window=window, clear=clear, sum_line=sum_line, add_window=add_window, finish=finish, sum_goals=sum_goals,
-        add_goals=add_goals,
-    )  # fmt: skip
+    return SimpleNamespace(sum_goals=sum_goals, add_goals=add_goals)
+
+
+def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What is done to one row, along one axis each but for `accelerate`, which fills the rows of both."""
+    compiled, row = compiler.compiled, compiler.row
+    points, moved = distance.make(real, compiled), shape_matching.make(real, compiled).moved
+    kicked, predicted, rate_of = points.kicked, points.predicted, points.rate
+    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
+    has_gravity, has_damping = "gravity" in parts, "damping" in parts
+    has_external, has_poke = "external" in parts, "poke" in parts
+    zero, one = real(0), real(1)
+
+    @compiled
+    def accelerate(i, step, columns, stride, record, integers, kick):
+        for j in range(columns):
+            kick[j], kick[stride + j] = zero, record[C_GRAVITY] if has_gravity else zero
+        if has_external:
+            for j in range(columns):
+                words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
+                kick[j] += add_external(zero, record[C_EXTERNAL], words[0])
+                kick[stride + j] += add_external(zero, record[C_EXTERNAL], words[1])
+        if has_poke:
+            poked = np.int64(integers[1]) - 1  # -1: none
+            if poked >= 0 and poked // columns == i:
+                kick[poked % columns] += record[C_POKE_X]
+                kick[stride + poked % columns] += record[C_POKE_X + 1]
+
+    @row
+    def predict(columns, position, velocity, acceleration, weights, record, out):
+        keep, h = record[X_KEEP] if has_damping else one, record[C_DT]
+        for j in range(columns):
+            p = position[j]
+            v = kicked(velocity[j], keep, h, acceleration[j])
+            out[j] = predicted(p, h, v) if weights[j] > zero else p
+
+    @row
+    def copy(columns, source, out):
+        for j in range(columns):
+            out[j] = source[j]
+
+    @row
+    def move(columns, position, way, weights, row_share, shares, record, out):
+        matching = record[X_MATCHING]
+        for j in range(columns):
+            new = moved(position[j], row_share, shares[j], matching, way[j])
+            out[j] = new if weights[j] > zero else position[j]
+
+    @row
+    def rate(columns, position, before, weights, record, out):
+        inverse = record[X_INVERSE_SUBSTEP]
+        for j in range(columns):
+            v = rate_of(position[j], before[j], inverse)
+            out[j] = v if weights[j] > zero else zero
+
+    return SimpleNamespace(accelerate=accelerate, predict=predict, copy=copy, move=move, rate=rate)

@@ -12,12 +12,12 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
-from cpu_backend.shape_matching.damping import at_damping, make_damping
-from model.formulas import cluster, rebound
+from cpu_backend.shape_matching.damping import at_damping, make_damping, make_lane_sum
+from cpu_backend.shape_matching.kernels import AXES
+from model.formulas import rebound
 from model.formulas.cluster import LANES
 from model.formulas.pace import MOTION
 
-AXES = 3
 DAMPING = 4  # arrays of clusters that damping takes, after whose come those of here
 
 
@@ -33,7 +33,7 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
     as a whole; limits (clusters,), 0 of the others; what particles got, three planes. Not done unless a body `rebounds`."""
     if not rebounds:
         return _without(compiler)
-    formulas, total = rebound.make(real, compiler.compiled), cluster.make(real, compiler.compiled).total
+    formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
     scaled, rebounded = formulas.scaled, formulas.rebounded
     gather = make_damping(compiler, real, True, place).gather
@@ -68,15 +68,6 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
                 w = rigid(motion[5], motion[6], dy, motion[7], dx)
                 lanes[lane] = weighed(lanes[lane], m, vx[k], vy[k], vz[k])
                 lanes[LANES + lane] = weighed(lanes[LANES + lane], m, u, v, w)
-
-    @compiler.compiled
-    def sum_of(lanes, n):
-        k = n * LANES
-        return total(
-            lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6], lanes[k + 7],
-            lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13], lanes[k + 14],
-            lanes[k + 15],
-        )  # fmt: skip
 
     @compiler.compiled
     def answer(c, position, count, arrays, scratch):

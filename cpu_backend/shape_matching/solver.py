@@ -22,7 +22,7 @@ from cpu_backend.shape_matching.damping import at_damping, make_damping_stage
 from cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.shape_matching.lattice import make_lattice_stages
 from cpu_backend.shape_matching.lattice_layout import Lattices
-from cpu_backend.shape_matching.layout import layout_of
+from cpu_backend.shape_matching.layout import bounds_of, layout_of
 from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
@@ -31,7 +31,6 @@ from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
-from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import matching_factors, shaping
 from model.shape_matching.links import LINKS
 from model.xpbd.plan import xpbd_plan
@@ -42,14 +41,6 @@ UNEVEN = 1.3  # the busiest thread's work over its fair part, from where on thre
 def choose_kernel(wanted: str | None) -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
     return chosen_kernel(wanted, "bodies")
-
-
-def _bounds(body_set: BodySet) -> tuple[np.ndarray, np.ndarray]:
-    """The first particle and the first loose cluster of each copy, and the ends of the last one."""
-    first_particle = np.array([*(copy.first_particle for copy in body_set.copies), body_set.particle_count])
-    firsts = np.array([*(copy.first_cluster for copy in body_set.copies), body_set.loose.count])
-    firsts = np.minimum(firsts, body_set.loose.count)  # those of lattices come last, ...
-    return first_particle, np.minimum.accumulate(firsts[::-1])[::-1]  # ... and none of theirs are loose
 
 
 def _quaternions(*planes: np.ndarray) -> np.ndarray:
@@ -66,7 +57,7 @@ class Bodies(ParticlesSimulation):
         real = self.real
         body_set = scene.body_set
         self.clusters = body_set.loose
-        self.layout = layout_of(self.clusters, _bounds(body_set), real, self.threads)
+        self.layout = layout_of(self.clusters, bounds_of(body_set), real, self.threads)
         count, clusters = self.layout.count, self.clusters.count
         self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
         self._weights = aligned_zeros(count, real)
@@ -152,18 +143,8 @@ class Bodies(ParticlesSimulation):
         def collide(moment: Moment) -> None:
             if "rigid-rebound" in self.plan.parts:
                 whole.note(bands, velocity, count, self._material.steps)
-            stage.collide(
-                bands,
-                moment.number,
-                before,
-                position,
-                velocity,
-                self._weights,
-                count,
-                self.record,
-                self.bodies,
-                self.kinds,
-            )
+            given = self._weights, count, self.record, self.bodies, self.kinds
+            stage.collide(bands, moment.number, before, position, velocity, *given)
 
         def rebound(moment: Moment) -> None:
             whole.rebound(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
@@ -224,15 +205,8 @@ class Bodies(ParticlesSimulation):
             self._scratch,
         )  # fmt: skip
         if self._lattices.copies:
-            make_lattice_stages(self.real, self.options.math).match(
-                self._bands,
-                self._even,
-                self.layout.count,
-                self._lattices.arrays,
-                of_lattices,
-                self._lattices.frames,
-                look,
-            )
+            given = self._lattices.arrays, of_lattices, self._lattices.frames, look
+            make_lattice_stages(self.real, self.options.math).match(self._bands, self._even, self.layout.count, *given)
 
     # ------------------------------------------------------------------ the contract
 

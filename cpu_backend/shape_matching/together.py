@@ -18,13 +18,86 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.shape_matching.damping import at_damping, make_damping
-from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching, make_particles
+from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.lattice import make_lattice_matching
+from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
 from model.formulas.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
 from model.shape_matching.links import LINKS
+
+
+def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:
+    """end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, record, poked, bodies,
+    kinds, contacts): what a member of a team does when particles have come to their goals, and where it `goes_on` the
+    predictions of the next substep."""
+    of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
+    begin, rate, collide, has_bodies = of_one.begin, of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
+    settle, has_pace = make_settle(compiler, real, parts), bool(parts & PACES)
+    bounce, bounces = make_bounce(real, math), "contact-restitution" in parts
+    bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
+    damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
+    gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
+    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+    rates_apart = has_pace or bounces or has_rigid or has_damping  # of what others look at before colliders
+
+    @compiler.compiled
+    def end(
+        team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, record, poked, bodies, kinds,
+        contacts,
+    ):  # fmt: skip
+        numbers, _, _, _, neighbours, touching, olds = contacts
+        count, clusters = weights.size, arrays[5].size // 4
+        blocks = count // LANES
+        if rates_apart:
+            for band in shares(team, member, bands):
+                first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                if has_pace:
+                    settle(first, last, count, before, after, numbers[0])
+                if bounces:
+                    for axis in range(AXES):
+                        for k in range(axis * count + first, axis * count + last):
+                            olds[0][k] = velocity[k]
+                rate(first, last, count, before, after, velocity, weights, record)
+        if has_rigid:
+            bounce_bodies(
+                team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
+                SCRATCH * LANES,
+            )  # fmt: skip
+        elif bounces:
+            bounce(team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching)
+        if has_damping:
+            for band in shares(team, member, bands):
+                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    gather(c, after, velocity, count, arrays, room)
+        for band in shares(team, member, bands):
+            first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+            if not rates_apart:
+                rate(first, last, count, before, after, velocity, weights, record)
+            if has_damping:
+                slow(first, last, after, velocity, count, arrays)
+            if rebounds:
+                note(first, last, velocity, count, arrays)
+            if has_bodies:
+                collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+            if rebounds:
+                strike(first, last, velocity, count, arrays)
+            elif goes_on:
+                begin(first, last, count, after, before, velocity, weights, record, poked)
+        if rebounds:
+            for band in shares(team, member, bands):
+                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    answer(c, after, count, arrays, room)
+            for band in shares(team, member, bands):
+                first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                go(first, last, after, velocity, count, arrays)
+                if goes_on:
+                    begin(first, last, count, after, before, velocity, weights, record, poked)
+
+    return end
 
 
 @cache
@@ -35,29 +108,21 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
-    damping = make_damping(compiler, real, "cluster_damping" in parts, at_damping(parts))
-    gather, slow, has_damping = damping.gather, damping.slow, "cluster_damping" in parts
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
     sweep_links = make_colours(compiler, [make_projections(compiler, real, LINKS, make_planes(compiler))])
-    has_contacts, has_pace = "contacts" in parts, bool(parts & PACES)
-    find, settle = make_find(real, math), make_settle(compiler, real, parts)
+    find, has_contacts = make_find(real, math), "contacts" in parts
     take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
-    bounce, bounces = make_bounce(real, math), "contact-restitution" in parts
-    bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
-    rebounds = "rigid-rebound" in parts
-    whole = make_rebound(compiler, real, rebounds, at_rebound(parts))
-    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
     match_windows, move_windows = windows.match, windows.move
-    rates_apart = has_pace or bounces or has_rigid or has_damping  # of what others look at before colliders
-    at_once = not (has_contacts or has_damping or has_lattices)  # particles end with the last way to their goals
+    end = make_substep_end(compiler, real, math, parts)
+    at_once = not parts & {"contacts", "cluster_damping", "lattices"}  # particles end with the last way to their goals
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
         own_factors, rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames,
     ):  # fmt: skip
-        numbers, of_particle, tables, in_order, neighbours, touching, olds = contacts
+        numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
         for band in shares(team, member, bands):
@@ -65,6 +130,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
             begin(first, last, count, even, odd, velocity, weights, record, poked)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
+            number, goes_on = step * substeps + n, n < passes - 1
             if has_contacts:
                 constants, reach, many, sweeps = numbers
                 find(
@@ -90,63 +156,19 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                         if at_once and iteration == iterations - 1:
                             rate(first, last, count, before, after, velocity, weights, record)
                             if has_bodies:
-                                number = step * substeps + n
                                 collide(
                                     first, last, count, number, before, after, velocity, weights, record, bodies, kinds
                                 )
-                            if n < passes - 1:
+                            if goes_on:
                                 begin(first, last, count, after, before, velocity, weights, record, poked)
                 if has_lattices:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
                     take_out(team, member, bands, sweeps, before, after, weights, constants, neighbours, touching)
             if not at_once:
-                if rates_apart:
-                    for band in shares(team, member, bands):
-                        first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                        if has_pace:
-                            settle(first, last, count, before, after, constants)
-                        if bounces:
-                            for axis in range(AXES):
-                                for k in range(axis * count + first, axis * count + last):
-                                    olds[0][k] = velocity[k]
-                        rate(first, last, count, before, after, velocity, weights, record)
-                if has_rigid:
-                    bounce_bodies(
-                        team, member, bands, after, olds[0], velocity, weights, constants, neighbours, touching, arrays,
-                        scratch, SCRATCH * LANES,
-                    )  # fmt: skip
-                elif bounces:
-                    bounce(team, member, bands, after, olds[0], velocity, weights, constants, neighbours, touching)
-                if has_damping:
-                    for band in shares(team, member, bands):
-                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
-                        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                            gather(c, after, velocity, count, arrays, room)
-                for band in shares(team, member, bands):
-                    first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                    if not rates_apart:
-                        rate(first, last, count, before, after, velocity, weights, record)
-                    if has_damping:
-                        slow(first, last, after, velocity, count, arrays)
-                    if rebounds:
-                        note(first, last, velocity, count, arrays)
-                    if has_bodies:
-                        number = step * substeps + n
-                        collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
-                    if rebounds:
-                        strike(first, last, velocity, count, arrays)
-                    if n < passes - 1 and not rebounds:
-                        begin(first, last, count, after, before, velocity, weights, record, poked)
-                if rebounds:
-                    for band in shares(team, member, bands):
-                        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
-                        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                            answer(c, after, count, arrays, room)
-                    for band in shares(team, member, bands):
-                        first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                        go(first, last, after, velocity, count, arrays)
-                        if n < passes - 1:
-                            begin(first, last, count, after, before, velocity, weights, record, poked)
+                end(
+                    team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, record, poked,
+                    bodies, kinds, contacts,
+                )  # fmt: skip
 
     return compiler.team(advance)

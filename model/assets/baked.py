@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from model.assets.baked_body import BakedBody, Report
 from model.assets.skin import INFLUENCES, Skin
-from model.assets.soft_body import MATERIAL, BakedBody, Meshes, Report, RigidBody
+from model.assets.soft_body import MATERIAL, Meshes, RigidBody
 from model.core.digest import ROOT, source_digest
 from model.core.disk_cache import cache_folder, read_arrays, write_arrays
 from model.core.errors import InputError, SoftlabError
@@ -27,6 +28,7 @@ VERSION = 2  # of the files: what is in them, and how
 SOURCES = (
     *(
         "assets/baked",
+        "assets/baked_body",
         "shape_matching/clustering",
         "shape_matching/clusters",
         "shape_matching/lattice",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import model_validator
 
+from model.assets.baked_body import BakedBody, Report
 from model.assets.skin import make_skin
-from model.assets.soft_body import BakedBody, Meshes, Report, SoftBody, check_masses
+from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError
 from model.geometry.edges import components
 from model.geometry.solid import as_mesh

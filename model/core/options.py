@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from model.core.errors import SceneError
 from model.scene.cloth import CONSTRAINT_KINDS
+
+if TYPE_CHECKING:
+    from model.scene.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
@@ -38,6 +42,18 @@ class Options:
         for name in self.live:
             if name not in LIVE_PATHS:
                 raise SceneError("live", name, f"must be of {', '.join(LIVE_PATHS)}")
+
+
+def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None:
+    """Raise SceneError for a field that is not `live`, or for which the scene has no code."""
+    allowed: Iterable[str] = [p for name in live for p in LIVE_PATHS[name]]
+    if path not in allowed:
+        raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
+    part = path.partition(".")[0]
+    if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in scene.parts:
+        raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
+    if path in LIVE_PATHS["stiffness"] and scene.method.solver == "pbd":
+        raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")
 
 
 def unknown_kernel(wanted: str | None, known: Iterable[str], where: str) -> SceneError:

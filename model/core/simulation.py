@@ -7,7 +7,7 @@ step. A backend adds the methods of model/core/backend.py. The state stays on th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isqrt
 from typing import Any
@@ -20,15 +20,14 @@ from model.core.clock import START, Clock, clock_of
 from model.core.diagnosis import diagnose
 from model.core.divergence import DIVERGED_SIZE, check_interval
 from model.core.energy import energies, spring_strain
-from model.core.errors import Diverged, InputError, SceneError
+from model.core.errors import Diverged, SceneError
 from model.core.families import family_of, stability_limit
-from model.core.options import LIVE_PATHS, PRECISIONS, Options
+from model.core.options import PRECISIONS, Options, check_live
 from model.core.plan import Executor, Plan, StageRun
 from model.core.state import State, checked_arrays
-from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.shape_matching import spare
-from model.shape_matching.cluster_tables import checked_plastic, checked_rotation
+from model.shape_matching.cluster_tables import checked_clusters, every_plastic
 
 
 class Simulation(Backend):
@@ -156,16 +155,8 @@ class Simulation(Backend):
         self.check()
         position, velocity = self._download()
         inverse_mass = self.body.inverse_mass.copy()
-        bodies = self._download_rotation(), self._plastic()
+        bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
         return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock)
-
-    def _plastic(self) -> np.ndarray | None:
-        """(clusters, 3, 3): as the backend has them of loose clusters, and no strain of lattices'."""
-        loose = self._download_plastic()
-        if loose is None:
-            return None
-        rigid = self._cluster_count() - len(loose)
-        return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (rigid, 1, 1))]) if rigid else loose
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
@@ -177,14 +168,8 @@ class Simulation(Backend):
         same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
-        rotation = state.rotation
-        if rotation is not None:
-            rotation = checked_rotation(rotation, self._cluster_count(), self.real)
-        plastic = state.plastic
-        if plastic is not None:
-            if "plastic" not in self.plan.parts:
-                raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
-            plastic = checked_plastic(plastic, self._cluster_count(), self.real)
+        given = state.rotation, state.plastic, self.plan.parts, self._cluster_count(), self.real
+        rotation, plastic = checked_clusters(*given)
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
@@ -203,11 +188,8 @@ class Simulation(Backend):
 
     def _take_weights(self, inverse_mass: np.ndarray) -> None:
         """Other bodies wait than do now. Raises InputError where anything else is different."""
-        waits = spare.waiting(self.scene, inverse_mass) if "spare" in self.plan.parts else None
-        if waits is None:
-            raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
-        weights = np.where(waits, 0.0, 1 / self.scene.body_set.clusters.mass)
-        self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(waits))
+        weights = spare.weights(self.scene, self.plan.parts, inverse_mass)
+        self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(weights == 0))
         self._weights_changed()
 
     def _cluster_count(self) -> int:
@@ -258,7 +240,7 @@ class Simulation(Backend):
         elif self.scene.bodies and name == "deformation":
             result = self._read_deformation()
         elif name == "plastic" and "plastic" in self.plan.parts:
-            result = np.asarray(self._plastic())
+            result = np.asarray(every_plastic(self._download_plastic(), self._cluster_count()))
         elif self.scene.bodies:
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
@@ -283,14 +265,7 @@ class Simulation(Backend):
 
         Raises SceneError for a value the scene refuses, or a field not named in `live` when the simulation was opened.
         """
-        allowed: Iterable[str] = [p for name in self.options.live for p in LIVE_PATHS[name]]
-        if path not in allowed:
-            raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
-        part = path.partition(".")[0]
-        if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in self.scene.parts:
-            raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
-        if path in LIVE_PATHS["stiffness"] and self.scene.method.solver == "pbd":
-            raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")
+        check_live(self.scene, self.options.live, path, value)
         scene = self.scene.replace({path: value})
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
         record = self._make_record(scene, self._poke_force, clock)

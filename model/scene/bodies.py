@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from model.assets.baked import baked
-from model.assets.soft_body import MATERIAL, BakedBody, RigidBody, SoftBody
+from model.assets.baked_body import BakedBody
+from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from model.assets.soft_lattice import NOT_OF_LATTICES, SoftLattice
 from model.assets.soft_sheet import NOT_OF_SHEETS, SoftSheet
 from model.geometry.shapes import Shape

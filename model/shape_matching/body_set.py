@@ -9,8 +9,8 @@ from itertools import groupby
 
 import numpy as np
 
+from model.assets.baked_body import BakedBody
 from model.assets.material import joined
-from model.assets.soft_body import BakedBody
 from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.scene.bodies import Placed

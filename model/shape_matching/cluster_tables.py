@@ -103,3 +103,23 @@ def checked_plastic(plastic: np.ndarray, count: int, real: type) -> np.ndarray:
         worst = int(np.argmax(np.where(np.isfinite(volume), np.abs(volume - 1), np.inf)))
         raise InputError(f"plastic of cluster {worst} has the volume {volume[worst]:g}; it must be 1")
     return np.ascontiguousarray(array, dtype=real)
+
+
+def checked_clusters(
+    rotation: np.ndarray | None, plastic: np.ndarray | None, parts: frozenset[str], count: int, real: type
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Both as they were checked, where they are given. Raises InputError, for plastic strains of a scene without, too."""
+    if rotation is not None:
+        rotation = checked_rotation(rotation, count, real)
+    if plastic is not None:
+        if "plastic" not in parts:
+            raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
+        plastic = checked_plastic(plastic, count, real)
+    return rotation, plastic
+
+
+def every_plastic(loose: np.ndarray | None, count: int) -> np.ndarray | None:
+    """(clusters, 3, 3) of all `count` clusters, of those of loose ones: no strain of lattices'."""
+    if loose is None or len(loose) == count:
+        return loose
+    return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (count - len(loose), 1, 1))])

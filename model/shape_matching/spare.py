@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.core.errors import SceneError
+from model.core.errors import InputError, SceneError
 from model.core.state import State
 from model.scene.scene import Scene
 from model.shape_matching.body_set import Copy
@@ -22,6 +22,14 @@ def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
     known = np.where(waits, 0.0, 1 / body_set.clusters.mass)
     share = np.bincount(body_set.body, waits) / np.bincount(body_set.body)
     return waits if np.allclose(inverse_mass, known, rtol=1e-6, atol=0) and np.isin(share, (0, 1)).all() else None
+
+
+def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np.ndarray:
+    """Inverse masses [1/kg] with those that wait by `inverse_mass`. Raises InputError where anything else is different."""
+    waits = waiting(scene, inverse_mass) if "spare" in parts else None
+    if waits is None:
+        raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
+    return np.where(waits, 0.0, 1 / scene.body_set.clusters.mass)
 
 
 def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:

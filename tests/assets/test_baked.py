@@ -12,7 +12,8 @@ from test_mesh import binary_stl, write
 import model.assets.baked
 import model.core.disk_cache
 from model.assets.baked import SOURCES, baked, body_key
-from model.assets.soft_body import MATERIAL, BakedBody, RigidBody, SoftBody
+from model.assets.baked_body import BakedBody
+from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from model.core.digest import ROOT
 from model.core.disk_cache import cache_folder, read_arrays, write_arrays
 from model.core.errors import InputError, SceneError

@@ -104,22 +104,18 @@ def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
     )  # fmt: skip
 
 
-def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What each pass does with row `i`, by name; `elsewhere`: the walk that adds up all forces but the springs', at the
-    step's start (mass_spring/cloth/rows.py). `clear(scratch, width)` before a walk over springs begins in the sheet's first
-    rows."""
-    compiled, zero = compiler.compiled, real(0)
-    loops, settled = make_loops(compiler, real), make_settle(compiler, real, parts)
-    begin, leave, missing, apply, copy = loops.begin, loops.leave, loops.missing, loops.apply, loops.copy
-    first_update, next_update, move, retreat = loops.first_update, loops.next_update, loops.move, loops.retreat
-    settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
+def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What the passes over the linear system do with row `i`: `residual_row`, `product_row`, `update_row` and `add_up`, sums
+    over masses. `pull_end`, `pull_matrix`: walks over springs, of velocities and of a product; `clear(scratch, width)` before
+    one begins in the sheet's first rows."""
+    compiled, zero, loops = compiler.compiled, real(0), make_loops(compiler, real)
+    missing, apply, first_update, next_update = loops.missing, loops.apply, loops.first_update, loops.next_update
     springs, has_pins, scratches = spring_parts(parts), "pins" in parts, make_scratch(compiler, real)
-    elsewhere = make_cloth_forces(compiler, real, "implicit-euler", parts - springs)
     pull_end, pull_matrix = (make_reach(compiler, real, springs, scratches, m) for m in (make_end_pulls, make_products))
     sum_accelerations, at = make_sums(compiler, real, springs, scratches), triples_of(springs)
     place, clear_triple = scratches.place, scratches.clear
     segment_sums = make_sums_over_masses(compiler, real).segment_sums
-    close, else_close, triples = at["close"], elsewhere.a_close, at["count"]
+    close, triples = at["close"], at["count"]
 
     @compiled
     def hold(i, layout, work, vector, pin_start, pin_column):
@@ -144,24 +140,6 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
     def clear(scratch, width):
         for triple in range(triples):
             clear_triple(scratch, np.int64(triple), width)
-
-    @compiled
-    def start_row(i, blocks, layout, source, work, record, scratch, width):
-        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
-        for axis in range(AXES):
-            begin(
-                blocks, row_at(source, here + axis * plane), row_at(source, here + (AXES + axis) * plane),
-                row_at(scratch, place(else_close, axis, width)), record[C_DT], row_at(work, here + (X + axis) * plane),
-                row_at(work, here + (U + axis) * plane), row_at(work, here + (BEGIN + axis) * plane),
-            )  # fmt: skip
-
-    @compiled
-    def leave_row(i, blocks, layout, work, record):
-        """Where masses are without the velocity that they end the step with: where they were, but for pins that move."""
-        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
-        for axis in range(AXES):
-            x, u = row_at(work, here + (X + axis) * plane), row_at(work, here + (U + axis) * plane)
-            leave(blocks, x, u, record[C_DT], row_at(work, here + (BASE + axis) * plane))
 
     @compiled
     def residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width):
@@ -198,6 +176,39 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
             else:
                 next_update(blocks, alpha, beta, applied_r, r, s, q, applied_q)
 
+    return SimpleNamespace(
+        clear=clear, pull_end=pull_end, pull_matrix=pull_matrix, add_up=add_up, residual_row=residual_row,
+        product_row=product_row, update_row=update_row,
+    )  # fmt: skip
+
+
+def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What each pass does with row `i`, by name: those of `make_system_rows`, and those that move masses. `elsewhere`: the
+    walk that adds up all forces but the springs', at the step's start (mass_spring/cloth/rows.py)."""
+    compiled, loops, settled = compiler.compiled, make_loops(compiler, real), make_settle(compiler, real, parts)
+    begin, leave, copy, move, retreat = loops.begin, loops.leave, loops.copy, loops.move, loops.retreat
+    settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
+    elsewhere = make_cloth_forces(compiler, real, "implicit-euler", parts - spring_parts(parts))
+    place, else_close = make_scratch(compiler, real).place, elsewhere.a_close
+
+    @compiled
+    def start_row(i, blocks, layout, source, work, record, scratch, width):
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(AXES):
+            begin(
+                blocks, row_at(source, here + axis * plane), row_at(source, here + (AXES + axis) * plane),
+                row_at(scratch, place(else_close, axis, width)), record[C_DT], row_at(work, here + (X + axis) * plane),
+                row_at(work, here + (U + axis) * plane), row_at(work, here + (BEGIN + axis) * plane),
+            )  # fmt: skip
+
+    @compiled
+    def leave_row(i, blocks, layout, work, record):
+        """Where masses are without the velocity that they end the step with: where they were, but for pins that move."""
+        plane, here = layout[L_PLANE], i * layout[L_STRIDE]
+        for axis in range(AXES):
+            x, u = row_at(work, here + (X + axis) * plane), row_at(work, here + (U + axis) * plane)
+            leave(blocks, x, u, record[C_DT], row_at(work, here + (BASE + axis) * plane))
+
     @compiled
     def move_row(i, back, blocks, layout, source, work, record):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
@@ -218,7 +229,6 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
             collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
 
     return SimpleNamespace(
-        elsewhere=elsewhere, clear=clear, pull_end=pull_end, pull_matrix=pull_matrix, settle=settle, add_up=add_up,
-        start_row=start_row, leave_row=leave_row, residual_row=residual_row, product_row=product_row, update_row=update_row,
-        move_row=move_row, finish_row=finish_row,
+        elsewhere=elsewhere, settle=settle, start_row=start_row, leave_row=leave_row, move_row=move_row,
+        finish_row=finish_row, **vars(make_system_rows(compiler, real, parts)),
     )  # fmt: skip

@@ -18,15 +18,32 @@ from model.formulas import cloth, motion, springs
 from model.mass_spring.cloth_parameters import C_DAMPING, C_DT, C_FIRST_STEP, C_FIRST_TIME
 
 
-@cache
-def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches).
+def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """times(stage, step, record) -> (where in the step the stage's forces are, in steps; the time [s] that it leads to, 0
+    where no pin moves)."""
+    instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
+    has_motion, zero, half, one = "motion" in parts, real(0), real(0.5), real(1)
 
-    `states` holds what that of mass_spring/grid/rk4.py holds; the rest is as in mass_spring/cloth/kernels.py. The fourth
+    @compiler.compiled
+    def times(stage, step, record):
+        offset = zero
+        if stage == 1 or stage == 2:
+            offset = half
+        elif stage == 3:
+            offset = one
+        end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
+        if has_motion:
+            clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+            end = middle(step, *clock) if stage < 2 else instant(step + 1, *clock)
+        return offset, end
+
+    return times
+
+
+def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """stage_band(band, stage, step, ...): a stage of a step, of the rows of a band; the rest as of the kernel. The fourth
     pass writes a row to a stage that nothing reads any more, since colliders need to know where the mass was, and then
-    moves it to the state.
-    """
-    compiler = Compiler(cloth_variant("fused_rk4", real, math, parts), math)
+    moves it to the state."""
     compiled, row = compiler.compiled, compiler.row
     forces = make_cloth_forces(compiler, real, "rk4", parts)
     begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
@@ -35,13 +52,8 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     update = make_rk4_rows(compiler, real)
     _, damped = springs.make(real, compiled)
     has_wind, has_damping, a_close = "wind" in parts, "damping" in parts, forces.a_close
-    has_motion, instant, middle = (
-        "motion" in parts,
-        cloth.make(real, compiled).instant,
-        motion.make(real, compiled).middle,
-    )
     triples, block = triples_of(parts)["count"], block_of(real)
-    zero, half, one = real(0), real(0.5), real(1)
+    times, zero = make_times(compiler, real, parts), real(0)
 
     @row
     def damp(blocks, velocity, record, out):
@@ -66,15 +78,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
         source, target = row_at(states, SOURCE[stage] * size), row_at(states, TARGET[stage] * size)
         scratch = scratches[band]
         blocks = (columns + block - 1) // block
-        offset = zero
-        if stage == 1 or stage == 2:
-            offset = half
-        elif stage == 3:
-            offset = one
-        end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
-        if has_motion:
-            clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
-            end = middle(step, *clock) if stage < 2 else instant(step + 1, *clock)
+        offset, end = times(stage, step, record)
         air = (zero, zero, zero)
         if has_wind:
             air = air_now(record, integers, step, offset)
@@ -103,22 +107,21 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                     copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
+    return stage_band
+
+
+@cache
+def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches).
+
+    `states` holds what that of mass_spring/grid/rk4.py holds; the rest is as in mass_spring/cloth/kernels.py.
+    """
+    compiler = Compiler(cloth_variant("fused_rk4", real, math, parts), math)
+    stage_band = make_stage_band(compiler, real, parts)
+
     def advance(
-        team,
-        member,
-        bands,
-        steps,
-        step,
-        states,
-        layout,
-        record,
-        integers,
-        bodies,
-        kinds,
-        pin_start,
-        pin_column,
-        scratches,
-    ):
+        team, member, bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+    ):  # fmt: skip
         for k in range(4 * steps):
             for band in shares(team, member, bands):
                 stage_band(

@@ -23,16 +23,14 @@ from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from cpu_backend.mass_spring.grid.rows import variant_name
 
+TEAM_FLAGS, BORDER, DONE = 3, 1, 2
+TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row
 
-@cache
-def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
-    scratches, progress): as the kernel `fused` (mass_spring/grid/kernels.py). `progress`: TEAM_FLAGS flags a band, all 0;
-    `scratches`: TEAM_SCRATCH_ROWS rows a band."""
-    compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
+
+def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
+    """pass_band(band, bands, k, ...): pass k of a band, told to its neighbours; the rest as of the kernel."""
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
-    kind_of = compiler.compiled(pass_kind)
-    block = block_of(real)
+    kind_of, block = compiler.compiled(pass_kind), block_of(real)
 
     @compiler.compiled
     def walk(
@@ -91,6 +89,17 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
         )  # fmt: skip
         store_release(progress, DONE * bands + band, k + 1)
 
+    return pass_band
+
+
+@cache
+def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    scratches, progress): as the kernel `fused` (mass_spring/grid/kernels.py). `progress`: TEAM_FLAGS flags a band, all 0;
+    `scratches`: TEAM_SCRATCH_ROWS rows a band."""
+    compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
+    pass_band = make_band_pass(compiler, real, integrator, parts)
+
     @compiler.compiled
     def taken(band, bands, k, progress):
         """Whether the band's pass k may begin, nobody has begun it, and now the caller has."""
@@ -130,7 +139,3 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
                 looks += 1
 
     return compiler.team(advance)
-
-
-TEAM_FLAGS, BORDER, DONE = 3, 1, 2
-TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row

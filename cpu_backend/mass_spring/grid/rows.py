@@ -44,22 +44,12 @@ def variant_name(kernel: str, real: Any, math: str, integrator: str, parts: froz
     return "_".join(words)
 
 
-def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """What the kernels of a variant build their rows from; see the attributes' docstrings.
-
-    `two_sums`: whether velocity Verlet's two kicks need accelerations of their own, since their random forces belong to
-    different steps. `later_parts`: whether there are parts that are added after the springs and gravity, row by row.
-    """
-    compiled = compiler.compiled
-    block = block_of(real)
+def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """Springs and gravity of a row: `pull_from_left`, `sum_row` and `begin_walk`, see the inner functions, and what they are
+    made of; `sum_uneven_row`: likewise, of alternating springs."""
+    compiled, block, zero = compiler.compiled, block_of(real), real(0)
     spring_acceleration_2d, damped = springs.make(real, compiled)
-    philox = random.make_philox(compiled)
-    external = random.make(real, compiled).add_external
-    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
     has_springs, has_gravity, alternating = "springs" in parts, "gravity" in parts, "alternating" in parts
-    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
-    two_sums = has_external and integrator == "velocity-verlet"
-    zero = real(0)
 
     @compiled
     def sum_accelerations(right, left, below, above):
@@ -119,6 +109,42 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
             close_y[j] = with_gravity(ay, record)
 
     @compiled
+    def begin_walk(i, blocks, source, here, stride, plane, record, above, width):
+        """The pulls between row `i`, where a walk begins, and the row above it; `here`: where row i begins."""
+        if has_springs:
+            above_x, above_y = row_at(above, 0), row_at(above, width)
+            if i > 0:
+                up = here - stride
+                both = (
+                    row_at(source, up), row_at(source, up + plane), row_at(source, here), row_at(source, here + plane),
+                )  # fmt: skip
+                if alternating:
+                    uneven_pull_from_below(i - 1, blocks, *both, record, above_x, above_y)
+                else:
+                    pull_from_below(blocks, *both, record, above_x, above_y)
+            else:
+                for j in range(blocks * block):
+                    above_x[j] = zero
+                    above_y[j] = zero
+
+    return SimpleNamespace(
+        has_springs=has_springs, has_gravity=has_gravity, alternating=alternating, damped=damped,
+        spring_acceleration_2d=spring_acceleration_2d, sum_accelerations=sum_accelerations, with_gravity=with_gravity,
+        pull_from_left=pull_from_left, sum_row=sum_row, sum_uneven_row=uneven.sum_row, begin_walk=begin_walk,
+    )  # fmt: skip
+
+
+def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`add_later_parts`: see the inner function; `later_parts`: whether there are any, which are added after the springs and
+    gravity, row by row. `two_sums`: whether velocity Verlet's two kicks need accelerations of their own, since their random
+    forces belong to different steps."""
+    compiled, block = compiler.compiled, block_of(real)
+    philox, external = random.make_philox(compiled), random.make(real, compiled).add_external
+    manufactured_acceleration, stage_time = manufactured.make(real, compiled)
+    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
+    two_sums = has_external and integrator == "velocity-verlet"
+
+    @compiled
     def add_external(out_x, out_y, count, first, step, seed, magnitude):
         for j in range(count):
             word_x, word_y, _, _ = philox(seed, np.uint64(step), np.uint64(first + j))
@@ -162,24 +188,14 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
                     open_x[j] += record[K_POKE_X]
                     open_y[j] += record[K_POKE_Y]
 
-    @compiled
-    def begin_walk(i, blocks, source, here, stride, plane, record, above, width):
-        """The pulls between row `i`, where a walk begins, and the row above it; `here`: where row i begins."""
-        if has_springs:
-            above_x, above_y = row_at(above, 0), row_at(above, width)
-            if i > 0:
-                up = here - stride
-                both = (
-                    row_at(source, up), row_at(source, up + plane), row_at(source, here), row_at(source, here + plane),
-                )  # fmt: skip
-                if alternating:
-                    uneven_pull_from_below(i - 1, blocks, *both, record, above_x, above_y)
-                else:
-                    pull_from_below(blocks, *both, record, above_x, above_y)
-            else:
-                for j in range(blocks * block):
-                    above_x[j] = zero
-                    above_y[j] = zero
+    return SimpleNamespace(
+        two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke, add_later_parts=add_later_parts
+    )
+
+
+def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What is put in place when a row was written: `hold_pins`, `place_ghosts`, see the inner functions."""
+    compiled, block, zero, has_springs = compiler.compiled, block_of(real), real(0), "springs" in parts
 
     @compiled
     def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
@@ -208,11 +224,13 @@ def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: froze
             last_x, last_y = row_at(target, there + first - 1)[0], row_at(target, there + target_plane + first - 1)[0]
             ghosts_of(row_at(target, start), row_at(target, start + target_plane), last_x, last_y, spare)
 
+    return SimpleNamespace(hold_pins=hold_pins, place_ghosts=place_ghosts)
+
+
+def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """What the kernels of a variant build their rows from: the functions of the makers above, and which parts there are."""
     return SimpleNamespace(
-        block=block, two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke,
-        has_springs=has_springs, has_gravity=has_gravity, has_pins="pins" in parts, has_damping="damping" in parts,
-        spring_acceleration_2d=spring_acceleration_2d, damped=damped, sum_accelerations=sum_accelerations,
-        with_gravity=with_gravity, alternating=alternating, pull_from_left=pull_from_left, sum_row=sum_row,
-        sum_uneven_row=uneven.sum_row,
-        add_later_parts=add_later_parts, begin_walk=begin_walk, hold_pins=hold_pins, place_ghosts=place_ghosts,
+        block=block_of(real), has_pins="pins" in parts, has_damping="damping" in parts,
+        **vars(make_row_springs(compiler, real, parts)), **vars(make_later_parts(compiler, real, integrator, parts)),
+        **vars(make_row_edges(compiler, real, parts)),
     )  # fmt: skip

@@ -1,0 +1,92 @@
+"""Sums over windows of lattices along y and z, on CPU threads: the one scan of formulas/lattice.py, of moments and of ways
+to goals.
+
+Of an axis, a scan is given the rows of positions, of what is summed and of sums, each as (array, from row to row, from
+plane to plane), and three numbers a row from its table.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.shape_matching.lattice_rows import make_goals, make_rows
+from model.formulas import lattice
+
+
+def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term: Any, add: Any, end: Any) -> Any:
+    """scan(n, length, region, positions, source, halves, sums, given): `length` rows of `n` masses, in groups of windows
+    that hold a reference row b. `add(n, *term(j, b, given), row, pitch, x, reference, plane, sums)`: row j onto `planes` of
+    sums; `end(n, i, b, reference, x, plane, sums, half, pitch, given)`: the window of row i, of what is behind b and the half
+    before it. `halves` have a place for each row if a scan `keeps_all`, else for each of a group."""
+    rows = make_rows(compiler, real)
+    clear, copy = rows.clear, rows.copy
+
+    @compiler.compiled
+    def scan(n, length, region, positions, source, halves, sums, given):
+        (x, apart, plane), (terms, terms_apart, pitch), (kept, kept_apart, kept_pitch) = positions, source, halves
+        width = 2 * region + 1
+        for low in range(0, length, width):
+            high, b = min(low + width, length), min(low + region, length - 1)
+            reference, begin = row_at(x, b * apart), 0 if keeps_all else low
+            clear(n, planes, n, sums)
+            j = b
+            for back in range(high - low):
+                i = high - 1 - back
+                while j > max(0, i - region):
+                    j -= 1
+                    row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
+                    add(n, *term(j, b, given), row, pitch, here, reference, plane, sums)
+                copy(n, planes, sums, n, row_at(kept, (i - begin) * kept_apart), kept_pitch)
+            clear(n, planes, n, sums)
+            j = b
+            for i in range(low, high):
+                while j <= min(length - 1, i + region):
+                    row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
+                    add(n, *term(j, b, given), row, pitch, here, reference, plane, sums)
+                    j += 1
+                half = row_at(kept, (i - begin) * kept_apart)
+                end(n, i, b, reference, row_at(x, i * apart), plane, sums, half, kept_pitch, given)
+
+    return scan
+
+
+def make_moment_scan(compiler: Compiler, real: Any, planes: int, add_row: Any, end_row: Any, then: Any) -> Any:
+    """The scan of moments, by functions of lattice_rows.make_moments. `given`: (shares, centres, masses of the axis; masses
+    of the row; what is `then` done to a window: then(n, i, window, more))."""
+    lever = lattice.make(real, compiler.inlined).lever
+
+    @compiler.inlined
+    def term(j, b, given):
+        return real(j - b), given[0][j], given[3]
+
+    @compiler.compiled
+    def end(n, i, b, reference, x, plane, sums, window, pitch, given):
+        _, centres, masses, mass, more = given
+        end_row(n, lever(real(b - i), centres[i]), masses[i], mass, reference, x, plane, sums, window, pitch)
+        then(n, i, window, more)
+
+    return make_scan(compiler, real, planes, True, term, add_row, end)
+
+
+def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:
+    """The scan of ways to goals, `rest` axes being still to come. `given`: (centres, counts of the axis; spacing; clusters
+    of a row; where windows' sums go, as rows)."""
+    lever, goals = lattice.make(real, compiler.inlined).lever, make_goals(compiler, real, rest)
+    end_goals = goals.end_goals
+
+    @compiler.inlined
+    def term(j, b, given):
+        centres, _, spacing, count, _ = given
+        return lever(real(b - j), centres[j]) * spacing, count
+
+    @compiler.compiled
+    def end(n, i, b, reference, x, plane, sums, half, pitch, given):
+        _, counts, spacing, count, (out, apart, out_pitch) = given
+        end_goals(
+            n, real(i - b) * spacing, counts[i] * count, reference, x, plane, sums, half, pitch, row_at(out, i * apart),
+            out_pitch,
+        )  # fmt: skip
+
+    return make_scan(compiler, real, 3 * (rest + 2), False, term, goals.add_goals, end)

@@ -1,0 +1,108 @@
+"""The rotations of lattices' clusters on CPU threads, a row of windows at a time."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
+from cpu_backend.shape_matching.lattice_rows import make_rows
+from model.formulas import lattice, rotation
+
+
+def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`near_row`, `far_of`, `matrix_row`: rotations from the moments of windows, and their matrices as the columns that rest
+    offsets are turned by. `t`: the lattice's turn at the start, by rows; moments and matrices by columns."""
+    entry, turns = lattice.make(real, compiler.inlined).entry, rotation.make(real, compiler.inlined)
+    near, matrix_of = turns.rotation_3d_near, turns.matrix_of
+    far = rotation.make(real, compiler.compiled).rotation_3d_far
+    zero, one = real(0), real(1)
+
+    @compiler.inlined
+    def times(a, b, c, d, e, f, g, h, i, columns):
+        """The product with the matrix of these columns, of the matrix a b c / d e f / g h i; by rows."""
+        o, p, q, r, s, t, u, v, w = columns
+        return (
+            entry(a, b, c, o, p, q), entry(a, b, c, r, s, t), entry(a, b, c, u, v, w),
+            entry(d, e, f, o, p, q), entry(d, e, f, r, s, t), entry(d, e, f, u, v, w),
+            entry(g, h, i, o, p, q), entry(g, h, i, r, s, t), entry(g, h, i, u, v, w),
+        )  # fmt: skip
+
+    @compiler.row
+    def near_row(n, t, xx, yx, zx, xy, yy, zy, xz, yz, zz, w, x, y, z, to_w, to_x, to_y, to_z, reached):
+        start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
+        for k in range(n):
+            moments = times(xx[k], xy[k], xz[k], yx[k], yy[k], yz[k], zx[k], zy[k], zz[k], start)
+            to_w[k], to_x[k], to_y[k], to_z[k], there = near(*moments, w[k], x[k], y[k], z[k])
+            reached[k] = one if there else zero
+
+    @compiler.compiled
+    def far_of(a, n, t, w, x, y, z):
+        """The rotation of a window whose moments lie `n` apart."""
+        start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
+        moments = times(a[0], a[3 * n], a[6 * n], a[n], a[4 * n], a[7 * n], a[2 * n], a[5 * n], a[8 * n], start)
+        return far(*moments, w, x, y, z)
+
+    @compiler.row
+    def matrix_row(n, t, w, x, y, z, xx, yx, zx, xy, yy, zy, xz, yz, zz):
+        back = t[0], t[3], t[6], t[1], t[4], t[7], t[2], t[5], t[8]
+        for k in range(n):
+            xx[k], xy[k], xz[k], yx[k], yy[k], yz[k], zx[k], zy[k], zz[k] = times(
+                *matrix_of(w[k], x[k], y[k], z[k]), back
+            )
+
+    return SimpleNamespace(near_row=near_row, far_of=far_of, matrix_row=matrix_row)
+
+
+def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`turn_row`: see the inner function; `centre_row(n, of_slice, inverse, total)`: windows' centres from their sums;
+    `show_row(n, clusters, plane, x, window, turned, frames)`: frames of a row of windows."""
+    rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)
+    near_row, far_of, matrix_row = rotations.near_row, rotations.far_of, rotations.matrix_row
+    centre, matrix_of = (
+        lattice.make(real, compiler.inlined).centre,
+        rotation.make(real, compiler.inlined).matrix_of,
+    )
+
+    @compiler.compiled
+    def turn_row(n, t, window, rotation, turned, clusters, reached):
+        """The rotations of a row of windows by their sums, which then are the columns that rest offsets are turned by."""
+        a, old, new = row_at(window, 3 * n), row_at(reached, n), turned
+        copy(n, QUATERNION, rotation, clusters, old, n)  # which may be where the new ones go
+        near_row(
+            n, t, a, row_at(a, n), row_at(a, 2 * n), row_at(a, 3 * n), row_at(a, 4 * n), row_at(a, 5 * n), row_at(a, 6 * n),
+            row_at(a, 7 * n), row_at(a, 8 * n), old, row_at(old, n), row_at(old, 2 * n),
+            row_at(old, 3 * n), new, row_at(new, clusters), row_at(new, 2 * clusters), row_at(new, 3 * clusters),
+            reached,
+        )  # fmt: skip
+        for k in range(n):
+            if reached[k] == zero:
+                new[k], new[clusters + k], new[2 * clusters + k], new[3 * clusters + k] = far_of(
+                    row_at(a, k), n, t, new[k], new[clusters + k], new[2 * clusters + k], new[3 * clusters + k]
+                )
+        matrix_row(
+            n, t, new, row_at(new, clusters), row_at(new, 2 * clusters), row_at(new, 3 * clusters), a, row_at(a, n),
+            row_at(a, 2 * n), row_at(a, 3 * n), row_at(a, 4 * n), row_at(a, 5 * n), row_at(a, 6 * n), row_at(a, 7 * n),
+            row_at(a, 8 * n),
+        )  # fmt: skip
+
+    @compiler.row
+    def centre_row(n, of_slice, inverse, total):
+        for k in range(n):
+            total[k] = centre(total[k], of_slice[k], inverse)
+
+    @compiler.compiled
+    def show_row(n, clusters, plane, x, window, turned, frames):
+        for k in range(n):
+            frame = row_at(frames, np.int64(FRAME) * k)
+            frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], frame[6], frame[7], frame[8] = (
+                matrix_of(turned[k], turned[clusters + k], turned[2 * clusters + k], turned[3 * clusters + k])
+            )  # fmt: skip
+            for axis in range(3):
+                frame[9 + axis] = x[axis * plane + k] + window[axis * n + k]
+
+    return SimpleNamespace(turn_row=turn_row, centre_row=centre_row, show_row=show_row)
