@@ -122,7 +122,7 @@ def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]
     namespace = dict(vars(sys.modules[make.__module__])) | instructions
     for name, value in list(namespace.items()):
         if _is_factory(value) and value is not make:
-            namespace[name] = lambda *given, value=value, **flags: _rewritten(value, real, math, options)(*given, **flags)
+            namespace[name] = lambda *given, value=value: _rewritten(value, real, math, options)(*given)
     exec(compile(tree, inspect.getfile(make), "exec"), namespace)
     return namespace[make.__name__]
 
