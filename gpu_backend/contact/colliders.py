@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -37,23 +38,11 @@ from model.mass_spring.cloth_parameters import (
 )  # fmt: skip
 
 
-@cache
-def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
-
-    `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
-    model/mass_spring/cloth_parameters.py one after the other, then trees and fields; how many of each kind says `integers`.
-    """
+def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Of a collider whose numbers begin at `at`: `place_of`; `answer`, the velocity of a mass that touches it; `push`."""
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
-    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
-    sphere_entry, respond, rebound = formulas.sphere_entry, formulas.respond, formulas.rebound
-    settling_speed, bounces = formulas.settling_speed, "restitution" in parts
-    instant, moved, between, pushed = sums.instant, sums.moved, sums.between, sums.pushed
-    inline = inlined(math)
-    has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
-    has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
-    has_friction, has_colliders = "friction" in parts, bool(parts & COLLIDERS)
-    zero, one, next_one = real(0), real(1), np.int64(1)
+    respond, rebound, moved, pushed = formulas.respond, formulas.rebound, sums.moved, sums.pushed
+    bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
 
     @inline
     def place_of(bodies, at, time):
@@ -84,6 +73,18 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
             vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
         return px, py, pz, vx, vy, vz
+
+    return SimpleNamespace(place_of=place_of, answer=answer, push=push)
+
+
+def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
+    """A mass and one collider: a plane, a sphere, a capsule, a box, a mesh, a field."""
+    formulas, answers = device_formulas(colliders.make, real, math), _make_answers(real, math, parts)
+    plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
+    sphere_entry, between = formulas.sphere_entry, device_formulas(cloth.make, real, math).between
+    place_of, answer, push = answers.place_of, answers.answer, answers.push
+    bounces, has_friction, zero, one = "restitution" in parts, "friction" in parts, real(0), real(1)
+    inline = inlined(math)
 
     @inline
     def meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
@@ -141,9 +142,24 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
 
         return meet_surface
 
-    meet_mesh, meet_field = of_surface(triangle_tree), of_surface(distance_field)
+    return meet_plane, meet_sphere, meet_capsule, meet_box, of_surface(triangle_tree), of_surface(distance_field)
 
-    @inline
+
+@cache
+def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
+
+    `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
+    model/mass_spring/cloth_parameters.py one after the other, then trees and fields; how many of each kind says `integers`.
+    """
+    meet_plane, meet_sphere, meet_capsule, meet_box, meet_mesh, meet_field = _make_meetings(real, math, parts)
+    settling_speed = device_formulas(colliders.make, real, math).settling_speed
+    instant, bounces = device_formulas(cloth.make, real, math).instant, "restitution" in parts
+    has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
+    has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
+    has_colliders, zero, next_one = bool(parts & COLLIDERS), real(0), np.int64(1)
+
+    @inlined(math)
     def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
         if has_colliders:
             clock, at = (record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]), np.int32(0)

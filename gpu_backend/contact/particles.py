@@ -105,15 +105,9 @@ class ParticleContacts:
     def count_impacts(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
         """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""
         arguments = (
-            position,
-            old,
-            velocity,
-            self.neighbours.found,
-            self.neighbours.table,
-            self.record,
-            *self._pairs,
+            position, old, velocity, self.neighbours.found, self.neighbours.table, self.record, *self._pairs,
             self._touching,
-        )
+        )  # fmt: skip
         self._bounce.count[self._flat](*arguments)
         return arguments
 

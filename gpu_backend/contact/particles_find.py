@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.contact.particle_parameters import (
@@ -56,19 +56,11 @@ def make_pairs(own: bool, many: bool) -> Any:
 
 
 @cache
-def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
-    """`hash_particles(position, record, buckets, counts)`: which bucket each is in, and how many a bucket holds;
-    `fill_buckets(buckets, starts, counts, filled)`: a bucket's particles in any order, and counts 0 again;
-    `arrange(position, buckets, starts, filled, body, sorted_position, sorted_particles, sorted_bodies)`: in ascending order;
-    `find_neighbours(position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body, kind, kinds,
-    rest, neighbours, found, lost)`. `starts` has one number more than there are buckets, `record` one more than elsewhere:
-    the longest reach. Neighbour s of particle i is neighbours[s * particles + i]."""
+def _make_cells(real: Any) -> SimpleNamespace:
+    """Cells of space: `cell_of` and `is_near` a coordinate, `bucket_of` a cell."""
     device = cuda.jit(device=True, **kernel_options("exact"))
-    formulas = device_formulas(particle_contact.make, real, "exact")
-    squared, scaled, within = formulas.squared, formulas.scaled, formulas.within
-    pair_of = make_pairs(own, many)
-    _, prime_y, prime_z = contact.PRIMES
-    zero, farthest, one, three, most = real(0), real(FARTHEST), np.int32(1), np.int32(3), np.int32(MAX_NEIGHBOURS)
+    scaled = device_formulas(particle_contact.make, real, "exact").scaled
+    (_, prime_y, prime_z), farthest, one = contact.PRIMES, real(FARTHEST), np.int32(1)
 
     @device
     def cell_of(x, inverse_cell):
@@ -84,6 +76,13 @@ def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
     @device
     def bucket_of(x, y, z, mask):
         return np.int32((((y * prime_y) ^ (z * prime_z)) + x) & mask)
+
+    return SimpleNamespace(cell_of=cell_of, is_near=is_near, bucket_of=bucket_of)
+
+
+def _sort(real: Any) -> tuple[Any, ...]:
+    cells, zero, one = _make_cells(real), real(0), np.int32(1)
+    cell_of, is_near, bucket_of = cells.cell_of, cells.is_near, cells.bucket_of
 
     def hash_particles(position, record, buckets, counts):
         i = np.int32(cuda.grid(1))
@@ -114,6 +113,15 @@ def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
                 p = load_quad(position, i)
                 store_quad(sorted_position, place, p[0], p[1], p[2], zero)
                 sorted_particles[place], sorted_bodies[place] = i, body[i]
+
+    return hash_particles, fill_buckets, arrange
+
+
+def _look_around(real: Any, own: bool, many: bool) -> Any:
+    formulas, cells = device_formulas(particle_contact.make, real, "exact"), _make_cells(real)
+    squared, within, cell_of, bucket_of = formulas.squared, formulas.within, cells.cell_of, cells.bucket_of
+    device, pair_of = cuda.jit(device=True, **kernel_options("exact")), make_pairs(own, many)
+    zero, one, three, most = real(0), np.int32(1), np.int32(3), np.int32(MAX_NEIGHBOURS)
 
     @device
     def take(i, j, p, q, record, body, kind, kinds, rest):
@@ -162,7 +170,16 @@ def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
                     cuda.atomic.add(lost, 0, np.int64(count - most))
             found[i] = count
 
+    return find_neighbours
+
+
+@cache
+def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
+    """`hash_particles(position, record, buckets, counts)`: which bucket each is in, and how many a bucket holds;
+    `fill_buckets(buckets, starts, counts, filled)`: a bucket's particles in any order, and counts 0 again;
+    `arrange(position, buckets, starts, filled, body, sorted_position, sorted_particles, sorted_bodies)`: in ascending order;
+    `find_neighbours(position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body, kind, kinds,
+    rest, neighbours, found, lost)`. `starts` has one number more than there are buckets, `record` one more than elsewhere:
+    the longest reach. Neighbour s of particle i is neighbours[s * particles + i]."""
     variant = f"particle_contacts_{variant_name(real, f'own{own:d}', f'many{many:d}')}"
-    kernels = (hash_particles, fill_buckets, arrange, find_neighbours)
-    options = kernel_options("exact")
-    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in kernels})
+    return make_kernels((*_sort(real), _look_around(real, own, many)), variant, **kernel_options("exact"))

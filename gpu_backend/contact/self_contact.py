@@ -86,16 +86,9 @@ class Contacts:
         kernels = self._find
         kernels.clear[self._of_table](self._counts, self._link_counts, self._largest)
         kernels.hash_cells[self._of_cells](
-            before,
-            predicted,
-            self.record,
-            self._boxes,
-            self._keys,
-            self._buckets,
-            self._counts,
-            self._largest,
+            before, predicted, self.record, self._boxes, self._keys, self._buckets, self._counts, self._largest,
             *self._shape,
-        )
+        )  # fmt: skip
         self._scan.run(self._counts, self._starts, self._cursors)
         kernels.fill_buckets[self._of_cells](self._buckets, self._cursors, self._sorted)
         kernels.find_contacts[self._of_masses](

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.contact.self_contact_parameters import (
@@ -109,14 +109,11 @@ def _make_meet(real: Any, math: str) -> Any:
 
 
 @cache
-def make_find(real: Any, math: str) -> SimpleNamespace:
-    """The kernels `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
+def _make_cells(real: Any, math: str) -> SimpleNamespace:
+    """Cells of space: `floor`, `scaled`, `key`, `bucket`; and `relative`, how far a mass moved relative to another one."""
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
-    length, middle, scaled = formulas.length, formulas.middle, formulas.scaled
-    key_of, bucket_of = numbers.key, numbers.bucket
-    meet = _make_meet(real, math)
-    zero, one, two, span = real(0), np.int64(1), np.int64(2), np.int64(SPAN)
+    length, one = formulas.length, np.int64(1)
 
     @device
     def floor(x):
@@ -130,6 +127,16 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
             (now[1] - was[1]) - (now_reference[1] - was_reference[1]),
             (now[2] - was[2]) - (now_reference[2] - was_reference[2]),
         )
+
+    return SimpleNamespace(
+        floor=floor, relative=relative, middle=formulas.middle, scaled=formulas.scaled, key=numbers.key, bucket=numbers.bucket
+    )  # fmt: skip
+
+
+def _hash(real: Any, math: str) -> tuple[Any, ...]:
+    cells, device = _make_cells(real, math), cuda.jit(device=True, **kernel_options(math))
+    floor, relative, middle, scaled = cells.floor, cells.relative, cells.middle, cells.scaled
+    key_of, bucket_of, zero, one, two = cells.key, cells.bucket, real(0), np.int64(1), np.int64(2)
 
     @device
     def center_along(qa, qb, qc, qd, axis):
@@ -185,6 +192,14 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
         if q < buckets.size:
             sorted_cells[cuda.atomic.add(cursors, buckets[q], 1)] = q
 
+    return clear, hash_cells, fill_buckets
+
+
+def _look_around(real: Any, math: str) -> Any:
+    cells, meet = _make_cells(real, math), _make_meet(real, math)
+    floor, relative, scaled, key_of, bucket_of = cells.floor, cells.relative, cells.scaled, cells.key, cells.bucket
+    one, two, span = np.int64(1), np.int64(2), np.int64(SPAN)
+
     def find_contacts(
         before, predicted, record, boxes, keys, starts, counts, sorted_cells, largest, triangles, corners, normals,
         weights, found, link_counts, lost, rows, columns,
@@ -232,6 +247,11 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
             for place in range(3 * MAX_CONTACTS * k, 3 * (MAX_CONTACTS * k + min(count, MAX_CONTACTS))):
                 cuda.atomic.add(link_counts, corners[place], 1)
 
-    variant, options = f"contacts_{variant_name(real, math)}", kernel_options(math)
-    kernels = (clear, hash_cells, fill_buckets, find_contacts)
-    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in kernels})
+    return find_contacts
+
+
+@cache
+def make_find(real: Any, math: str) -> SimpleNamespace:
+    """The kernels `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
+    kernels = (*_hash(real, math), _look_around(real, math))
+    return make_kernels(kernels, f"contacts_{variant_name(real, math)}", **kernel_options(math))

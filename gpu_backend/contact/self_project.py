@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.contact.self_contact_parameters import MAX_CONTACTS, S_DYNAMIC, S_STATIC
@@ -18,18 +18,14 @@ from model.formulas import contact
 
 
 @cache
-def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
-    """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep)."""
-    device = cuda.jit(device=True, **kernel_options(math))
-    f = device_formulas(contact.make, real, math)
-    dot, length, mixed, along, stiffness, inverse = f.dot, f.length, f.mixed, f.along, f.stiffness, f.inverse
-    slip, correction, rubbed, first_weight = f.slip, f.correction, f.rubbed, f.first_weight
-    taken, shifted = f.taken, f.shifted
-    zero, one = real(0), real(1)
+def _make_corners(real: Any, math: str) -> SimpleNamespace:
+    """`held(found, k)`: the range of the contacts of mass k; `offset(points, k, a, b, c, s, t)`: the way to it from a
+    triangle's point; `share(weights, place)`: of a triangle's corner, of contact place // 3 the corner place % 3."""
+    device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(contact.make, real, math)
+    mixed, first_weight = f.mixed, f.first_weight
 
     @device
     def held(found, k):
-        """The range of the contacts of mass k."""
         first = k * MAX_CONTACTS
         return first, first + min(np.int64(found[k]), np.int64(MAX_CONTACTS))
 
@@ -44,11 +40,18 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
 
     @device
     def share(weights, place):
-        """Of a triangle's corner: of contact place // 3, the corner place % 3."""
         w, corner = load_quad(weights, place // 3), place % 3
         if corner == 0:
             return first_weight(w[0], w[1])
         return w[0] if corner == 1 else w[1]
+
+    return SimpleNamespace(held=held, offset=offset, share=share)
+
+
+def _link(real: Any, math: str) -> tuple[Any, ...]:
+    """Which contacts a mass is a corner of, in one order, and what they load it with."""
+    corners_of, zero, one = _make_corners(real, math), real(0), real(1)
+    held, share = corners_of.held, corners_of.share
 
     def fill_links(found, corners, cursors, links):
         k = np.int64(cuda.grid(1))
@@ -68,17 +71,6 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                     place -= 1
                 links[place] = own
 
-    def deepen(position, found, corners, normals, weights, forces):
-        """forces (quads): how deep a contact is."""
-        k = np.int64(cuda.grid(1))
-        if k < found.size:
-            first, last = held(found, k)
-            for slot in range(first, last):
-                n, w = load_quad(normals, slot), load_quad(weights, slot)
-                a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
-                x, y, z = offset(position, k, a, b, c, w[0], w[1])
-                store_quad(forces, slot, zero, zero, zero, n[3] - dot(n[0], n[1], n[2], x, y, z))
-
     def load_up(found, weights, starts, counts, links, forces, loads):
         k = np.int64(cuda.grid(1))
         if k < found.size:
@@ -91,6 +83,26 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                 if load_quad(forces, links[entry] // 3)[3] > zero:
                     load += share(weights, links[entry])
             loads[k] = load
+
+    return fill_links, sort_links, load_up
+
+
+def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
+    corners_of, f, zero = _make_corners(real, math), device_formulas(contact.make, real, math), real(0)
+    held, offset, share = corners_of.held, corners_of.offset, corners_of.share
+    dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
+    correction, rubbed, taken, shifted = f.correction, f.rubbed, f.taken, f.shifted
+
+    def deepen(position, found, corners, normals, weights, forces):
+        """forces (quads): how deep a contact is."""
+        k = np.int64(cuda.grid(1))
+        if k < found.size:
+            first, last = held(found, k)
+            for slot in range(first, last):
+                n, w = load_quad(normals, slot), load_quad(weights, slot)
+                a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
+                x, y, z = offset(position, k, a, b, c, w[0], w[1])
+                store_quad(forces, slot, zero, zero, zero, n[3] - dot(n[0], n[1], n[2], x, y, z))
 
     def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
         """How a contact moves its mass, for a weight of 1."""
@@ -139,6 +151,11 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
             p, w = load_quad(position, k), mass_weights[k]
             store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
 
-    variant, options = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}", kernel_options(math)
-    kernels = (fill_links, sort_links, deepen, load_up, push, gather)
-    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in kernels})
+    return deepen, push, gather
+
+
+@cache
+def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
+    """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep)."""
+    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}"
+    return make_kernels((*_link(real, math), *_move(real, math, friction)), variant, **kernel_options(math))

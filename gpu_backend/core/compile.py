@@ -6,8 +6,9 @@ machine code is kept (model/core/kernel_cache.py).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,11 @@ def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
     kernel = cuda.jit(**options)(function)
     keep(kernel, _kernel_cache(), label)
     return kernel
+
+
+def make_kernels(functions: Iterable[Callable], variant: str, **options: Any) -> SimpleNamespace:
+    """Kernels by the names of their functions."""
+    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in functions})
 
 
 @cache

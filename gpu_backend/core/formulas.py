@@ -121,11 +121,16 @@ def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]
     ast.fix_missing_locations(tree)
     namespace = dict(vars(sys.modules[make.__module__])) | instructions
     for name, value in list(namespace.items()):
-        is_factory = isinstance(value, FunctionType) and value.__name__ == "make"
-        if is_factory and value is not make and value.__module__.startswith("model.formulas."):
-            namespace[name] = lambda real, compiled, value=value: _rewritten(value, real, math, options)(real, compiled)
+        if _is_factory(value) and value is not make:
+            namespace[name] = lambda *given, value=value: _rewritten(value, real, math, options)(*given)
     exec(compile(tree, inspect.getfile(make), "exec"), namespace)
-    return namespace["make"]
+    return namespace[make.__name__]
+
+
+def _is_factory(value: Any) -> bool:
+    """Of formulas in an arithmetic, its first parameter `real`; those of whole numbers have products of their own."""
+    here = isinstance(value, FunctionType) and value.__module__.startswith("model.formulas.")
+    return here and value.__code__.co_varnames[:1] == ("real",)
 
 
 def device_formulas(make: Any, real: Any, math: str, **flags: int) -> Any:

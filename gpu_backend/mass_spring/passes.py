@@ -6,7 +6,11 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from gpu_backend.core.simulation import CudaSimulation
+from gpu_backend.core.tiling import Tile
+from model.core.errors import BackendUnavailable
 
 
 class SheetPasses(CudaSimulation):
@@ -46,11 +50,9 @@ class SheetPasses(CudaSimulation):
     def _launch_rk4(self, parity: int, count: int) -> None:
         base = (self.position[0], self.velocity[0])
         stages = (
-            (self._stage_p[0], self._stage_v[0]),
-            (self._stage_p[1], self._stage_v[1]),
-            (self._stage_p[0], self._stage_v[0]),
-            base,
-        )
+            (self._stage_p[0], self._stage_v[0]), (self._stage_p[1], self._stage_v[1]),
+            (self._stage_p[0], self._stage_v[0]), base,
+        )  # fmt: skip
         for number in range(count):
             source = base
             for kernel, target in zip(self._rk4, stages, strict=True):
@@ -91,3 +93,41 @@ class SheetPasses(CudaSimulation):
         if self._tiles is not None:
             self._tiles.require_exchange()
         return super()._first_diverged()
+
+
+class TileLaunches:
+    """The launches of a `kernel` on tiles for one simulation, whose arrays it reads and writes: from the current state into
+    the other buffer, which then is the current one. Who derives from it sets `_kernel`, `_grid`, of `resident` `_failed`."""
+
+    _kernel: Any
+    _grid: tuple[Any, ...]
+    _failed: Any
+
+    def __init__(self, simulation: Any, kernel: str, tile: Tile):
+        self.simulation, self.kernel, self.tile, self._epoch = simulation, kernel, tile, 0
+
+    @abstractmethod
+    def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
+        """What the kernel reads for `passes` passes, the first of which is `number` after the step counter."""
+
+    def launch(self, number: int, passes: int) -> None:
+        """One launch of `passes` passes, the first of which is `number` after the step counter."""
+        self._kernel[self._grid](*self._arguments(number, passes))
+        self.simulation._current = 1 - self.simulation._current
+        if self.kernel == "resident":
+            exchanges = (passes - 1) // self.tile.halo
+            self._epoch = (self._epoch + exchanges + 2**31) % 2**32 - 2**31  # compared by difference: may wrap around
+
+    def launch_many(self, parity: int, count: int) -> None:
+        """`count` launches of as many passes as the tile does by itself, the first from the buffer `parity`."""
+        self.simulation._current = parity
+        for number in range(count):
+            self.launch(number * self.tile.halo, self.tile.halo)
+
+    def require_exchange(self) -> None:
+        """Raises BackendUnavailable if a block of `resident` waited in vain for others."""
+        if self.kernel == "resident" and self.simulation.fetch(self._failed) != 0:
+            self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
+            raise BackendUnavailable(
+                "the blocks of kernel resident did not run together (is the GPU shared?)", "use --kernel graph"
+            )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, TOGETHER, make_move
@@ -68,11 +68,8 @@ def make_gather(real: Any, math: str) -> Any:
         cuda.syncthreads()
         if c < clusters and lane == 0:
             f, g, lean, row = (
-                load_quad(position, firsts[c]),
-                load_quad(velocity, firsts[c]),
-                load_quad(leans, c),
-                ROWS * c,
-            )
+                load_quad(position, firsts[c]), load_quad(velocity, firsts[c]), load_quad(leans, c), ROWS * c,
+            )  # fmt: skip
             cx, cy, cz, vx, vy, vz, ox, oy, oz = motion(
                 shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
                 shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
@@ -147,5 +144,5 @@ def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    name, options = f"bodies_damping_{variant_name(real, math, parts)}", kernel_options(math)
-    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in (rate, slow, finish)})
+    variant = f"bodies_damping_{variant_name(real, math, parts)}"
+    return make_kernels((rate, slow, finish), variant, **kernel_options(math))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -55,10 +55,8 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
             for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
                 p, m = load_quad(position, indices[e]), load_quad(members, e)
                 wx, wy, wz = (
-                    weighted(m[3], p[0], first[0]),
-                    weighted(m[3], p[1], first[1]),
-                    weighted(m[3], p[2], first[2]),
-                )
+                    weighted(m[3], p[0], first[0]), weighted(m[3], p[1], first[1]), weighted(m[3], p[2], first[2]),
+                )  # fmt: skip
                 x, y, z = x + wx, y + wy, z + wz
                 xx, xy, xz = added(xx, wx, m[0]), added(xy, wx, m[1]), added(xz, wx, m[2])
                 yx, yy, yz = added(yx, wy, m[0]), added(yy, wy, m[1]), added(yz, wy, m[2])
@@ -104,8 +102,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
             store_quad(position, k, x, y, z, p[3])
 
     name = f"bodies_{variant_name(real, math)}"
-    options = kernel_options(math)
-    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in (sum_up, turn, move)})
+    return make_kernels((sum_up, turn, move), name, **kernel_options(math))
 
 
 @cache

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.formulas import lattice, rotation
@@ -37,15 +37,13 @@ def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
     masses.
     """
     found = [*_lines(real, math), *_moments(real, math), _turn(real, math), *_goals(real, math)]
-    name, options = f"lattice_{variant_name(real, math)}", kernel_options(math)
-    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in found})
+    return make_kernels(found, f"lattice_{variant_name(real, math)}", **kernel_options(math))
 
 
 def _lines(real: Any, math: str) -> tuple[Any, ...]:
     formulas = device_formulas(lattice.make, real, math)
     lever, part_of, added_turn = formulas.lever, formulas.part_of, formulas.added_turn
-    added_goal, moved = formulas.added_goal, formulas.moved
-    zero = real(0)
+    added_goal, moved, zero = formulas.added_goal, formulas.moved, real(0)
 
     def sum_lines(numbers, values, tables, total, position, out):
         """Sums along x of the differences from the mass in the middle, and their turns."""
@@ -61,11 +59,8 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
                     p = load_quad(position, np.int32(first + other))
                     share = tables[numbers[N_TABLE_X] + T_SHARE * nx + other]
                     away = lever(real(other - k), tables[numbers[N_TABLE_X] + T_CENTRE * nx + k])
-                    a, b, c = (
-                        part_of(share, p[0], here[0]),
-                        part_of(share, p[1], here[1]),
-                        part_of(share, p[2], here[2]),
-                    )
+                    a, b = part_of(share, p[0], here[0]), part_of(share, p[1], here[1])
+                    c = part_of(share, p[2], here[2])
                     x, y, z = x + a, y + b, z + c
                     xx, yx, zx = added_turn(xx, a, away), added_turn(yx, b, away), added_turn(zx, c, away)
             out[place], out[total + place], out[2 * total + place] = x, y, z
@@ -96,8 +91,7 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
             store_quad(
                 position, np.int32(first + k), moved(here[0], x, share_x, share_y, share_z, matching),
                 moved(here[1], y, share_x, share_y, share_z, matching),
-                moved(here[2], z, share_x, share_y, share_z, matching),
-                here[3],
+                moved(here[2], z, share_x, share_y, share_z, matching), here[3],
             )  # fmt: skip
 
     return sum_lines, move_lines
@@ -105,10 +99,8 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
 
 def _moments(real: Any, math: str) -> tuple[Any, ...]:
     formulas = device_formulas(lattice.make, real, math)
-    lever, part_of_row, added_turn, shifted = (
-        formulas.lever, formulas.part_of_row, formulas.added_turn, formulas.shifted
-    )  # fmt: skip
-    zero, one = real(0), real(1)
+    lever, part_of_row, added_turn = formulas.lever, formulas.part_of_row, formulas.added_turn
+    shifted, zero, one = formulas.shifted, real(0), real(1)
 
     def make_scan(name: str, upwards: bool) -> Any:
         """Along z if `upwards`, of sums over slices, else along y, of sums along rows."""

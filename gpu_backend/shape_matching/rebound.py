@@ -13,7 +13,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.shape_matching.damping import make_damping_ends, make_gather, make_slow
@@ -97,8 +97,7 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
             v, u = load_quad(velocity, k), load_quad(struck, k)
             store_quad(struck, k, v[0] - u[0], v[1] - u[1], v[2] - u[2], zero)
 
-    name, options = f"bodies_rebound_{variant_name(real, math)}", kernel_options(math)
-    return SimpleNamespace(**{f.__name__: make_kernel(f, name, **options) for f in (weigh, go, differ)})
+    return make_kernels((weigh, go, differ), f"bodies_rebound_{variant_name(real, math)}", **kernel_options(math))
 
 
 @cache
@@ -106,10 +105,8 @@ def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
     """strike(before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers,
     counter, place, substeps, substep): as `finish` of shape_matching/damping.py, and what colliders gave into `struck`."""
     collide, slow_mass, clock = (
-        make_motion(real, math, parts, AXES).collide,
-        make_slow(real, math),
-        make_clock(math, parts),
-    )
+        make_motion(real, math, parts, AXES).collide, make_slow(real, math), make_clock(math, parts),
+    )  # fmt: skip
     zero = real(0)
 
     def strike(

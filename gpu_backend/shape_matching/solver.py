@@ -16,7 +16,6 @@ from numba import cuda
 
 from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
 from gpu_backend.contact.particles_project import make_contact_ends
-from gpu_backend.core.constraints import make_projections
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
@@ -24,6 +23,7 @@ from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
+from gpu_backend.shape_matching.links import DeviceLinks
 from gpu_backend.shape_matching.material import ClusterMaterial
 from gpu_backend.shape_matching.rebound import Rebounds
 from gpu_backend.shape_matching.stages import bind_bodies_stages
@@ -33,7 +33,6 @@ from model.formulas.cluster import MOMENTS
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
-from model.shape_matching.links import LINKS
 from model.xpbd.plan import xpbd_plan
 
 
@@ -88,16 +87,8 @@ class Bodies(SubstepSimulation):
             self._rebounds = Rebounds(*those, *variant, self.stream)
         self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
-        links = self.scene.body_set.links
-        if links.count:
-            self._link_ends, self._link_values = self.on_device(links.ends.T), self.on_device(self._of_links())
-            self._multipliers = self._zeros(links.count)
-
-    def _of_links(self) -> np.ndarray:
-        """(2, links): rest lengths and compliances."""
-        method, body_set = self.scene.method, self.scene.body_set
-        found: np.ndarray = body_set.links.values(method.dt / method.substeps, body_set.mass).T.astype(self.real)
-        return found
+        given = scene.body_set, scene.method, *variant, self.stream
+        self._links: Any = DeviceLinks(*given) if scene.body_set.links.count else None
 
     def _in_own_order(self) -> np.ndarray:
         """(entries, 4): rest offsets and factors, particle by particle."""
@@ -118,7 +109,6 @@ class Bodies(SubstepSimulation):
         self._tools, self._cluster_kernels = make_cloth_tools(self.real), make_bodies_clusters(*variant)
         self._ends = make_bodies_ends(*variant, self._parts)
         self._contact_ends: Any = make_contact_ends(*variant, self._parts) if self.contacts else None
-        self._project_links = make_projections(*variant, LINKS) if "links" in self._parts else None
         if self.kernel == "stages":
             self._executor = Executor(self.plan, bind_bodies_stages(self))
             return
@@ -153,16 +143,6 @@ class Bodies(SubstepSimulation):
         if self.clusters.count:
             self._cluster_kernels.move[self._flat](position, *self._gathered)
 
-    def _link(self, position: Any, number: int, fresh: bool) -> None:
-        """The links of a colour; `fresh`: the first time in a substep."""
-        starts = self.scene.body_set.links.starts
-        start, stop = starts[number], starts[number + 1]
-        assert self._project_links is not None
-        self._project_links[self._over(int(stop - start), THREADS)](
-            position, position, self._link_ends, self._link_values, self._multipliers, start, stop, starts[-1],
-            np.int32(fresh), self.record,
-        )  # fmt: skip
-
     # ------------------------------------------------------------------ a step
 
     def _substep(self, place: int, substep: int) -> None:
@@ -178,7 +158,7 @@ class Bodies(SubstepSimulation):
             if iteration and not self.contacts:
                 self._move(now)
             for number in range(self.scene.body_set.links.colours):
-                self._link(now, number, iteration == 0)
+                self._links.project(now, self.record, number, iteration == 0)
             self._match(now, self.rotation)
             self._lattices.move(now)
             if self.contacts:
@@ -264,8 +244,8 @@ class Bodies(SubstepSimulation):
         self._material.restore()
 
     def _parameters_changed(self) -> None:
-        if self.scene.body_set.links.count:
-            self._link_values.copy_to_device(self._of_links().reshape(-1), stream=self.stream)
+        if self._links:
+            self._links.change(self.scene.method)
         self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
         self._material.change(self.scene.method)
         self._lattices.change(self.scene.method)

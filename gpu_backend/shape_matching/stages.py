@@ -58,7 +58,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
         sim._rebound(position, velocity)
 
     def link(number: int) -> StageRun:
-        return lambda moment: sim._link(position, number, moment.fresh)
+        return lambda moment: sim._links.project(position, sim.record, number, moment.fresh)
 
     colours = sim.scene.body_set.links.colours
     return (

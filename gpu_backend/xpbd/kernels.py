@@ -19,7 +19,8 @@ from gpu_backend.core.integers import knows_time
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.sheet import BLOCK
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.xpbd.constraints import compliant, make_constants, make_gather, make_pair
+from gpu_backend.xpbd.constraints import compliant, make_constants, make_pair
+from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
 from model.xpbd.plan import JACOBI, Family, families
 

@@ -117,10 +117,8 @@ def make_tethers(real: Any, math: str) -> Any:
                 dx, dy, dz = x - a[0], y - a[1], z - a[2]
                 factor = tether(squared_length(dx, dy, dz), reaches[first + n])
                 x, y, z = (
-                    tethered(x, a[0], dx, factor),
-                    tethered(y, a[1], dy, factor),
-                    tethered(z, a[2], dz, factor),
-                )
+                    tethered(x, a[0], dx, factor), tethered(y, a[1], dy, factor), tethered(z, a[2], dz, factor),
+                )  # fmt: skip
         return x, y, z
 
     return tether_mass

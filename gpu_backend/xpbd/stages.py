@@ -14,7 +14,7 @@ from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
-from gpu_backend.xpbd.constraints import make_gather
+from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion
 from model.core.plan import Moment, StageRun
 from model.xpbd.plan import JACOBI, colour_order

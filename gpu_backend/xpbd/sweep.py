@@ -16,7 +16,8 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_gather, make_pair
+from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_pair
+from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.kernels import compact_shape
 from gpu_backend.xpbd.tile import SheetTile
 from model.xpbd.plan import Family, colour_order
@@ -93,15 +94,9 @@ def make_constraint_place(math: str, tile: SheetTile, family: Family, colour: in
 
 @cache
 def make_colour_sweep(
-    real: Any,
-    math: str,
-    parts: frozenset[str],
-    axes: int,
-    tile: SheetTile,
-    family: Family,
-    colour: int,
+    real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile, family: Family, colour: int,
     first_slot: int,
-) -> Any:
+) -> Any:  # fmt: skip
     """sweep(positions, before, multipliers, constants, bounds): one colour, with a barrier at its end. `bounds`: (first row,
     end, first column, end) of the tile's masses that the sheet has. Multipliers begin at `first_slot`."""
     pair = make_pair(real, math, parts, family, colour, axes)

@@ -15,11 +15,40 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_gather
+from gpu_backend.xpbd.constraints import KINDS, compliant, dampers
+from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
 from gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each
 from gpu_backend.xpbd.tile import SheetTile
 from model.xpbd.plan import colour_order, families
+
+
+def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
+    """`mass` and `owned`, of number `slot` of a thread's masses."""
+    spot, pitch = make_lattice(math, tile.rows.size, tile.columns.size, False), np.int32(tile.pitch)
+    masses, threads = np.int32(tile.rows.size * tile.columns.size), np.int32(tile.threads)
+    first_row, first_column = np.int32(tile.rows.before), np.int32(tile.columns.before)
+    end_row, end_column = np.int32(first_row + tile.rows.owned), np.int32(first_column + tile.columns.owned)
+    inline = inlined(math)
+
+    @inline
+    def mass(slot, origin, rows, columns):
+        """(whether the sheet has it, its place in the tile, its number, i, j) in the sheet."""
+        item = np.int32(cuda.threadIdx.x + slot * threads)
+        i, j = spot(item)
+        row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
+        there = item < masses and row >= 0 and row < rows and column >= 0 and column < columns
+        return there, np.int32(i * pitch + j), np.int32(row * columns + column), row, column
+
+    @inline
+    def owned(slot, origin, rows, columns):
+        """(whether the block owns it, its place in the tile, its number)."""
+        there, here, k, row, column = mass(slot, origin, rows, columns)
+        i, j = np.int32(row - origin[0]), np.int32(column - origin[1])
+        inside = i >= first_row and i < end_row and j >= first_column and j < end_column
+        return there and inside, here, k
+
+    return mass, owned
 
 
 @cache
@@ -35,29 +64,8 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
     predict, settle = motion.predict, motion.settle
     jacobi = make_gather(real, math, parts, axes)
     valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, "gauss-seidel" not in parts
-    spot, each = make_lattice(math, tile.rows.size, tile.columns.size, False), masses_each(tile)
-    masses, threads = np.int32(tile.rows.size * tile.columns.size), np.int32(tile.threads)
-    pitch, damped, tethered, zero = np.int32(tile.pitch), dampers(parts), "attachments" in parts, real(0)
-    first_row, first_column = np.int32(tile.rows.before), np.int32(tile.columns.before)
-    end_row, end_column = np.int32(first_row + tile.rows.owned), np.int32(first_column + tile.columns.owned)
-    inline = inlined(math)
-
-    @inline
-    def mass(slot, origin, rows, columns):
-        """(whether the sheet has it, its place in the tile, its number, i, j) of a thread's mass."""
-        item = np.int32(cuda.threadIdx.x + slot * threads)
-        i, j = spot(item)
-        row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
-        there = item < masses and row >= 0 and row < rows and column >= 0 and column < columns
-        return there, np.int32(i * pitch + j), np.int32(row * columns + column), row, column
-
-    @inline
-    def owned(slot, origin, rows, columns):
-        """(whether the block owns it, its place in the tile, its number)."""
-        there, here, k, row, column = mass(slot, origin, rows, columns)
-        i, j = np.int32(row - origin[0]), np.int32(column - origin[1])
-        inside = i >= first_row and i < end_row and j >= first_column and j < end_column
-        return there and inside, here, k
+    (mass, owned), each = _make_places(math, tile), masses_each(tile)
+    damped, tethered, zero, inline = dampers(parts), "attachments" in parts, real(0), inlined(math)
 
     @inline
     def open_substep(position, velocity, shared, before, origin, record, integers, step, air, rows, columns):
@@ -118,8 +126,7 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
                 store_quad(velocity, k, vx, vy, vz, zero)
 
     return SimpleNamespace(
-        mass=mass, owned=owned, open_substep=open_substep, load=load, attach=attach, store=store,
-        close_substep=close_substep,
+        open_substep=open_substep, load=load, attach=attach, store=store, close_substep=close_substep
     )  # fmt: skip
 
 
@@ -129,7 +136,7 @@ def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int
     left, halo included; `leave(...)`: those of the constraints that the block owns, by their first mass, into the planes."""
     inline = inlined(math)
     if "gauss-seidel" not in parts:
-        return _jacobi_moves(real, math, parts, axes, tile)
+        return _jacobi_moves(math, parts, tile)
     moves: list[tuple[Any, Any]] = []
     slot = 0
     plane_of = {family: n for n, family in enumerate(f for f in families(parts) if compliant(parts, f))}
@@ -195,9 +202,8 @@ def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_sl
     return fetch, leave
 
 
-def _jacobi_moves(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
-    ends, each = make_tile_ends(real, math, parts, axes, tile), masses_each(tile)
-    mass, owned = ends.mass, ends.owned
+def _jacobi_moves(math: str, parts: frozenset[str], tile: SheetTile) -> SimpleNamespace:
+    (mass, owned), each = _make_places(math, tile), masses_each(tile)
     slots = 4 * sum(f"{kind}-compliance" in parts for kind in KINDS)
     inline = inlined(math)
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import plain
+from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_ISOMETRIC = 75  # 21 for the vector, 10 for its length, 12 for the change, 9 for the weight, 24 to apply
@@ -29,15 +29,32 @@ OPERATIONS_DIHEDRAL = 170
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
-    zero, half, one, four = real(0), real(0.5), real(1), real(4)
-    lengths = make_lengths(real, compiled)
-    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
+    """Of hinges of both kinds, and of what else moves corners by coefficients; in the arithmetic `real`."""
 
     @compiled
     def softness(compliance, area):
         """The hinge's compliance, of no unit. `compliance`: m / (B h^2) [1/m^2]; `area`: (A_c + A_d) / 3 [m^2]."""
         return compliance * area
+
+    @compiled
+    def shifted(position, weight, coefficient, change):
+        """A corner after it, one axis."""
+        return position + weight * (coefficient * change)
+
+    @compiled
+    def shift(point, weight, gx, gy, gz, change):
+        """The same along a gradient, all axes."""
+        x, y, z = point
+        return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
+
+    return SimpleNamespace(softness=softness, shifted=shifted, shift=shift)
+
+
+def make_isometric(real, compiled=plain):
+    """See the functions, and `make`; in the arithmetic `real`."""
+    zero, one = real(0), real(1)
+    lengths = make_lengths(real, compiled)
+    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
     @compiled
     def curvature(kb, kc, kd, e, f, g):
@@ -60,18 +77,17 @@ def make(real, compiled=plain):
         """Change of the multiplier [m], one axis."""
         return (-(part * k) - compliance * multiplier) * reciprocal
 
-    @compiled
-    def shifted(position, weight, coefficient, change):
-        """A corner after it, one axis."""
-        return position + weight * (coefficient * change)
+    found = SimpleNamespace(
+        curvature=curvature, square_sum=square_sum, kept_part=kept_part, isometric_change=isometric_change
+    )  # fmt: skip
+    return joined(make(real, compiled), found)
 
-    @compiled
-    def cross(ax, ay, az, bx, by, bz):
-        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
-    @compiled
-    def dot(ax, ay, az, bx, by, bz):
-        return (ax * bx + ay * by) + az * bz
+def make_dihedral(real, compiled=plain):
+    """See the functions, and `make`; in the arithmetic `real`."""
+    zero, half, one, four = real(0), real(0.5), real(1), real(4)
+    lengths = make_lengths(real, compiled)
+    inverse_length, dot, cross = lengths.inverse_length, lengths.dot, lengths.cross
 
     @compiled
     def quarter_tangent(sine, cosine):
@@ -127,8 +143,8 @@ def make(real, compiled=plain):
         change = (-(four * edge * (t - rest)) - compliance * multiplier) * reciprocal
         return change, change * steep
 
-    return SimpleNamespace(
-        softness=softness, curvature=curvature, square_sum=square_sum, kept_part=kept_part,
-        isometric_change=isometric_change, shifted=shifted, dot=dot, quarter_tangent=quarter_tangent, hinge=hinge,
-        by_ends=by_ends, steepness=steepness, gradient_sum=gradient_sum, dihedral_change=dihedral_change,
+    found = SimpleNamespace(
+        dot=dot, hinge=hinge, by_ends=by_ends, steepness=steepness,
+        gradient_sum=gradient_sum, dihedral_change=dihedral_change,
     )  # fmt: skip
+    return joined(make(real, compiled), found)

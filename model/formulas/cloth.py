@@ -45,16 +45,11 @@ def make(real, compiled=plain):
         return speed * (one + gust * g)
 
     @compiled
-    def cross(ax, ay, az, bx, by, bz):
-        """a x b: normal to the triangle with these edges, twice its area long."""
-        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-    @compiled
     def unit(x, y, z):
         """(x, y, z) made 1 long; 0 for 0."""
         inverse = inverse_length(squared_length(x, y, z))
         return x * inverse, y * inverse, z * inverse
 
     return SimpleNamespace(
-        instant=instant, moved=moved, between=between, pushed=pushed, mean=mean, gusty=gusty, cross=cross, unit=unit
-    )
+        instant=instant, moved=moved, between=between, pushed=pushed, mean=mean, gusty=gusty, cross=lengths.cross, unit=unit,
+    )  # fmt: skip

@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import plain
+from model.formulas import joined, plain
 
 # Per mass and collider, contact included. Of a mesh, of a mass that rests on the 8192 triangles of soft-on-mesh and is looked
 # at twice: its way meets the boxes of 24 nodes (6 comparisons each) and half a triangle (110), its thickness those of 32 (14)
@@ -21,14 +21,65 @@ OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collide
 
 
 def make(real, compiled=plain):
-    """Distances `plane`, `sphere`, `capsule`, `box`; `sphere_entry` (swept), `respond`, and of colliders that give back
-    `rebound`, `settling_speed`; in the arithmetic `real`."""
+    """What `make_distances` makes, `respond`, and of colliders that give back `rebound`, `settling_speed`; in the arithmetic
+    `real`."""
     zero, one, two = real(0), real(1), real(2)
-    touching = real(1e-3)  # of the squared reach: so near to a ball a mass is in contact
 
     @compiled
     def root(squared):
         return sqrt(squared)
+
+    @compiled
+    def respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction):
+        """The velocity of a touching mass: nothing into the collider (which moves at c), the rest slowed by friction.
+
+        The normal velocity that is taken away, times the coefficient, is what friction may take from the tangential one:
+        all of it, if the static coefficient allows.
+        """
+        rx, ry, rz = vx - cx, vy - cy, vz - cz
+        normal = (rx * nx + ry * ny) + rz * nz
+        if normal < zero:
+            rx, ry, rz = rx - normal * nx, ry - normal * ny, rz - normal * nz
+            tangential = root((rx * rx + ry * ry) + rz * rz)
+            if tangential <= -normal * static_friction:
+                rx, ry, rz = zero, zero, zero
+            elif dynamic_friction > zero:
+                keep = one - dynamic_friction * -normal / tangential
+                rx, ry, rz = keep * rx, keep * ry, keep * rz
+        return cx + rx, cy + ry, cz + rz
+
+    @compiled
+    def settling_speed(gravity, dt):
+        """Twice what `gravity` [m/s^2] adds within a step of `dt` [s]: who comes no faster rests, and must not jitter."""
+        return two * abs(gravity) * dt
+
+    @compiled
+    def rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction, restitution, settling):
+        """As `respond`, and of the normal velocity the share `restitution` comes back, where it is more than `settling`
+        [m/s]. Friction is limited by the whole change of the normal velocity."""
+        rx, ry, rz = vx - cx, vy - cy, vz - cz
+        normal = (rx * nx + ry * ny) + rz * nz
+        if normal < zero:
+            back = restitution * -normal if -normal > settling else zero
+            taken = back - normal
+            rx, ry, rz = rx - normal * nx, ry - normal * ny, rz - normal * nz
+            tangential = root((rx * rx + ry * ry) + rz * rz)
+            if tangential <= taken * static_friction:
+                rx, ry, rz = zero, zero, zero
+            elif dynamic_friction > zero:
+                keep = one - dynamic_friction * taken / tangential
+                rx, ry, rz = keep * rx, keep * ry, keep * rz
+            rx, ry, rz = rx + back * nx, ry + back * ny, rz + back * nz
+        return cx + rx, cy + ry, cz + rz
+
+    answers = SimpleNamespace(respond=respond, rebound=rebound, settling_speed=settling_speed)
+    return joined(make_distances(real, compiled, root), answers)
+
+
+def make_distances(real, compiled, root):
+    """Distances `plane`, `sphere`, `capsule`, `box`, and `sphere_entry` (swept), in the arithmetic `real`."""
+    zero, one = real(0), real(1)
+    touching = real(1e-3)  # of the squared reach: so near to a ball a mass is in contact
 
     @compiled
     def from_center(dx, dy, dz, radius):
@@ -92,50 +143,4 @@ def make(real, compiled=plain):
             return one
         return min(max((-toward - root(discriminant)) / squared, zero), one)
 
-    @compiled
-    def respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction):
-        """The velocity of a touching mass: nothing into the collider (which moves at c), the rest slowed by friction.
-
-        The normal velocity that is taken away, times the coefficient, is what friction may take from the tangential one:
-        all of it, if the static coefficient allows.
-        """
-        rx, ry, rz = vx - cx, vy - cy, vz - cz
-        normal = (rx * nx + ry * ny) + rz * nz
-        if normal < zero:
-            rx, ry, rz = rx - normal * nx, ry - normal * ny, rz - normal * nz
-            tangential = root((rx * rx + ry * ry) + rz * rz)
-            if tangential <= -normal * static_friction:
-                rx, ry, rz = zero, zero, zero
-            elif dynamic_friction > zero:
-                keep = one - dynamic_friction * -normal / tangential
-                rx, ry, rz = keep * rx, keep * ry, keep * rz
-        return cx + rx, cy + ry, cz + rz
-
-    @compiled
-    def settling_speed(gravity, dt):
-        """Twice what `gravity` [m/s^2] adds within a step of `dt` [s]: who comes no faster rests, and must not jitter."""
-        return two * abs(gravity) * dt
-
-    @compiled
-    def rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction, restitution, settling):
-        """As `respond`, and of the normal velocity the share `restitution` comes back, where it is more than `settling`
-        [m/s]. Friction is limited by the whole change of the normal velocity."""
-        rx, ry, rz = vx - cx, vy - cy, vz - cz
-        normal = (rx * nx + ry * ny) + rz * nz
-        if normal < zero:
-            back = restitution * -normal if -normal > settling else zero
-            taken = back - normal
-            rx, ry, rz = rx - normal * nx, ry - normal * ny, rz - normal * nz
-            tangential = root((rx * rx + ry * ry) + rz * rz)
-            if tangential <= taken * static_friction:
-                rx, ry, rz = zero, zero, zero
-            elif dynamic_friction > zero:
-                keep = one - dynamic_friction * taken / tangential
-                rx, ry, rz = keep * rx, keep * ry, keep * rz
-            rx, ry, rz = rx + back * nx, ry + back * ny, rz + back * nz
-        return cx + rx, cy + ry, cz + rz
-
-    return SimpleNamespace(
-        plane=plane, sphere=from_center, capsule=capsule, box=box, sphere_entry=sphere_entry, respond=respond,
-        rebound=rebound, settling_speed=settling_speed,
-    )  # fmt: skip
+    return SimpleNamespace(plane=plane, sphere=from_center, capsule=capsule, box=box, sphere_entry=sphere_entry)

@@ -19,7 +19,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from model.formulas import joined, plain
+from model.formulas.lengths import make as make_lengths
 
 FACE, FIRST, SECOND, THIRD, FIRST_SECOND, FIRST_THIRD, SECOND_THIRD = range(7)  # where a triangle's nearest point lies
 
@@ -76,14 +77,8 @@ def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`. Vectors are three numbers; b and c are the weights of a triangle's second
     and third corner, the first one's is 1 - b - c."""
     zero, one, quarter = real(0), real(1), real(0.25)
-
-    @compiled
-    def dot(ax, ay, az, bx, by, bz):
-        return (ax * bx + ay * by) + az * bz
-
-    @compiled
-    def length(x, y, z):
-        return sqrt((x * x + y * y) + z * z)
+    lengths = make_lengths(real, compiled)
+    dot, length = lengths.dot, lengths.length
 
     @compiled
     def part(a, b):
@@ -132,11 +127,6 @@ def make(real, compiled=plain):
         return FACE, part(second, whole), part(third, whole)
 
     @compiled
-    def away(p, u, v, b, c):
-        """From the nearest point to the mass, one axis."""
-        return p - (b * u + c * v)
-
-    @compiled
     def rest_distance(row, row_u, row_v, column, column_u, column_v, b, c, spacing):
         """How far [m] the mass lies from that point of the triangle in the flat sheet; rows and columns as u, v, p."""
         i, j = row - (b * row_u + c * row_v), column - (b * column_u + c * column_v)
@@ -166,11 +156,26 @@ def make(real, compiled=plain):
             outside = up == above
         return (nx, ny, nz) if outside else (-nx, -ny, -nz)
 
+    search = SimpleNamespace(
+        dot=dot, length=length, middle=middle, scaled=scaled, nearest=nearest, rest_distance=rest_distance, normal=normal
+    )  # fmt: skip
+    return joined(search, make_projection(real, compiled))
+
+
+def make_projection(real, compiled=plain):
+    """Of one contact, see the functions; in the arithmetic `real`."""
+    zero, one = real(0), real(1)
+
     @compiled
     def held_distance(thickness, rest, gap, push):
         """What the contact keeps [m]: the thickness, nowhere more than the flat sheet has there (or neighbours would repel
         each other), and of what began nearer no more than `push` beyond it."""
         return min(min(thickness, rest), gap + push)
+
+    @compiled
+    def away(p, u, v, b, c):
+        """From the nearest point to the mass, one axis."""
+        return p - (b * u + c * v)
 
     @compiled
     def mixed(qa, qb, qc, b, c):
@@ -227,7 +232,6 @@ def make(real, compiled=plain):
         return position + weight * total
 
     return SimpleNamespace(
-        dot=dot, length=length, middle=middle, scaled=scaled, nearest=nearest, away=away, rest_distance=rest_distance,
-        normal=normal, held_distance=held_distance, mixed=mixed, first_weight=first_weight, stiffness=stiffness,
-        inverse=inverse, slip=slip, along=along, correction=correction, rubbed=rubbed, taken=taken, shifted=shifted,
+        held_distance=held_distance, away=away, mixed=mixed, first_weight=first_weight, stiffness=stiffness, inverse=inverse,
+        slip=slip, along=along, correction=correction, rubbed=rubbed, taken=taken, shifted=shifted,
     )  # fmt: skip

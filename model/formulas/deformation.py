@@ -12,7 +12,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from model.formulas import joined, plain
+from model.formulas.lengths import make as make_lengths
 
 # Of the volume at rest, below which the linear map's part falls to 0 with the volume: 1 / cbrt(det F) lengthens what is long
 # already, and what is crushed and cannot get its volume back would flee sideways, ever faster.
@@ -31,14 +32,8 @@ SMALLEST, LARGEST = 1e-12, 1e12  # volumes between which the cube root is right 
 
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`."""
-    zero, one, two = real(0), real(1), real(2)
-    half, fuller = real(0.5), real(1 / MIN_VOLUME)
-    smallest, largest = real(SMALLEST), real(LARGEST)
-    least = real(64 * np.finfo(real).eps)  # a volume that is not rounding
-
-    @compiled
-    def dot(ax, ay, az, bx, by, bz):
-        return (ax * bx + ay * by) + az * bz
+    zero, one, two, fuller = real(0), real(1), real(2), real(1 / MIN_VOLUME)
+    smallest, largest, dot = real(SMALLEST), real(LARGEST), make_lengths(real, compiled).dot
 
     @compiled
     def product(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, bxx, bxy, bxz, byx, byy, byz, bzx, bzy, bzz):
@@ -111,6 +106,19 @@ def make(real, compiled=plain):
             mixed(a, fzx, b, rzx), mixed(a, fzy, b, rzy), mixed(a, fzz, b, rzz),
         )  # fmt: skip
 
+    maps = SimpleNamespace(
+        product=product, bent=bent, gradient=gradient, determinant=determinant, cube_root=cube_root, undone=undone,
+        blended=blended,
+    )  # fmt: skip
+    return joined(maps, make_creep(real, compiled, maps, dot))
+
+
+def make_creep(real, compiled, maps, dot):
+    """`strain` and `crept` in the arithmetic `real`."""
+    zero, half, one, two, largest = real(0), real(0.5), real(1), real(2), real(LARGEST)
+    least = real(64 * np.finfo(real).eps)  # a volume that is not rounding
+    product, determinant, cube_root = maps.product, maps.determinant, maps.cube_root
+
     @compiled
     def away(more, factor, other):
         """An entry of I + k (Sp - I) or of Sp + k E Sp."""
@@ -163,7 +171,4 @@ def make(real, compiled=plain):
             zx if go else pzx, zy if go else pzy, zz if go else pzz,
         )  # fmt: skip
 
-    return SimpleNamespace(
-        product=product, bent=bent, gradient=gradient, determinant=determinant, cube_root=cube_root, undone=undone,
-        blended=blended, strain=strain, crept=crept,
-    )  # fmt: skip
+    return SimpleNamespace(strain=strain, crept=crept)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import plain
+from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_RIGID = (
@@ -29,26 +29,6 @@ def make(real, compiled=plain):
     lengths = make_lengths(real, compiled)
     squared_length_2d, squared_length_3d = lengths.squared_length, lengths.squared_length_3d
     inverse_length = lengths.inverse_length
-
-    @compiled
-    def kicked(velocity, keep, h, acceleration):
-        """Velocity [m/s] of the prediction, one axis: braked by the mass's damper, then kicked."""
-        return velocity * keep + h * acceleration
-
-    @compiled
-    def kept(drag, weight):
-        """What the damper leaves of the velocity of a mass of that weight: 1 - h c / m."""
-        return one - drag * weight
-
-    @compiled
-    def predicted(position, h, velocity):
-        """Position [m] before the constraints, one axis."""
-        return position + h * velocity
-
-    @compiled
-    def rate(position, before, inverse_h):
-        """Velocity [m/s] that led from `before` to `position` in a substep, one axis."""
-        return (position - before) * inverse_h
 
     @compiled
     def reciprocal(weight, stiffening, compliance):
@@ -98,9 +78,58 @@ def make(real, compiled=plain):
         return position + weight * (scale * d)
 
     @compiled
+    def tether(squared, reach):
+        """What the way d from an anchor is multiplied by so that it is at most `reach` long."""
+        return reach * inverse_length(squared) if squared > reach * reach else one
+
+    @compiled
+    def tethered(position, anchor, d, factor):
+        """The position after it, one axis; the same bits where nothing pulls."""
+        return anchor + factor * d if factor < one else position
+
+    constraint = SimpleNamespace(
+        reciprocal=reciprocal, rigid_change=rigid_change, soft_change=soft_change, damped_change=damped_change,
+        along_2d=along_2d, along_3d=along_3d, moved=moved, tether=tether, tethered=tethered,
+        squared_length_2d=squared_length_2d, squared_length_3d=squared_length_3d,
+    )  # fmt: skip
+    return joined(make_substep(real, compiled), constraint, make_jacobi(real, compiled))
+
+
+def make_substep(real, compiled=plain):
+    """Of a substep's beginning and end, see the functions; in the arithmetic `real`."""
+    one = real(1)
+
+    @compiled
+    def kicked(velocity, keep, h, acceleration):
+        """Velocity [m/s] of the prediction, one axis: braked by the mass's damper, then kicked."""
+        return velocity * keep + h * acceleration
+
+    @compiled
+    def kept(drag, weight):
+        """What the damper leaves of the velocity of a mass of that weight: 1 - h c / m."""
+        return one - drag * weight
+
+    @compiled
+    def predicted(position, h, velocity):
+        """Position [m] before the constraints, one axis."""
+        return position + h * velocity
+
+    @compiled
+    def rate(position, before, inverse_h):
+        """Velocity [m/s] that led from `before` to `position` in a substep, one axis."""
+        return (position - before) * inverse_h
+
+    @compiled
     def added(acceleration, weight, force):
         """An acceleration with that of a force over the sheet's mass [m/s^2], on a mass of that weight, one axis."""
         return acceleration + weight * force
+
+    return SimpleNamespace(kicked=kicked, kept=kept, predicted=predicted, rate=rate, added=added)
+
+
+def make_jacobi(real, compiled=plain):
+    """Of the Jacobi orderings, see the functions; in the arithmetic `real`."""
+    zero, one = real(0), real(1)
 
     @compiled
     def share(valence, weight):
@@ -122,19 +151,4 @@ def make(real, compiled=plain):
         """The same where displacements are averaged, not summed; a mass without constraints stays."""
         return position + (weight * total) * (one / valence) if valence > zero else position
 
-    @compiled
-    def tether(squared, reach):
-        """What the way d from an anchor is multiplied by so that it is at most `reach` long."""
-        return reach * inverse_length(squared) if squared > reach * reach else one
-
-    @compiled
-    def tethered(position, anchor, d, factor):
-        """The position after it, one axis; the same bits where nothing pulls."""
-        return anchor + factor * d if factor < one else position
-
-    return SimpleNamespace(
-        kicked=kicked, kept=kept, predicted=predicted, rate=rate, reciprocal=reciprocal, rigid_change=rigid_change,
-        soft_change=soft_change, damped_change=damped_change, along_2d=along_2d, along_3d=along_3d, moved=moved,
-        added=added, share=share, scaled=scaled, gathered=gathered, averaged=averaged,
-        tether=tether, tethered=tethered, squared_length_2d=squared_length_2d, squared_length_3d=squared_length_3d,
-    )  # fmt: skip
+    return SimpleNamespace(share=share, scaled=scaled, gathered=gathered, averaged=averaged)

@@ -17,15 +17,15 @@ the body lies inside the box, at least), then the samples, z fastest.
 
 from __future__ import annotations
 
-from math import sqrt
 from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from model.formulas import joined, plain
 from model.formulas.cloth import make as make_cloth
 from model.formulas.colliders import make as make_colliders
 from model.formulas.frame import make as make_frame
+from model.formulas.lengths import make as make_lengths
 
 HEADER = 8
 ROUNDS = 4  # how often a mass is moved, at most: two folds, each looked at twice
@@ -34,18 +34,9 @@ STEPS = 64  # along a way, of half a cell at least: none is cut off that goes fa
 NULL = 2.0**-10  # of a distance's slope, which is 1: what is less steep leads nowhere
 
 
-def make(real, compiled=plain, bounces=False):
-    """`sample`, of a field at a point; `entry`, of a way; `settle`, of a mass in the collider's frame; `touch`, of a mass. In
-    the arithmetic `real`. `bounces`: whether there is code for restitution."""
+def make_field(real, compiled, between):
+    """`sample`, of a field at a point; `entry`, of a way; in the arithmetic `real`."""
     zero, half, one = real(0), real(0.5), real(1)
-    settled, null = real(SETTLED), real(NULL)
-    sums, answers = make_cloth(real, compiled), make_colliders(real, compiled)
-    between, pushed, cross = sums.between, sums.pushed, sums.cross
-    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
-
-    @compiled
-    def norm(x, y, z):
-        return sqrt((x * x + y * y) + z * z)
 
     @compiled
     def beyond(u, cells):
@@ -105,6 +96,19 @@ def make(real, compiled=plain, bounces=False):
             part = min(part + max(distance, half / numbers[field + 6]) / length, one)
         return one
 
+    return SimpleNamespace(sample=sample, entry=entry)
+
+
+def make(real, compiled=plain, bounces=False):
+    """What `make_field` makes; `settle`, of a mass in the collider's frame; `touch`, of a mass. In the arithmetic `real`.
+    `bounces`: whether there is code for restitution."""
+    zero, one, settled, null = real(0), real(1), real(SETTLED), real(NULL)
+    sums, answers, lengths = make_cloth(real, compiled), make_colliders(real, compiled), make_lengths(real, compiled)
+    between, pushed, norm, cross = sums.between, sums.pushed, lengths.length, lengths.cross
+    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
+    found = make_field(real, compiled, between)
+    sample, entry = found.sample, found.entry
+
     @compiled
     def settle(
         numbers, field, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
@@ -143,4 +147,4 @@ def make(real, compiled=plain, bounces=False):
             met, reach = True, settled * thickness
         return met, x, y, z, vx, vy, vz
 
-    return SimpleNamespace(sample=sample, entry=entry, settle=settle, touch=touching(settle))
+    return joined(found, SimpleNamespace(settle=settle, touch=touching(settle)))

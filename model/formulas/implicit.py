@@ -42,13 +42,9 @@ FORCING = 0.9
 TURNED = 0.9  # part of the slope that may have changed its sign at a Newton step's end
 
 
-def make(real, compiled=plain, linear=False):
-    """The functions below in the arithmetic `real`; `linear`: one matrix a step, solved to LINEAR_TOLERANCE."""
-    zero, half = real(0), real(0.5)
-    tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
-    least_left, forcing, of_noise, turned = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(TURNED)
-    newton_steps = 1 if linear else MAX_NEWTON
-    lengths = make_lengths(real, compiled)
+def make(real, compiled=plain):
+    """Of a step's equations, see the functions; in the arithmetic `real`."""
+    zero, lengths = real(0), make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
     @compiled
@@ -89,10 +85,18 @@ def make(real, compiled=plain, linear=False):
         """value + factor other, one axis."""
         return value + factor * other
 
-    @compiled
-    def dot(ax, ay, az, bx, by, bz):
-        """Of one mass's entries of two vectors."""
-        return (ax * bx + ay * by) + az * bz
+    return SimpleNamespace(
+        product_3d=product_3d, end_pull_3d=end_pull_3d, residual=residual, applied=applied, added=added, dot=lengths.dot
+    )
+
+
+def make_control(real, compiled=plain, linear=False):
+    """What decides how often each pass runs, in the arithmetic `real`; `linear`: one matrix a step, solved to
+    LINEAR_TOLERANCE."""
+    zero, half = real(0), real(0.5)
+    tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
+    least_left, forcing, of_noise, turned = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(TURNED)
+    newton_steps = 1 if linear else MAX_NEWTON
 
     @compiled
     def noise(velocity_squared, springs_squared, roundoff):
@@ -143,7 +147,4 @@ def make(real, compiled=plain, linear=False):
         kind = FINISH if iterations == 0 else MOVE
         return kind, (newton + 1, 0, iterations), (first, before, limit, slope, gamma, alpha, beta)
 
-    return SimpleNamespace(
-        product_3d=product_3d, end_pull_3d=end_pull_3d, residual=residual, applied=applied, added=added, dot=dot,
-        after_residual=after_residual, after_product=after_product,
-    )  # fmt: skip
+    return SimpleNamespace(after_residual=after_residual, after_product=after_product)

@@ -98,11 +98,6 @@ def make(real, compiled=plain, damped=True):
         return base + derivative_dt * rate, total + total_dt * rate
 
     return SimpleNamespace(
-        lab=lab,
-        semi_implicit_euler=semi_implicit_euler,
-        explicit_euler=explicit_euler,
-        taylor=taylor,
-        verlet_first_half=verlet_first_half,
-        verlet_second_half=verlet_second_half,
-        rk4_stage=rk4_stage,
-    )
+        lab=lab, semi_implicit_euler=semi_implicit_euler, explicit_euler=explicit_euler, taylor=taylor,
+        verlet_first_half=verlet_first_half, verlet_second_half=verlet_second_half, rk4_stage=rk4_stage,
+    )  # fmt: skip

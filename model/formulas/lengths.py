@@ -1,4 +1,4 @@
-"""Lengths: what springs, wind and colliders share, and what `fast` math replaces by approximate instructions."""
+"""Lengths and products of vectors: what most topics share, and what `fast` math replaces by approximate instructions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from model.formulas import plain
 
 
 def make(real, compiled=plain):
-    """`squared_length`, `squared_length_3d`, `inverse_length` in the arithmetic `real`."""
+    """`squared_length`, `squared_length_3d`, `inverse_length`; `dot`, `cross`, `length`, which stay as they are in any math;
+    in the arithmetic `real`."""
     zero, one = real(0), real(1)
 
     # In `fast` math a backend may replace the first and the last, by approximate instructions and without the branch: for
@@ -28,6 +29,20 @@ def make(real, compiled=plain):
         """1 / sqrt(squared), 0 for 0."""
         return one / sqrt(squared) if squared > zero else zero
 
+    @compiled
+    def dot(ax, ay, az, bx, by, bz):
+        return (ax * bx + ay * by) + az * bz
+
+    @compiled
+    def cross(ax, ay, az, bx, by, bz):
+        """a x b: normal to the triangle with these edges, twice its area long."""
+        return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+    @compiled
+    def length(x, y, z):
+        return sqrt((x * x + y * y) + z * z)
+
     return SimpleNamespace(
-        squared_length=squared_length, squared_length_3d=squared_length_3d, inverse_length=inverse_length
-    )
+        squared_length=squared_length, squared_length_3d=squared_length_3d, inverse_length=inverse_length, dot=dot,
+        cross=cross, length=length,
+    )  # fmt: skip

@@ -18,7 +18,7 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import plain
+from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_SEARCH = 9  # a particle that is looked at: the distance's square and its comparison
@@ -30,7 +30,6 @@ OPERATIONS_BOUNCE = 2 * 36  # a neighbour: counted and answered, the normal, two
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`. Vectors are three numbers, from the other particle to the asking one."""
     zero, one, nowhere = real(0), real(1), real(1e-6)
-    beside = real(1.001)  # of the distance: what was moved apart to it is a rounding nearer or farther
     squared_length_3d = make_lengths(real, compiled).squared_length_3d
 
     @compiled
@@ -105,6 +104,18 @@ def make(real, compiled=plain):
         """A particle after all its contacts, one axis."""
         return position + weight * total
 
+    contacts = SimpleNamespace(
+        squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
+        grip=grip, added=added, added_friction=added_friction, moved=moved,
+    )  # fmt: skip
+    return joined(contacts, make_end(real, compiled, squared_length_3d))
+
+
+def make_end(real, compiled, squared_length_3d):
+    """At a substep's end: who bounces, goes too fast, or sleeps; in the arithmetic `real`."""
+    zero = real(0)
+    beside = real(1.001)  # of the distance: what was moved apart to it is a rounding nearer or farther
+
     @compiled
     def touching(squared_distance, distance):
         """Whether two touch at the substep's end."""
@@ -134,8 +145,4 @@ def make(real, compiled=plain):
         """A particle at the substep's end that stays where it was if it hardly moved, one axis."""
         return before if length < asleep else position
 
-    return SimpleNamespace(
-        squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
-        grip=grip, added=added, added_friction=added_friction, moved=moved, touching=touching, lacking=lacking, far=far,
-        shortened=shortened, rested=rested,
-    )  # fmt: skip
+    return SimpleNamespace(touching=touching, lacking=lacking, far=far, shortened=shortened, rested=rested)

@@ -38,13 +38,12 @@ from types import SimpleNamespace
 import numpy as np
 
 from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
 
 # counted on numbers that count; a comparison, a largest and an absolute value are one each
 OPERATIONS_2D = 22
 OPERATIONS_MATRIX = 28
-OPERATIONS_ROTATED = 30
 OPERATIONS_NEAR = {4: 567, 8: 779}  # by the bytes of a number
-OPERATIONS_FAR = 1660  # of a random matrix, 8 squarings
 
 # In units of eps, A's largest entry being 1.
 KEPT = 8  # |b| of a rotation that is not touched any more, so that what rests stays at rest: what rounding makes of 0
@@ -53,20 +52,10 @@ SLACK = 32  # what H's eigenvalues may be below 0: the rounding of three pivots
 LEAST = 1024  # what is added to H, so that where A leaves a turn open, rounding turns by hundredths at most
 
 
-def make(real, compiled=plain):
-    """`rotation_2d`, `rotation_3d`, its halves `rotation_3d_near` and `rotation_3d_far`, `matrix_of`, `rotated` in the
-    arithmetic `real`."""
-    zero, half, one, two, three, four = real(0), real(0.5), real(1), real(2), real(3), real(4)
-    eps = float(np.finfo(real).eps)
+def make_2d(real, compiled=plain):
+    """rotation_2d in the arithmetic `real`."""
+    zero, one, kept = real(0), real(1), real((KEPT * float(np.finfo(real).eps)) ** 2)
     normal = real(4 * np.finfo(real).tiny)  # its reciprocal is finite
-    kept, reached = real((KEPT * eps) ** 2), real((REACHED * eps) ** 2)
-    slack, least = real(SLACK * eps), real(LEAST * eps)
-    steps = 2 if real is np.float32 else 3  # from 30 degrees, of nearly all random matrices
-    # 2^n times: of two eigenvalues in a shifted sum of at most 6 sqrt(3), what is left of the smaller one costs the trace at
-    # most 6 sqrt(3) / (2 e 2^n) = 2 eps
-    squarings = 23 if real is np.float32 else 52
-    alone = real(1 - 4 * eps)
-    lost = real(1 / 64)
 
     @compiled
     def rotation_2d(xx, xy, yx, yy, cosine, sine):
@@ -80,6 +69,13 @@ def make(real, compiled=plain):
         found = squared > kept
         length = sqrt(squared if found else one)
         return c / length if found else cosine, s / length if found else sine
+
+    return rotation_2d
+
+
+def make_quaternions(real, compiled=plain):
+    """`matrix_of`, `rotated`, of unit quaternions, and `unit`, in the arithmetic `real`."""
+    half, one, two = real(0.5), real(1), real(2)
 
     @compiled
     def matrix_of(w, x, y, z):
@@ -109,6 +105,18 @@ def make(real, compiled=plain):
         more = half * (one - ((w * w + x * x) + (y * y + z * z)))
         return w + more * w, x + more * x, y + more * y, z + more * z
 
+    return SimpleNamespace(matrix_of=matrix_of, rotated=rotated, unit=unit)
+
+
+def make_near(real, compiled, quaternions):
+    """`rotation_3d_near`, and `normalised`, in the arithmetic `real`."""
+    zero, half, one, two, four = real(0), real(0.5), real(1), real(2), real(4)
+    eps, normal = float(np.finfo(real).eps), real(4 * np.finfo(real).tiny)
+    kept, reached = real((KEPT * eps) ** 2), real((REACHED * eps) ** 2)
+    slack, least = real(SLACK * eps), real(LEAST * eps)
+    steps = 2 if real is np.float32 else 3  # from 30 degrees, of nearly all random matrices
+    dot, matrix_of, unit = make_lengths(real, compiled).dot, quaternions.matrix_of, quaternions.unit
+
     @compiled
     def normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz):
         """A over its largest entry; 0 where that is below every normal number."""
@@ -116,10 +124,6 @@ def make(real, compiled=plain):
         largest = max(max(first, second), max(abs(zy), abs(zz)))
         s = one / largest if largest > normal else zero
         return s * xx, s * xy, s * xz, s * yx, s * yy, s * yz, s * zx, s * zy, s * zz
-
-    @compiled
-    def dot(ax, ay, az, bx, by, bz):
-        return (ax * bx + ay * by) + az * bz
 
     @compiled
     def seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
@@ -183,6 +187,18 @@ def make(real, compiled=plain):
         reached = reached_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
         return nw if reached else w, nx if reached else x, ny if reached else y, nz if reached else z, reached
 
+    return SimpleNamespace(rotation_3d_near=rotation_3d_near, normalised=normalised)
+
+
+def make_far(real, compiled, unit, near):
+    """rotation_3d_far in the arithmetic `real`; `near`: of `make_near`."""
+    one, three, normal = real(1), real(3), real(4 * np.finfo(real).tiny)
+    # 2^n times: of two eigenvalues in a shifted sum of at most 6 sqrt(3), what is left of the smaller one costs the trace at
+    # most 6 sqrt(3) / (2 e 2^n) = 2 eps
+    squarings = 23 if real is np.float32 else 52
+    alone, lost = real(1 - 4 * float(np.finfo(real).eps)), real(1 / 64)
+    dot, rotation_3d_near, normalised = make_lengths(real, compiled).dot, near.rotation_3d_near, near.normalised
+
     @compiled
     def squared_of(a, b, c, d, e, f, g, h, i, j):
         """The square of the symmetric matrix with the rows (a, b, c, d), (b, e, f, g), (c, f, h, i), (d, g, i, j)."""
@@ -235,6 +251,15 @@ def make(real, compiled=plain):
         nw, nx, ny, nz, _ = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, nw, nx, ny, nz)
         return nw, nx, ny, nz
 
+    return rotation_3d_far
+
+
+def make(real, compiled=plain):
+    """`rotation_3d`, its halves `rotation_3d_near` and `rotation_3d_far`, `matrix_of`, `rotated` in the arithmetic `real`."""
+    quaternions = make_quaternions(real, compiled)
+    near = make_near(real, compiled, quaternions)
+    rotation_3d_near, rotation_3d_far = near.rotation_3d_near, make_far(real, compiled, quaternions.unit, near)
+
     @compiled
     def rotation_3d(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
         """(w, x, y, z) of the rotation nearest to A, from the unit quaternion (w, x, y, z) of before: the same bits as
@@ -245,6 +270,6 @@ def make(real, compiled=plain):
         return rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
 
     return SimpleNamespace(
-        rotation_2d=rotation_2d, rotation_3d=rotation_3d, rotation_3d_near=rotation_3d_near, rotation_3d_far=rotation_3d_far,
-        matrix_of=matrix_of, rotated=rotated,
+        rotation_3d=rotation_3d, rotation_3d_near=rotation_3d_near, rotation_3d_far=rotation_3d_far,
+        matrix_of=quaternions.matrix_of, rotated=quaternions.rotated,
     )  # fmt: skip

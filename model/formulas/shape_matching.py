@@ -14,8 +14,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from model.formulas import plain
-from model.formulas.rotation import OPERATIONS_2D
-from model.formulas.rotation import make as make_rotation
+from model.formulas.rotation import OPERATIONS_2D, make_2d
 
 OPERATIONS_MEMBER = 11  # of a window's row, beside the mass itself
 OPERATIONS_ROW = 18  # of a window
@@ -27,7 +26,7 @@ OPERATIONS_MOVE = 8
 
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`. x: along a row of the lattice; y: against its columns' direction."""
-    rotation_2d = make_rotation(real, compiled).rotation_2d
+    rotation_2d = make_2d(real, compiled)
     one, zero = real(1), real(0)
 
     @compiled

@@ -18,10 +18,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from model.formulas import joined, plain
 from model.formulas.cloth import make as make_cloth
 from model.formulas.colliders import make as make_colliders
 from model.formulas.frame import make as make_frame
+from model.formulas.lengths import make as make_lengths
 
 NODE, CORNERS = 8, 9  # numbers of a node, of a triangle
 ROUNDS = (
@@ -34,18 +35,10 @@ NEAR = (
 SLACK = 8  # eps: what rounding can make of the product of an edge that a way meets
 
 
-def make(real, compiled=plain, bounces=False):
-    """`crossing` and `way_from`, of one triangle; `first_crossing` and `nearest`, of a tree; `settle`, of a mass in the
-    mesh's frame; `touch`, of a mass. In the arithmetic `real`. `bounces`: whether there is code for restitution."""
-    zero, one, two = real(0), real(1), real(2)
-    slack, settled, near = real(SLACK * float(np.finfo(real).eps)), real(SETTLED), real(NEAR)
-    sums, answers = make_cloth(real, compiled), make_colliders(real, compiled)
-    between, pushed, cross = sums.between, sums.pushed, sums.cross
-    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
-
-    @compiled
-    def dot(ax, ay, az, bx, by, bz):
-        return (ax * bx + ay * by) + az * bz
+def make_triangle(real, compiled, lengths):
+    """`crossing` and `way_from`, of one triangle, in the arithmetic `real`."""
+    zero, one, two, slack = real(0), real(1), real(2), real(SLACK * float(np.finfo(real).eps))
+    dot, cross = lengths.dot, lengths.cross
 
     @compiled
     def largest(x, y, z):
@@ -116,6 +109,15 @@ def make(real, compiled=plain, bounces=False):
         if other < best:
             best, wx, wy, wz = other, ux, uy, uz
         return best, wx, wy, wz
+
+    return SimpleNamespace(crossing=crossing, way_from=way_from)
+
+
+def make_tree(real, compiled=plain):
+    """`first_crossing`, `nearest` and `facing`, of a tree; what `make_triangle` makes; in the arithmetic `real`."""
+    zero, two, lengths = real(0), real(2), make_lengths(real, compiled)
+    triangle = make_triangle(real, compiled, lengths)
+    dot, cross, crossing, way_from = lengths.dot, lengths.cross, triangle.crossing, triangle.way_from
 
     @compiled
     def first_crossing(numbers, tree, px, py, pz, qx, qy, qz):
@@ -194,6 +196,18 @@ def make(real, compiled=plain, bounces=False):
             length = -length
         return nx / length, ny / length, nz / length
 
+    return joined(triangle, SimpleNamespace(first_crossing=first_crossing, nearest=nearest, facing=facing))
+
+
+def make(real, compiled=plain, bounces=False):
+    """What `make_tree` makes; `settle`, of a mass in the mesh's frame; `touch`, of a mass. In the arithmetic `real`.
+    `bounces`: whether there is code for restitution."""
+    zero, settled, near = real(0), real(SETTLED), real(NEAR)
+    tree_walks, sums, answers = make_tree(real, compiled), make_cloth(real, compiled), make_colliders(real, compiled)
+    first_crossing, nearest, facing = tree_walks.first_crossing, tree_walks.nearest, tree_walks.facing
+    between, pushed, cross = sums.between, sums.pushed, sums.cross
+    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
+
     @compiled
     def settle(
         numbers, tree, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
@@ -238,7 +252,4 @@ def make(real, compiled=plain, bounces=False):
             met, reach = True, settled * thickness
         return met, x, y, z, vx, vy, vz
 
-    return SimpleNamespace(
-        crossing=crossing, way_from=way_from, first_crossing=first_crossing, nearest=nearest, settle=settle,
-        touch=touching(settle),
-    )  # fmt: skip
+    return joined(tree_walks, SimpleNamespace(settle=settle, touch=touching(settle)))

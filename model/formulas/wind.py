@@ -45,10 +45,8 @@ def make(real, compiled=plain):
         along_normal = lift * through * (squared * inverse_speed) * inverse_normal
         along_air = drag * abs(through) - lift * through * through * inverse_speed * inverse_normal
         return (
-            along_normal * nx + along_air * ux,
-            along_normal * ny + along_air * uy,
-            along_normal * nz + along_air * uz,
-        )
+            along_normal * nx + along_air * ux, along_normal * ny + along_air * uy, along_normal * nz + along_air * uz,
+        )  # fmt: skip
 
     @compiled
     def gust_interval(time, gust_time):

@@ -129,7 +129,7 @@ def hinge() -> tuple[np.ndarray, np.ndarray]:
 
 def test_one_projection_of_an_isometric_hinge_is_exact() -> None:
     """It is linear: without compliance nothing is left of k but its length at rest, along where it pointed."""
-    made, (x, k), w = bending.make(REAL), hinge(), np.array([1.0, 2.0, 0.5, 3.0])
+    made, (x, k), w = bending.make_isometric(REAL), hinge(), np.array([1.0, 2.0, 0.5, 3.0])
     way = np.array([made.curvature(*k[1:], *(x[1:, axis] - x[0, axis])) for axis in range(3)])
     assert way == pytest.approx(k @ x)
     reciprocal = 1 / made.square_sum(*w, *k)
@@ -147,7 +147,7 @@ def test_one_projection_of_an_isometric_hinge_is_exact() -> None:
 
 def test_a_dihedral_hinge_is_projected_along_the_gradient_of_its_constraint() -> None:
     """C = |e| (4 tan(theta/4) - at rest). Its slope by theta, by differences; one Newton step takes C to second order."""
-    made, edge, rest = bending.make(REAL), 0.3, 0.1
+    made, edge, rest = bending.make_dihedral(REAL), 0.3, 0.1
     for theta in (-2.5, 0.3, 3.0):
         up, down = (4 * edge * np.tan((theta + step) / 4) for step in (1e-6, -1e-6))
         assert made.steepness(edge, np.tan(theta / 4)) == pytest.approx((up - down) / 2e-6, rel=1e-8)

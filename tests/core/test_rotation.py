@@ -244,7 +244,7 @@ def test_in_two_dimensions(entries: list[float], angle: float) -> None:
     """s1 + sign(det) s2 = |(xx + yy, yx - xy)|, to what is kept and rounding; what is given where that is 0."""
     for real in (np.float32, np.float64):
         a, given_one = np.array(entries, real), (real(np.cos(angle)), real(np.sin(angle)))
-        c, s = rotation.make(real).rotation_2d(*a, *given_one)
+        c, s = rotation.make_2d(real)(*a, *given_one)
         assert type(c) is real and type(s) is real
         eps, A = np.finfo(real).eps, unscaled(a.reshape(1, 2, 2), real)[0]
         assert abs(float(c) ** 2 + float(s) ** 2 - 1) < 4 * eps
@@ -262,18 +262,17 @@ def test_in_two_dimensions(entries: list[float], angle: float) -> None:
 
 @BOTH
 def test_mirrors_and_nothing_keep_the_turn_in_two_dimensions(real: Any) -> None:
-    formulas, before = rotation.make(real), (real(0.6), real(0.8))
+    rotation_2d, before = rotation.make_2d(real), (real(0.6), real(0.8))
     turns = np.random.default_rng(4).uniform(-4, 4, 200)
     for scale in (1e-12, 1.0, 1e12, 0.0):
         for c, s in zip(np.cos(turns), np.sin(turns), strict=True):
             mirror = [real(scale * v) for v in (c, s, s, -c)]
-            assert formulas.rotation_2d(*mirror, *before) == before
+            assert rotation_2d(*mirror, *before) == before
             if scale:
-                found = formulas.rotation_2d(*[real(scale * v) for v in (c, -s, s, c)], *before)
+                found = rotation_2d(*[real(scale * v) for v in (c, -s, s, c)], *before)
                 assert np.abs(np.subtract(found, (c, s))).max() <= 2 * np.finfo(real).eps
-    assert formulas.rotation_2d(real(1e-42), real(0), real(0), real(1e-42), *before) == (
-        before if real is np.float32 else (1, 0)
-    )
+    nothing = rotation_2d(real(1e-42), real(0), real(0), real(1e-42), *before)
+    assert nothing == (before if real is np.float32 else (1, 0))
 
 
 @BOTH
@@ -297,10 +296,10 @@ def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
     q, _ = solver(real)(A, before)
     near, reached = solver(real)(A, before, False)
     assert 0.1 < reached.mean() < 0.9
-    two = rotation.make(real, numba.njit(error_model="numpy")).rotation_2d
+    flat, two = rotation.make_2d(real), rotation.make_2d(real, numba.njit(error_model="numpy"))
     for k, a in enumerate(A.reshape(-1, 9)):
         alone = plain.rotation_3d(*a, *before[k])
         assert all(type(v) is real for v in alone)
         assert np.array_equal(alone, q[k])
         assert np.array_equal(plain.rotation_3d_near(*a, *before[k]), [*near[k], reached[k]])
-        assert plain.rotation_2d(*a[:4], *before[k, :2]) == two(*a[:4], *before[k, :2])
+        assert flat(*a[:4], *before[k, :2]) == two(*a[:4], *before[k, :2])

@@ -119,13 +119,13 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
 
     from gpu_backend.core import forces
     from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-    from gpu_backend.mass_spring.cloth.stages import make_force_stages, make_motion_stages
+    from gpu_backend.mass_spring.cloth.stages import make_bound_stages, make_force_stages, make_motion_stages
 
     kind = types.float32 if real is np.float32 else types.float64
     quads, words = kind[::1], types.uint64[::1]
     shape, step = (types.int32, types.int32), types.int64
     tools, variant = make_cloth_tools(real), (real, "fast", "velocity-verlet", EVERYTHING)
-    force, motion = make_force_stages(*variant), make_motion_stages(*variant)
+    force, motion, bound = make_force_stages(*variant), make_motion_stages(*variant), make_bound_stages(*variant)
     own = forces.make_force_stages(real, "fast", EVERYTHING)
     for kernel, arguments in (
         (tools.count, (types.int64[::1], types.int64)),
@@ -141,9 +141,9 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
         (motion.first_kick, (quads,) * 4),
         (motion.second_kick, (quads,) * 3),
         (motion.accumulate, (types.int32, *(quads,) * 5)),
-        (motion.collide, (*(quads,) * 5, words, step)),
-        (motion.pins, (quads,) * 3),
-        (motion.moving_pins, (*(quads,) * 4, step, types.int32)),
+        (bound.collide, (*(quads,) * 5, words, step)),
+        (bound.pins, (quads,) * 3),
+        (bound.moving_pins, (*(quads,) * 4, step, types.int32)),
     ):
         text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0))
         text = text[text.index(".entry") :]

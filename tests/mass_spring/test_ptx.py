@@ -68,7 +68,8 @@ def tile_kernel(
     rung: str, real: Any, math: str, integrator: str, tile: str, cut: bool = True, parts: frozenset[str] = PARTS
 ) -> Any:
     from gpu_backend.mass_spring.grid.choice import parsed_tile
-    from gpu_backend.mass_spring.grid.tiles import make_resident, make_tile_pass
+    from gpu_backend.mass_spring.grid.resident import make_resident
+    from gpu_backend.mass_spring.grid.tiles import make_tile_pass
 
     variant = (real, math, integrator, parts, parsed_tile(tile), cut)
     return make_resident(*variant) if rung == "resident" else make_tile_pass(*variant, rung == "one-block")

@@ -19,7 +19,7 @@ import gpu_backend.mass_spring.grid.tile_launch as tile_launch
 from app.driver import open_simulation
 from gpu_backend.core.tiling import owned, tile_count
 from gpu_backend.mass_spring.grid.choice import parsed_tile
-from gpu_backend.mass_spring.grid.tiles import _make_parts
+from gpu_backend.mass_spring.grid.tiles import make_tile_parts
 from model.core.errors import SceneError
 from model.core.simulation import State
 from model.scene.scene import load_scene
@@ -59,7 +59,7 @@ def test_every_mass_is_owned_by_one_tile(tile: str) -> None:
     """Blocks run one after another here, so that one which writes what another owns is set right by the next: what each
     owns is looked at by itself, along an axis of any length, against the host's plan."""
     shape = parsed_tile(tile)
-    axis = _make_parts(np.float64, "exact", "lab", frozenset({"springs"}), shape, True).axis
+    axis = make_tile_parts(np.float64, "exact", "lab", frozenset({"springs"}), shape, True).axis
     for masses in range(1, 40):
         for size in (shape.rows, shape.columns):
             count = tile_count(masses, size, shape.halo)

@@ -134,7 +134,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
-    control = implicit.make(real, compiler.compiled, linear)
+    control = implicit.make_control(real, compiler.compiled, linear)
     after_residual, after_product = control.after_residual, control.after_product
     zero = real(0)
 

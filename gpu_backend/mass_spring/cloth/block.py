@@ -35,6 +35,29 @@ def block_bytes(real: Any, parts: frozenset[str], masses: int) -> int:
     return (arrays * masses + 2) * SIZE * np.dtype(real).itemsize
 
 
+def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
+    """One pass of the thread's mass, from the copies that begin at `old` to those at `new`."""
+    zero = real(0)
+
+    @inlined(math)
+    def phase(
+        positions, velocities, old, new, inside, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
+    ):
+        if inside:
+            px, py, pz, vx, vy, vz = move(
+                positions, velocities, np.int32(old + k), k, i, j, rows, columns, p, v, record, bodies, integers,
+                step, air,
+            )  # fmt: skip
+            p, v = (px, py, pz, p[3]), (vx, vy, vz, zero)
+            store_quad(positions, new + k, px, py, pz, p[3])
+            if moving:
+                store_quad(velocities, new + k, vx, vy, vz, zero)
+        cuda.syncthreads()
+        return p, v
+
+    return phase
+
+
 @cache
 def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str], threads: int) -> Any:
     """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
@@ -52,31 +75,10 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
     scalar = np.dtype(real) if simulated() else real
     arrays = 4 if moving else 2
     zero = real(0)
-    inline = inlined(math)
+    first_phase = _make_phase(real, math, moving, first_move)
+    second_phase = _make_phase(real, math, moving, moves.get("closing", first_move))
 
-    def make_phase(move: Any) -> Any:
-        @inline
-        def phase(
-            positions, velocities, old, new, inside, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
-        ):
-            """One pass of the thread's mass, from the copies that begin at `old` to those at `new`."""
-            if inside:
-                px, py, pz, vx, vy, vz = move(
-                    positions, velocities, np.int32(old + k), k, i, j, rows, columns, p, v, record, bodies, integers,
-                    step, air,
-                )  # fmt: skip
-                p, v = (px, py, pz, p[3]), (vx, vy, vz, zero)
-                store_quad(positions, new + k, px, py, pz, p[3])
-                if moving:
-                    store_quad(velocities, new + k, vx, vy, vz, zero)
-            cuda.syncthreads()
-            return p, v
-
-        return phase
-
-    first_phase, second_phase = make_phase(first_move), make_phase(moves.get("closing", first_move))
-
-    @inline
+    @inlined(math)
     def read_air(airs, place):
         x, y, z, _ = load_quad(airs, place)
         return x, y, z

@@ -145,12 +145,11 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     start, residual, product = point.start, point.residual, point.product
     update, move, finish, air_now = point.update, point.move, point.finish, point.air_now
     meet, add_segment, total = meetings.meet, meetings.add_segment, meetings.total
-    control = device_formulas(implicit.make, real, math, linear=linear)
+    control = device_formulas(implicit.make_control, real, math, linear=linear)
     after_residual, after_product = control.after_residual, control.after_product
     current_step = make_cloth_forces(real, math, parts).current_step
     has_wind, zero, shared = "wind" in parts, real(0), SUMS * TREE
     segment, residual_sums, product_sums = np.int32(SEGMENT), np.int32(SUMS), np.int32(2)
-    no_air = (zero, zero, zero)
 
     def implicit_steps(
         position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, system, bodies, integers, counter,
@@ -160,14 +159,13 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         rows, columns = np.int32(rows), np.int32(columns)
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         across = np.int32((columns + segment - 1) // segment)
-        count = np.int32(rows * across)
-        wanted = np.int32(cuda.gridDim.x)
+        count, wanted = np.int32(rows * across), np.int32(cuda.gridDim.x)
         first_thread = cuda.blockIdx.x == 0 and t == 0
         for number in range(steps):
             step = current_step(counter, np.int64(number))
             kind, counts, values = START, (0, 0, 0), (zero, zero, zero, zero, zero, zero, zero)
             while True:
-                air = no_air
+                air = (zero, zero, zero)
                 if has_wind:
                     if kind == START:
                         air = air_now(record, integers, step, zero)

@@ -23,18 +23,10 @@ from model.mass_spring.implicit_parameters import S_OWN, S_RATE
 from model.scene.cloth import SPRING_KINDS
 
 
-@cache
-def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The passes of mass k in row i and column j, by name; `residual` and `product` return what is to be summed up."""
-    springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
-    elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)
-    steady, add_own = elsewhere.steady, elsewhere.add_own
-    pull_sum, product_sum = (make_cloth_springs(real, math, springs, system) for system in ("end", "product"))
-    formulas, hold = device_formulas(implicit.make, real, math), make_pins(real, math, parts).hold
-    missing, applied, added, dot = formulas.residual, formulas.applied, formulas.added, formulas.dot
-    has_pins = "pins" in parts
-    inline = inlined(math)
-    zero, half, one = real(0), real(0.5), real(1)
+def _make_vectors(real: Any, math: str) -> SimpleNamespace:
+    """`added_3`, value + factor other; `dot_3`; and of one axis `applied`, `missing`."""
+    formulas, inline = device_formulas(implicit.make, real, math), inlined(math)
+    added, dot = formulas.added, formulas.dot
 
     @inline
     def added_3(value, factor, other):
@@ -43,6 +35,61 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     @inline
     def dot_3(a, b):
         return dot(a[0], a[1], a[2], b[0], b[1], b[2])
+
+    return SimpleNamespace(added_3=added_3, dot_3=dot_3, applied=formulas.applied, missing=formulas.residual)
+
+
+def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: bool, vectors: Any) -> tuple[Any, Any]:
+    """`product` and `update`, the two passes of an iteration of conjugate gradients."""
+    product_sum = make_cloth_springs(real, math, springs, "product")
+    applied, added_3, dot_3 = vectors.applied, vectors.added_3, vectors.dot_3
+    zero, inline = real(0), inlined(math)
+
+    @inline
+    def product(x, r, ar, k, i, j, rows, columns, system):
+        p, v = load_quad(x, k), load_quad(r, k)
+        ax, ay, az = product_sum(x, r, k, i, j, rows, columns, p, v, system)
+        own = system[S_OWN]
+        wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
+        if has_pins:
+            if p[3] != zero:
+                wx, wy, wz = zero, zero, zero
+        store_quad(ar, k, wx, wy, wz, zero)
+        return dot_3(v, v), dot_3(v, (wx, wy, wz))
+
+    @inline
+    def update(r, s, q, aq, ar, k, first, alpha, beta):
+        residual_now, applied_now = load_quad(r, k), load_quad(ar, k)
+        direction, turned = (
+            (residual_now[0], residual_now[1], residual_now[2]), (applied_now[0], applied_now[1], applied_now[2])
+        )  # fmt: skip
+        solution = (zero, zero, zero)
+        if not first:
+            direction, turned = (
+                added_3(residual_now, beta, load_quad(q, k)), added_3(applied_now, beta, load_quad(aq, k))
+            )  # fmt: skip
+            before = load_quad(s, k)
+            solution = (before[0], before[1], before[2])
+        sx, sy, sz = added_3(solution, alpha, direction)
+        rx, ry, rz = added_3(residual_now, -alpha, turned)
+        store_quad(q, k, direction[0], direction[1], direction[2], zero)
+        store_quad(aq, k, turned[0], turned[1], turned[2], zero)
+        store_quad(s, k, sx, sy, sz, zero)
+        store_quad(r, k, rx, ry, rz, zero)
+
+    return product, update
+
+
+@cache
+def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The passes of mass k in row i and column j, by name; `residual` and `product` return what is to be summed up."""
+    springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
+    elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)
+    steady, add_own = elsewhere.steady, elsewhere.add_own
+    pull_sum, hold = make_cloth_springs(real, math, springs, "end"), make_pins(real, math, parts).hold
+    vectors, has_pins = _make_vectors(real, math), "pins" in parts
+    added_3, dot_3, missing = vectors.added_3, vectors.dot_3, vectors.missing
+    zero, half, one, inline = real(0), real(0.5), real(1), inlined(math)
 
     @inline
     def put(x, u, k, p, position, velocity, step, record, bodies):
@@ -73,50 +120,14 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         ax, ay, az = pull_sum(base, u, k, i, j, rows, columns, p, v, record)
         dt, rate = system[C_DT], system[S_RATE]
         rx, ry, rz = (
-            missing(b[0], v[0], ax, dt, rate),
-            missing(b[1], v[1], ay, dt, rate),
-            missing(b[2], v[2], az, dt, rate),
-        )
+            missing(b[0], v[0], ax, dt, rate), missing(b[1], v[1], ay, dt, rate), missing(b[2], v[2], az, dt, rate),
+        )  # fmt: skip
         if has_pins:
             if p[3] != zero:
                 rx, ry, rz = zero, zero, zero
         store_quad(r, k, rx, ry, rz, zero)
         own = (rx, ry, rz)
         return dot_3(own, own), dot_3(own, load_quad(s, k)), dot_3(v, v)
-
-    @inline
-    def product(x, r, ar, k, i, j, rows, columns, system):
-        p, v = load_quad(x, k), load_quad(r, k)
-        ax, ay, az = product_sum(x, r, k, i, j, rows, columns, p, v, system)
-        own = system[S_OWN]
-        wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
-        if has_pins:
-            if p[3] != zero:
-                wx, wy, wz = zero, zero, zero
-        store_quad(ar, k, wx, wy, wz, zero)
-        return dot_3(v, v), dot_3(v, (wx, wy, wz))
-
-    @inline
-    def update(r, s, q, aq, ar, k, first, alpha, beta):
-        residual_now, applied_now = load_quad(r, k), load_quad(ar, k)
-        direction, turned = (
-            (residual_now[0], residual_now[1], residual_now[2]),
-            (applied_now[0], applied_now[1], applied_now[2]),
-        )
-        solution = (zero, zero, zero)
-        if not first:
-            direction, turned = (
-                added_3(residual_now, beta, load_quad(q, k)),
-                added_3(applied_now, beta, load_quad(aq, k)),
-            )
-            before = load_quad(s, k)
-            solution = (before[0], before[1], before[2])
-        sx, sy, sz = added_3(solution, alpha, direction)
-        rx, ry, rz = added_3(residual_now, -alpha, turned)
-        store_quad(q, k, direction[0], direction[1], direction[2], zero)
-        store_quad(aq, k, turned[0], turned[1], turned[2], zero)
-        store_quad(s, k, sx, sy, sz, zero)
-        store_quad(r, k, rx, ry, rz, zero)
 
     @inline
     def move(position, x, u, s, k, back, step, record, bodies):
@@ -138,6 +149,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         store_quad(position, k, px, py, pz, p[3])
         store_quad(velocity, k, vx, vy, vz, zero)
 
+    product, update = _make_iteration(real, math, springs, has_pins, vectors)
     return SimpleNamespace(
         start=start, residual=residual, product=product, update=update, move=move, finish=finish,
         air_now=elsewhere.air_now,

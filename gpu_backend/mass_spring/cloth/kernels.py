@@ -56,18 +56,9 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
 
     def make_pass(name: str, move: Any) -> Any:
         def cloth_pass(
-            position,
-            velocity,
-            new_position,
-            new_velocity,
-            record,
-            bodies,
-            integers,
-            counter,
-            pass_number,
-            rows,
+            position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
             columns,
-        ):
+        ):  # fmt: skip
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)

@@ -15,7 +15,8 @@ from gpu_backend.mass_spring.cloth.resident import make_cloth_resident
 from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_cloth_tiles
 from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
 from gpu_backend.mass_spring.grid import tile_launch
-from model.core.errors import BackendUnavailable, SceneError
+from gpu_backend.mass_spring.passes import TileLaunches
+from model.core.errors import SceneError
 
 MAX_THREADS = 1024  # of a block
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer
@@ -56,12 +57,11 @@ def why_no_cloth_tile(
     return ""
 
 
-class ClothTiles:
-    """The launches of `resident` or `tiles` for one simulation (gpu_backend/mass_spring/cloth/solver.py), whose arrays it
-    reads and writes: from the current state into the other buffer, which then is the current one."""
+class ClothTiles(TileLaunches):
+    """Of `resident` or `tiles`, for gpu_backend/mass_spring/cloth/solver.py."""
 
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
-        self.simulation, self.kernel, self.tile = simulation, kernel, tile
+        super().__init__(simulation, kernel, tile)
         real, parts = simulation.real, simulation.plan.parts
         rows, columns = simulation.body.rows, simulation.body.columns
         reason = why_no_cloth_tile(kernel, rows, columns, real, tile, parts)
@@ -76,7 +76,6 @@ class ClothTiles:
             sizes = count, count if fields(tile, parts) == 6 else 1
             self._borders = [cuda.to_device(np.zeros(size, real), stream=simulation.stream) for size in sizes]
             self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
-            self._epoch = 0
         else:
             self._kernel = make_cloth_tiles(*variant)
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
@@ -90,27 +89,3 @@ class ClothTiles:
             border = (*self._borders, np.int32(self._epoch), self._failed)
             return (*states, *border, *constants, np.int64(passes), *s.shape)
         return (*states, *constants, np.int64(number), np.int64(passes), *s.shape)
-
-    def launch(self, number: int, passes: int) -> None:
-        """One launch of `passes` passes, the first of which is `number` after the step counter."""
-        self._kernel[self._grid](*self._arguments(number, passes))
-        self.simulation._current = 1 - self.simulation._current
-        if self.kernel == "resident":
-            exchanges = (passes - 1) // self.tile.halo
-            self._epoch = (
-                self._epoch + exchanges + 2**31
-            ) % 2**32 - 2**31  # tags are compared, not ordered: may wrap around
-
-    def launch_many(self, parity: int, count: int) -> None:
-        """`count` launches of as many passes as the tile does by itself, the first from the buffer `parity`."""
-        self.simulation._current = parity
-        for number in range(count):
-            self.launch(number * self.tile.halo, self.tile.halo)
-
-    def require_exchange(self) -> None:
-        """Raises BackendUnavailable if a block of `resident` waited in vain for others."""
-        if self.kernel == "resident" and self.simulation.fetch(self._failed) != 0:
-            self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
-            raise BackendUnavailable(
-                "the blocks of kernel resident did not run together (is the GPU shared?)", "use --kernel graph"
-            )

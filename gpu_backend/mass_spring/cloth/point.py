@@ -37,6 +37,8 @@ from model.mass_spring.cloth_parameters import (
     C_WIND_Z,
 )  # fmt: skip
 
+FIRST = {"structural": C_STRUCTURAL, "shear": C_SHEAR, "bending": C_BENDING}  # of a kind's numbers in the record
+
 
 @cache
 def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
@@ -46,18 +48,14 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
     `product` for what its matrix makes of the vector that `velocity` then is.
     """
-    pulls = device_formulas(cloth_springs.make, real, math)
-    spring_acceleration_3d, damped_pull_3d = pulls.spring_acceleration_3d, pulls.damped_pull_3d
-    system_accelerations, at_end = device_formulas(implicit.make, real, math), system == "end"
-    end_pull_3d = system_accelerations.end_pull_3d
-    if system == "product":
-        damped_pull_3d = system_accelerations.product_3d
-    inline = inlined(math)
+    pulls, of_system = device_formulas(cloth_springs.make, real, math), device_formulas(implicit.make, real, math)
+    spring_acceleration_3d, end_pull_3d, at_end = pulls.spring_acceleration_3d, of_system.end_pull_3d, system == "end"
+    damped_pull_3d = of_system.product_3d if system == "product" else pulls.damped_pull_3d
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
-    zero, one, two = real(0), np.int32(1), np.int32(2)
+    zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
 
-    def make_pull(first: int, has_damper: bool) -> Any:
-        """By a spring whose constants begin at number `first` of the record."""
+    def make_pull(kind: str) -> Any:
+        first, has_damper = FIRST[kind], system != "" or f"{kind}-damping" in parts
         rest_place, damping_place = first + 1, first + 2
 
         @inline
@@ -79,9 +77,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 
         return pull
 
-    structural_pull = make_pull(C_STRUCTURAL, system != "" or "structural-damping" in parts)
-    shear_pull = make_pull(C_SHEAR, system != "" or "shear-damping" in parts)
-    bending_pull = make_pull(C_BENDING, system != "" or "bending-damping" in parts)
+    structural_pull, shear_pull, bending_pull = (make_pull(kind) for kind in FIRST)
 
     @inline
     def paired(a, b, c, d):
@@ -135,6 +131,48 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
         return ax, ay, az
 
     return spring_sum
+
+
+@cache
+def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`structural`, `shear`, `bending`: pull(q, p, there, record) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
+    none unless `there`. And sums by axis, `paired`, `carried`."""
+    formulas = device_formulas(cloth_springs.make, real, math)
+    spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
+    inline = inlined(math)
+    zero = real(0)
+
+    def make_pull(kind: str) -> Any:
+        first, has_springs, has_damper = FIRST[kind], kind in parts, f"{kind}-damping" in parts
+        rest_place, damping_place = first + 1, first + 2
+
+        @inline
+        def pull(q, p, there, record):
+            if not has_springs:
+                return zero, zero, zero
+            stiffness, rest = record[first] if there else zero, record[rest_place] if there else zero
+            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            if has_damper:
+                damping = record[damping_place] if there else zero
+                return damped_pull_3d(dx, dy, dz, q[3] - p[3], q[4] - p[4], q[5] - p[5], stiffness, rest, damping)
+            return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
+
+        return pull
+
+    @inline
+    def paired(a, b, c, d):
+        """(a + b) + (c + d)."""
+        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
+
+    @inline
+    def carried(a, b, c, up):
+        """(a + b) + (c - up): `up` is the pull of the spring above on the mass at its other end."""
+        return (a[0] + b[0]) + (c[0] - up[0]), (a[1] + b[1]) + (c[1] - up[1]), (a[2] + b[2]) + (c[2] - up[2])
+
+    return SimpleNamespace(
+        structural=make_pull("structural"), shear=make_pull("shear"), bending=make_pull("bending"), paired=paired,
+        carried=carried,
+    )  # fmt: skip
 
 
 @cache

@@ -19,6 +19,7 @@ some 600 cycles or 0.35 us.
 from __future__ import annotations
 
 from functools import cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,8 @@ from gpu_backend.core.planes import near
 from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
 from gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
+from gpu_backend.mass_spring.grid.resident import PATIENCE
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
-from gpu_backend.mass_spring.grid.tiles import PATIENCE
 
 # Cycles between a block's own sending and its first look at others' messages. All blocks send at about the same time, and a
 # look that comes a little too soon costs another way to memory and back, some 600 cycles.
@@ -106,30 +107,16 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
     """
     keeps = fields(tile, parts) == 6
     f = make_tile_parts(real, math, integrator, parts, tile, _make_publish(real, math, keeps))
-    constants, sides, step, span, bits_between = f.constants, f.sides, f.step, f.span, f.bits_between
+    constants, sides, step, place_of, bits_between = f.constants, f.sides, f.step, f.place_of, f.bits_between
     clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
     first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
-    half, most, pitch, reach, rings, width = f.half, f.most, f.pitch, f.reach, f.rings, f.width
+    half, most, pitch, border_bits = f.half, f.most, f.pitch, f.border_bits
     fetch = _make_fetch(real, math, keeps, most, f.put, FIRST_LOOK)
-    rows_of_plane, columns_of_plane = plane_shape(tile, parts)
-    area, renews = rows_of_plane * columns_of_plane, tile.halo > 1
-    strip, height, threads, halo = tile.strip, np.int32(tile.rows), np.int32(tile.threads), tile.halo
+    area, renews = prod(plane_shape(tile, parts)), tile.halo > 1
+    strip, threads, halo = tile.strip, np.int32(tile.threads), tile.halo
     scalar = np.dtype(real) if simulated() else real
     every, nothing = np.int32((1 << strip) - 1), np.int32(0)
     inline = inlined(math)
-
-    @inline
-    def border_bits(mine, i, j, row_first, row_end, column_first, column_end, rows, columns):
-        """Those of the bits `mine` that others need."""
-        inner_first, inner_end = row_first, row_end
-        if row_first > 0:
-            inner_first = np.int32(row_first + rings)
-        if row_end < rows:
-            inner_end = np.int32(row_end - rings)
-        border = mine & ~bits_between(inner_first, inner_end, i)
-        if (column_first > 0 and j < column_first + rings) or (column_end < columns and j >= column_end - rings):
-            border = mine
-        return np.int32(border)
 
     @inline
     def renew(shared, at, strange, vx, vy, vz):
@@ -148,17 +135,12 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
         numbers, places = cuda.local.array(most, np.int32), cuda.local.array(most, np.int32)
         rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
-        row_start, row_first, row_end = span(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
-        column_start, column_first, column_end = span(
-            np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
-        )
-        down, across = np.int32(thread // width * strip), np.int32(thread % width)
-        i, j = np.int32(row_start + down), np.int32(column_start + across)
-        k, place = np.int32(i * columns + j), np.int32((down + reach) * pitch + (across + reach))
+        i, j, k, place, extent = place_of(rows, columns)
+        _, row_first, row_end, _, column_first, column_end = extent
         mine = nothing
         if j >= column_first and j < column_end:
             mine = bits_between(row_first, row_end, i)
-        border = border_bits(mine, i, j, row_first, row_end, column_first, column_end, rows, columns)
+        border = border_bits(mine, i, j, extent, rows, columns)
         values, where = constants(record), sides(i, j, rows, columns)
         first = current_step(counter, np.int64(0))
         clear(shared, thread)
@@ -166,10 +148,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
         wanted = nothing
         for m in range(most):
-            numbers[m], places[m] = around(
-                np.int32(thread + np.int32(m) * threads), row_start, row_first, row_end, column_start, column_first,
-                column_end, rows, columns,
-            )  # fmt: skip
+            numbers[m], places[m] = around(np.int32(thread + np.int32(m) * threads), extent, rows, columns)
             if numbers[m] >= 0:
                 wanted = wanted | np.int32(1 << m)
                 read_other(position, velocity, shared, numbers[m], places[m])

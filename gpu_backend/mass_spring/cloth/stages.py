@@ -47,8 +47,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     point = make_cloth_forces(real, math, parts)
     block_air = make_block_air(real, math, parts)
     spring_sum, wind_sum, damp_point = point.spring_sum, point.wind_sum, point.damp
-    zero = real(0)
-    jit = _jit(real, math, integrator, parts)
+    zero, jit = real(0), _jit(real, math, integrator, parts)
 
     @jit
     def spring_forces(position, velocity, record, a, rows, columns):
@@ -85,9 +84,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ax, ay, az = damp_point(b[0], b[1], b[2], load_quad(velocity, k), record)
             store_quad(a, k, ax, ay, az, zero)
 
-    return SimpleNamespace(
-        spring_forces=spring_forces, no_forces=no_forces, wind=wind, damping=damping,
-    )  # fmt: skip
+    return SimpleNamespace(spring_forces=spring_forces, no_forces=no_forces, wind=wind, damping=damping)
 
 
 @cache
@@ -96,9 +93,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
-    collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
-    zero = real(0)
-    jit = _jit(real, math, integrator, parts)
+    zero, jit = real(0), _jit(real, math, integrator, parts)
 
     @jit
     def integrate(position, velocity, a, record):
@@ -152,6 +147,15 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
                 x, y, z = sum_x, sum_y, sum_z
             store_quad(out, k, x, y, z, b[3])
 
+    return SimpleNamespace(integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate)
+
+
+@cache
+def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that hold masses: colliders and pins."""
+    collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
+    zero, jit = real(0), _jit(real, math, integrator, parts)
+
     @jit
     def collide(before, position, velocity, record, bodies, integers, step):
         k = np.int32(cuda.grid(1))
@@ -159,7 +163,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             old, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
             px, py, pz, vx, vy, vz = collide_point(
                 old, p[0], p[1], p[2], v[0], v[1], v[2], record, bodies, integers, step
-            )  # fmt: skip
+            )
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -182,19 +186,16 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
                 store_quad(position, k, x, y, z, p[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 
-    return SimpleNamespace(
-        integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate, collide=collide,
-        pins=pins, moving_pins=moving_pins,
-    )  # fmt: skip
+    return SimpleNamespace(collide=collide, pins=pins, moving_pins=moving_pins)
 
 
 def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
-    force, motion, flat = make_force_stages(*variant), make_motion_stages(*variant), sim._flat
+    force, motion, bound = make_force_stages(*variant), make_motion_stages(*variant), make_bound_stages(*variant)
     position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
-    a, before = sim.new_array(), sim.new_array()
+    flat, a, before = sim._flat, sim.new_array(), sim.new_array()
     at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
     totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
     stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
@@ -238,9 +239,9 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         return run
 
     def pins(moment: Moment) -> None:
-        motion.pins[flat](sim.kept_position, at["position"], at["velocity"])
+        bound.pins[flat](sim.kept_position, at["position"], at["velocity"])
         if "motion" in sim.plan.parts:
-            motion.moving_pins[flat](
+            bound.moving_pins[flat](
                 at["position"], at["velocity"], record, sim.bodies, np.int64(moment.step), np.int32(moment.argument < 1)
             )
 
@@ -253,7 +254,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         "first half kick and drift": first_kick,
         "second half kick": lambda moment: motion.second_kick[flat](velocity, a, record),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
-        "collide": lambda moment: motion.collide[flat](
+        "collide": lambda moment: bound.collide[flat](
             before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(moment.step)
         ),
         "pins": pins,

@@ -23,99 +23,22 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.planes import near, put_near
 from gpu_backend.core.quads import load_quad
 from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
-from gpu_backend.mass_spring.cloth.point import make_wind
+from gpu_backend.mass_spring.cloth.point import make_accelerations, make_wind
 from gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
-from model.formulas import cloth_springs
-from model.mass_spring.cloth_parameters import C_BENDING, C_GRAVITY, C_SHEAR, C_STRUCTURAL, CLOTH_PARAMETERS
+from model.mass_spring.cloth_parameters import C_GRAVITY, CLOTH_PARAMETERS
 
 WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet goes on
 
 
-@cache
-def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`structural`, `shear`, `bending`: pull(q, p, there, record) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
-    none unless `there`. And `paired`, the sum (a + b) + (c + d) by axis; `less`, a - b."""
-    formulas = device_formulas(cloth_springs.make, real, math)
-    spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
-    inline = inlined(math)
-    zero = real(0)
-
-    def make_pull(first: int, kind: str) -> Any:
-        has_springs, has_damper = kind in parts, f"{kind}-damping" in parts
-        rest_place, damping_place = first + 1, first + 2
-
-        @inline
-        def pull(q, p, there, record):
-            if not has_springs:
-                return zero, zero, zero
-            stiffness, rest = record[first] if there else zero, record[rest_place] if there else zero
-            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-            if has_damper:
-                damping = record[damping_place] if there else zero
-                return damped_pull_3d(dx, dy, dz, q[3] - p[3], q[4] - p[4], q[5] - p[5], stiffness, rest, damping)
-            return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
-
-        return pull
-
-    @inline
-    def paired(a, b, c, d):
-        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
-
-    @inline
-    def carried(a, b, c, up):
-        """(a + b) + (c - up): `up` is the pull of the spring above on the mass at its other end."""
-        return (a[0] + b[0]) + (c[0] - up[0]), (a[1] + b[1]) + (c[1] - up[1]), (a[2] + b[2]) + (c[2] - up[2])
-
-    return SimpleNamespace(
-        structural=make_pull(C_STRUCTURAL, "structural"), shear=make_pull(C_SHEAR, "shear"),
-        bending=make_pull(C_BENDING, "bending"), paired=paired, carried=carried,
-    )  # fmt: skip
-
-
-@cache
-def make_cloth_strips(
-    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
-) -> SimpleNamespace:
-    """Device functions of a variant on a tile.
-
-    - `constants(record)`: the record's values as a tuple;
-    - `put(shared, place, x, y, z, vx, vy, vz)`: store one, its velocity where that is kept;
-    - `sides(i, j, rows, columns)`: the bits WEST ... of a strip whose first mass is in row i and column j;
-    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies,
-      integers, number, air, post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the
-      planes that starts at `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass;
-      `publish(k, x, y, z, vx, vy, vz, post)` is called for those with a bit in `sending`.
-    """
-    pulls, wind_of = make_accelerations(real, math, parts), make_wind(real, math, parts).wind_of
-    structural, shear, bending = pulls.structural, pulls.shear, pulls.bending
-    paired, carried = pulls.paired, pulls.carried
-    kicks = make_cloth_kicks(real, math, integrator, parts)
-    kick = kicks.get("middle", kicks.get("step"))
-    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
-    has_gravity, has_wind, has_pins = "gravity" in parts, "wind" in parts, "pins" in parts
-    moving, keeps = needs_velocities(parts), fields(tile, parts) == 6
-    strip, reach = tile.strip, reach_of(parts)
+def _make_planes(real: Any, math: str, parts: frozenset[str], tile: Tile) -> tuple[Any, Any]:
+    """make_load(distance) -> load(shared, place) -> (x, y, z, vx, vy, vz), of the mass so many places on; make_put(distance,
+    with_velocity) -> put(shared, place, x, y, z, vx, vy, vz)."""
     plane_rows, pitch = plane_shape(tile, parts)
-    area = plane_rows * pitch
-    count, zero, one, two = len(CLOTH_PARAMETERS), real(0), np.int32(1), np.int32(2)
-    inline = inlined(math)
-
-    @inline
-    def constants(record):
-        """Read once: in the kernel's loop they would be read again after each barrier."""
-        return (
-            record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7], record[8],
-            record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16], record[17],
-            record[18], record[19], record[20], record[21], record[22], record[23], record[24], record[25], record[26],
-            record[27], record[28], record[29],
-        )  # fmt: skip
-
-    assert count == 30, "constants() above spells every place of the record: add what is new"
+    area, moving, zero, inline = plane_rows * pitch, needs_velocities(parts), real(0), inlined(math)
 
     def make_load(distance: int) -> Any:
         @inline
@@ -131,15 +54,25 @@ def make_cloth_strips(
 
         return load
 
-    @inline
-    def put(shared, place, x, y, z, vx, vy, vz):
-        put_near(shared, place, 0, x)
-        put_near(shared, place, area, y)
-        put_near(shared, place, 2 * area, z)
-        if keeps:
-            put_near(shared, place, 3 * area, vx)
-            put_near(shared, place, 4 * area, vy)
-            put_near(shared, place, 5 * area, vz)
+    def make_put(distance: int, with_velocity: bool) -> Any:
+        @inline
+        def put(shared, place, x, y, z, vx, vy, vz):
+            put_near(shared, place, distance, x)
+            put_near(shared, place, distance + area, y)
+            put_near(shared, place, distance + 2 * area, z)
+            if with_velocity:
+                put_near(shared, place, distance + 3 * area, vx)
+                put_near(shared, place, distance + 4 * area, vy)
+                put_near(shared, place, distance + 5 * area, vz)
+
+        return put
+
+    return make_load, make_put
+
+
+def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
+    """`sides`, see `make_cloth_strips`, and `make_there`."""
+    inline = inlined(math)
 
     @inline
     def sides(i, j, rows, columns):
@@ -172,9 +105,21 @@ def make_cloth_strips(
 
         return there
 
+    return sides, make_there
+
+
+def _make_forces(
+    real: Any, math: str, parts: frozenset[str], tile: Tile, make_load: Any, make_there: Any
+) -> tuple[Any, Any]:
+    """`make_springs` and `make_air`, of mass r of a strip."""
+    pulls, wind_of = make_accelerations(real, math, parts), make_wind(real, math, parts).wind_of
+    structural, shear, bending = pulls.structural, pulls.shear, pulls.bending
+    paired, carried = pulls.paired, pulls.carried
+    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
+    (_, pitch), zero, inline = plane_shape(tile, parts), real(0), inlined(math)
+
     def make_springs(r: int) -> Any:
-        there, west_2, east_2, first = make_there(r), make_load(r * pitch), make_load(r * pitch), r == 0
-        up_2 = make_load((r - 2) * pitch)
+        there, load_here, up_2, first = make_there(r), make_load(r * pitch), make_load((r - 2) * pitch), r == 0
 
         @inline
         def spring_sum(shared, places, sides, here, ups, window, record):
@@ -205,8 +150,8 @@ def make_cloth_strips(
                     hx, hy, hz = ax + hx, ay + hy, az + hz
                 ax, ay, az = hx, hy, hz
             if has_bending:
-                right = bending(east_2(shared, places[4]), here, True, record)
-                left = bending(west_2(shared, places[3]), here, True, record)
+                right = bending(load_here(shared, places[4]), here, True, record)
+                left = bending(load_here(shared, places[3]), here, True, record)
                 bx, by, bz = carried(right, left, down_two, up_two)
                 if has_structural or has_shear:
                     bx, by, bz = ax + bx, ay + by, az + bz
@@ -232,10 +177,25 @@ def make_cloth_strips(
 
         return wind_on
 
+    return make_springs, make_air
+
+
+def _make_mass(
+    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable, planes: Any, there: Any
+) -> Any:
+    """make_mass(r) -> mass(...), the pass of mass r of a strip and of those below it."""
+    make_load, make_put = planes
+    make_springs, make_air = _make_forces(real, math, parts, tile, make_load, there)
+    kicks = make_cloth_kicks(real, math, integrator, parts)
+    kick = kicks.get("middle", kicks.get("step"))
+    has_gravity, has_wind, has_pins = "gravity" in parts, "wind" in parts, "pins" in parts
+    strip, reach, (_, pitch), moving = tile.strip, reach_of(parts), plane_shape(tile, parts), needs_velocities(parts)
+    zero, inline = real(0), inlined(math)
+
     def make_mass(r: int) -> Any:
         spring_sum, wind_on = make_springs(r), make_air(r)
         bit, distance = np.int32(1 << r), r * pitch
-        last = r == strip - 1
+        last, put = r == strip - 1, make_put(distance, moving)
         load_below_2 = make_load((r + 3) * pitch if reach == 2 else r * pitch)
         load_below_next = make_load((r + 2) * pitch)
         after = None if last else make_mass(r + 1)
@@ -267,13 +227,7 @@ def make_cloth_strips(
                 p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
                 px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, record, bodies, integers, step)
                 vx[r], vy[r], vz[r] = ux, uy, uz
-                put_near(shared, new, distance, px)
-                put_near(shared, new, distance + area, py)
-                put_near(shared, new, distance + 2 * area, pz)
-                if moving:
-                    put_near(shared, new, distance + 3 * area, ux)
-                    put_near(shared, new, distance + 4 * area, uy)
-                    put_near(shared, new, distance + 5 * area, uz)
+                put(shared, new, px, py, pz, ux, uy, uz)
                 if sending & bit:
                     publish(k, px, py, pz, ux, uy, uz, post)
             if not last:
@@ -284,9 +238,41 @@ def make_cloth_strips(
 
         return mass
 
-    first_mass = make_mass(0)
+    return make_mass
+
+
+@cache
+def make_cloth_strips(
+    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
+) -> SimpleNamespace:
+    """Device functions of a variant on a tile.
+
+    - `constants(record)`: the record's values as a tuple;
+    - `put(shared, place, x, y, z, vx, vy, vz)`: store one, its velocity where that is kept;
+    - `sides(i, j, rows, columns)`: the bits WEST ... of a strip whose first mass is in row i and column j;
+    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies,
+      integers, number, air, post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the
+      planes that starts at `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass;
+      `publish(k, x, y, z, vx, vy, vz, post)` is called for those with a bit in `sending`.
+    """
+    planes, (sides, make_there) = _make_planes(real, math, parts, tile), _make_sides(math, tile.strip)
+    make_load, make_put = planes
+    first_mass = _make_mass(real, math, integrator, parts, tile, publish, planes, make_there)(0)
+    put, (_, pitch) = make_put(0, fields(tile, parts) == 6), plane_shape(tile, parts)
     load_here, load_above, load_below = make_load(0), make_load(-pitch), make_load(pitch)
-    load_two_below = make_load(2 * pitch if reach == 2 else 0)
+    load_two_below = make_load(2 * pitch if reach_of(parts) == 2 else 0)
+    zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
+    assert len(CLOTH_PARAMETERS) == 30, "constants() spells every place of the record: add what is new"
+
+    @inline
+    def constants(record):
+        """Read once: in the kernel's loop they would be read again after each barrier."""
+        return (
+            record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7], record[8],
+            record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16], record[17],
+            record[18], record[19], record[20], record[21], record[22], record[23], record[24], record[25], record[26],
+            record[27], record[28], record[29],
+        )  # fmt: skip
 
     @inline
     def step(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from math import prod
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +27,7 @@ from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from gpu_backend.mass_spring.cloth.strips import make_cloth_strips
 from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, plane_shape, reach_of, tile_bytes
-from gpu_backend.mass_spring.grid.strips import ALIGNMENT
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT, make_bits_between
 from gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
 
 BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system takes for each block
@@ -43,27 +44,11 @@ def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
     return max(1, min(by_memory, threads // tile.threads, MAX_BLOCKS))
 
 
-@cache
-def make_tile_parts(
-    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
-) -> SimpleNamespace:
-    """Device functions that the kernels on tiles share: where a thread's strip lies, to read, to do a step, to write.
-
-    `publish`: see strips.make_cloth_strips.
-    """
-    inline = inlined(math)
-    strips = make_cloth_strips(real, math, integrator, parts, tile, publish)
-    put = strips.put
-    forces = make_cloth_forces(real, math, parts)
-    current_step, air_now = forces.current_step, forces.air_now
-    has_wind, has_gust, has_pins = "wind" in parts, "gust" in parts, "pins" in parts
-    strip, width, threads, reach = tile.strip, np.int32(tile.columns), tile.threads, np.int32(reach_of(parts))
+def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
+    """Device functions that say where masses lie: `place_of` a thread's strip, masses `around` what its block owns."""
     overlap, rings = np.int32(overlap_of(tile, parts)), np.int32(reach_of(parts) * tile.halo)
-    plane_rows, pitch = plane_shape(tile, parts)
-    area = plane_rows * pitch
-    half = np.int32(fields(tile, parts) * area)
-    airs, zero, pitch = np.int32(2 * half), real(0), np.int32(pitch)
-    most = -(-most_to_fetch(tile, parts) // threads)
+    strip, width, height, reach = tile.strip, np.int32(tile.columns), np.int32(tile.rows), np.int32(reach_of(parts))
+    pitch, inline, bits_between = np.int32(plane_shape(tile, parts)[1]), inlined(math), make_bits_between(math, strip)
 
     @inline
     def span(index, count, masses, size):
@@ -77,14 +62,82 @@ def make_tile_parts(
         return np.int32(min(max(np.int32(first - overlap), np.int32(0)), np.int32(masses - size))), first, end
 
     @inline
-    def bits_between(first, end, i):
-        """Bit r set where first <= i + r < end."""
-        bits = np.int32(0)
-        for r in range(strip):
-            row = i + np.int32(r)
-            if row >= first and row < end:
-                bits = bits | np.int32(1 << r)
-        return bits
+    def place_of(rows, columns):
+        """(row, column and number of the first mass of the thread's strip, its place in the planes, extent: where the tile's
+        rows begin, which of them the block owns, the same of its columns)."""
+        row_start, row_first, row_end = span(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
+        column_start, column_first, column_end = span(
+            np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
+        )
+        thread = np.int32(cuda.threadIdx.x)
+        down, across = np.int32(thread // width * strip), np.int32(thread % width)
+        i, j = np.int32(row_start + down), np.int32(column_start + across)
+        k, place = np.int32(i * columns + j), np.int32((down + reach) * pitch + (across + reach))
+        return i, j, k, place, (row_start, row_first, row_end, column_start, column_first, column_end)
+
+    @inline
+    def around(number, extent, rows, columns):
+        """(number of the mass in the sheet, its place in the planes) of the mass `number` of those within `rings` of what
+        the block owns, counted from above; -1 for none."""
+        row_start, row_first, row_end, column_start, column_first, column_end = extent
+        top, bottom = np.int32(max(row_first - rings, 0)), np.int32(min(row_end + rings, rows))
+        west, east = np.int32(max(column_first - rings, 0)), np.int32(min(column_end + rings, columns))
+        across, above, below = np.int32(east - west), np.int32(row_first - top), np.int32(bottom - row_end)
+        beside = np.int32(across - (column_end - column_first))
+        ends = np.int32((above + below) * across)
+        i, j = np.int32(-1), np.int32(0)
+        if number < ends:
+            i, j = np.int32(top + number // across), np.int32(west + number % across)
+            if i >= row_first:
+                i = np.int32(i + (row_end - row_first))
+        elif beside > 0:
+            number = np.int32(number - ends)
+            if number < beside * (row_end - row_first):
+                i, j = np.int32(row_first + number // beside), np.int32(west + number % beside)
+                if j >= column_first:
+                    j = np.int32(j + (column_end - column_first))
+        if i < 0:
+            return np.int32(-1), np.int32(0)
+        place = np.int32((i - row_start + reach) * pitch + (j - column_start + reach))
+        return np.int32(i * columns + j), place
+
+    @inline
+    def border_bits(mine, i, j, extent, rows, columns):
+        """Those of the bits `mine` that other blocks need."""
+        _, row_first, row_end, _, column_first, column_end = extent
+        inner_first, inner_end = row_first, row_end
+        if row_first > 0:
+            inner_first = np.int32(row_first + rings)
+        if row_end < rows:
+            inner_end = np.int32(row_end - rings)
+        border = mine & ~bits_between(inner_first, inner_end, i)
+        if (column_first > 0 and j < column_first + rings) or (column_end < columns and j >= column_end - rings):
+            border = mine
+        return np.int32(border)
+
+    return SimpleNamespace(
+        place_of=place_of, around=around, bits_between=bits_between, border_bits=border_bits, pitch=pitch
+    )  # fmt: skip
+
+
+@cache
+def make_tile_parts(
+    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
+) -> SimpleNamespace:
+    """Device functions that the kernels on tiles share: where a thread's strip lies, to read, to do a step, to write.
+
+    `publish`: see strips.make_cloth_strips.
+    """
+    inline = inlined(math)
+    strips = make_cloth_strips(real, math, integrator, parts, tile, publish)
+    put, forces = strips.put, make_cloth_forces(real, math, parts)
+    air_now = forces.air_now
+    has_wind, has_gust, has_pins = "wind" in parts, "gust" in parts, "pins" in parts
+    places, strip, threads = _make_places(math, parts, tile), tile.strip, tile.threads
+    pitch, area = places.pitch, prod(plane_shape(tile, parts))
+    half = np.int32(fields(tile, parts) * area)
+    airs, zero = np.int32(2 * half), real(0)
+    most = -(-most_to_fetch(tile, parts) // threads)
 
     @inline
     def clear(shared, thread):
@@ -122,31 +175,6 @@ def make_tile_parts(
                 store_quad(new_velocity, here, vx[r], vy[r], vz[r], zero)
 
     @inline
-    def around(number, row_start, row_first, row_end, column_start, column_first, column_end, rows, columns):
-        """(number of the mass in the sheet, its place in the planes) of the mass `number` of those within `rings` of what
-        the block owns, counted from above; -1 for none."""
-        top, bottom = np.int32(max(row_first - rings, 0)), np.int32(min(row_end + rings, rows))
-        west, east = np.int32(max(column_first - rings, 0)), np.int32(min(column_end + rings, columns))
-        across, above, below = np.int32(east - west), np.int32(row_first - top), np.int32(bottom - row_end)
-        beside = np.int32(across - (column_end - column_first))
-        ends = np.int32((above + below) * across)
-        i, j = np.int32(-1), np.int32(0)
-        if number < ends:
-            i, j = np.int32(top + number // across), np.int32(west + number % across)
-            if i >= row_first:
-                i = np.int32(i + (row_end - row_first))
-        elif beside > 0:
-            number = np.int32(number - ends)
-            if number < beside * (row_end - row_first):
-                i, j = np.int32(row_first + number // beside), np.int32(west + number % beside)
-                if j >= column_first:
-                    j = np.int32(j + (column_end - column_first))
-        if i < 0:
-            return np.int32(-1), np.int32(0)
-        place = np.int32((i - row_start + reach) * pitch + (j - column_start + reach))
-        return np.int32(i * columns + j), place
-
-    @inline
     def first_air(record, integers, step, shared, thread):
         """The air of the first step, where it gusts: for all threads after the next barrier."""
         if has_gust:
@@ -170,9 +198,9 @@ def make_tile_parts(
         return zero, zero, zero
 
     return SimpleNamespace(
-        constants=strips.constants, sides=strips.sides, step=strips.step, put=put, span=span, bits_between=bits_between,
-        clear=clear, read=read, read_other=read_other, write=write, around=around, first_air=first_air, air_of=air_of,
-        current_step=current_step, half=half, most=most, pitch=pitch, reach=reach, rings=rings, width=width,
+        constants=strips.constants, sides=strips.sides, step=strips.step, put=put, clear=clear, read=read, write=write,
+        read_other=read_other, first_air=first_air, air_of=air_of, current_step=forces.current_step, half=half, most=most,
+        **vars(places),
     )  # fmt: skip
 
 
@@ -193,11 +221,10 @@ def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str
     Launched with one block a tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
     """
     f = make_tile_parts(real, math, integrator, parts, tile, _publish_nothing(math))
-    constants, sides, step, span, bits_between = f.constants, f.sides, f.step, f.span, f.bits_between
+    constants, sides, step, place_of, bits_between = f.constants, f.sides, f.step, f.place_of, f.bits_between
     clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
     first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
-    half, most, pitch, reach, width = f.half, f.most, f.pitch, f.reach, f.width
-    strip, height, threads = tile.strip, np.int32(tile.rows), np.int32(tile.threads)
+    half, most, strip, threads = f.half, f.most, tile.strip, np.int32(tile.threads)
     scalar = np.dtype(real) if simulated() else real
     every, nothing = np.int32((1 << strip) - 1), np.int32(0)
 
@@ -208,23 +235,15 @@ def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
         rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
-        row_start, row_first, row_end = span(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
-        column_start, column_first, column_end = span(
-            np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
-        )
-        down, across = np.int32(thread // width * strip), np.int32(thread % width)
-        i, j = np.int32(row_start + down), np.int32(column_start + across)
-        k, place = np.int32(i * columns + j), np.int32((down + reach) * pitch + (across + reach))
+        i, j, k, place, extent = place_of(rows, columns)
+        _, row_first, row_end, _, column_first, column_end = extent
         values, where = constants(record), sides(i, j, rows, columns)
         first = current_step(counter, pass_number)
         clear(shared, thread)
         cuda.syncthreads()
         held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
         for number in range(most):
-            other, at = around(
-                np.int32(thread + np.int32(number) * threads), row_start, row_first, row_end, column_start, column_first,
-                column_end, rows, columns,
-            )  # fmt: skip
+            other, at = around(np.int32(thread + np.int32(number) * threads), extent, rows, columns)
             if other >= 0:
                 read_other(position, velocity, shared, other, at)
         first_air(values, integers, first, shared, thread)

@@ -39,7 +39,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     which rows hold pins and which masses are pinned.
     """
     point = make_point_functions(real, math, integrator, parts)
-    current_step, pulls = point.current_step, point.pulls
+    current_step, spring_sum = point.current_step, point.spring_sum
     has_pins = "pins" in parts
     zero = real(0)
 
@@ -56,7 +56,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 k = np.int32(i * columns + j)
                 step = current_step(counter, pass_number)
                 p, v = load_pair(position, k), load_pair(velocity, k)
-                ax, ay = pulls(position, k, i, j, rows, columns, record)
+                ax, ay = spring_sum(position, k, i, j, rows, columns, record)
                 px, py, vx, vy = move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns)
                 if has_pins:
                     if pinned_row[i] != 0:
@@ -81,7 +81,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     """
     point = make_point_functions(real, math, "rk4", parts)
     acceleration, current_step, rk4_stage = point.acceleration, point.current_step, point.formulas.rk4_stage
-    pulls = point.pulls
+    spring_sum = point.spring_sum
     has_pins = "pins" in parts
     zero = real(0)
 
@@ -103,7 +103,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 k = np.int32(i * columns + j)
                 p, v = load_pair(position, k), load_pair(velocity, k)
                 step = current_step(counter, pass_number)
-                ax, ay = pulls(position, k, i, j, rows, columns, record)
+                ax, ay = spring_sum(position, k, i, j, rows, columns, record)
                 ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, offset)
                 base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
                 if first:

@@ -41,23 +41,15 @@ from model.core.parameters import (
 from model.formulas import integrators, manufactured, random, springs
 
 
-@cache
-def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
-    device = cuda.jit(device=True, **kernel_options(math))
-    spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
-    formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
-    external = device_formulas(random.make, real, math).add_external
-    philox = random.make_philox(device)
-    manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
-    has_springs, has_gravity, has_damping = "springs" in parts, "gravity" in parts, "damping" in parts
-    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
-    explicit_damping = has_damping and integrator != "velocity-verlet"
-    zero, one, no_step = real(0), np.int32(1), np.int64(0)
+def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
+    """spring_sum(position, k, i, j, rows, columns, record)."""
+    has_springs, zero, one = "springs" in parts, real(0), np.int32(1)
 
     @device
     def spring_sum(position, k, i, j, rows, columns, record):
-        """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j."""
+        """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j, (0, 0) in a scene without springs."""
+        if not has_springs:
+            return zero, zero
         here = load_pair(position, k)
         left = load_pair(position, k - one if j > 0 else k)
         right = load_pair(position, k + one if j < columns - 1 else k)
@@ -92,14 +84,23 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         above_x, above_y = uneven_pull(above, here, i - one, record)
         return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
 
-    sum_of_springs = uneven_spring_sum if "alternating" in parts else spring_sum
+    return uneven_spring_sum if {"springs", "alternating"} <= parts else spring_sum
 
-    @device
-    def pulls(position, k, i, j, rows, columns, record):
-        """The sum of the springs' pulls on mass k, (0, 0) in a scene without springs."""
-        if has_springs:
-            return sum_of_springs(position, k, i, j, rows, columns, record)
-        return zero, zero
+
+@cache
+def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
+    device = cuda.jit(device=True, **kernel_options(math))
+    spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
+    spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
+    formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
+    external = device_formulas(random.make, real, math).add_external
+    philox = random.make_philox(device)
+    manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
+    has_gravity, has_damping = "gravity" in parts, "damping" in parts
+    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
+    explicit_damping = has_damping and integrator != "velocity-verlet"
+    no_step = np.int64(0)
 
     @device
     def add_gravity(ay, record):
@@ -148,9 +149,9 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return no_step
 
     return SimpleNamespace(
-        pulls=pulls, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
+        spring_sum=spring_sum, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
         acceleration=acceleration, current_step=current_step, formulas=formulas, has_external=has_external,
-        has_springs=has_springs, spring_sum=sum_of_springs, spring_acceleration_2d=spring_acceleration_2d, damped=damped,
+        spring_acceleration_2d=spring_acceleration_2d, damped=damped,
     )  # fmt: skip
 
 

@@ -30,20 +30,21 @@ from model.core.plan import Moment, StageRun
 STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})
 
 
-@cache
-def make_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stage kernels. State and acceleration are complex (particles,); all take rows and columns last."""
-    point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
-    spring_sum, external_point, damped = point.spring_sum, point.add_external, point.damped
-    driven_point, formulas = point.add_driven, point.formulas
-    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
-    pair = np.complex64 if real is np.float32 else np.complex128
-    zero = real(0)
+def _jit(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Callable[[Callable], Any]:
+    """Decorator of the stage kernels of a variant."""
     variant = variant_name(real, math, integrator, parts)
+    return lambda function: make_kernel(function, variant, **kernel_options(math))
 
-    def jit(function: Callable) -> Any:
-        return make_kernel(function, variant, **kernel_options(math))
+
+@cache
+def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that add up the acceleration. State and acceleration are complex (particles,)."""
+    point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
+    spring_sum, external_point, driven_point, damped = (
+        point.spring_sum, point.add_external, point.add_driven, point.damped
+    )  # fmt: skip
+    pair = np.complex64 if real is np.float32 else np.complex128
+    zero, jit = real(0), _jit(real, math, integrator, parts)
 
     @jit
     def spring_forces(position, record, a, rows, columns):
@@ -88,6 +89,20 @@ def make_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
             ax = damped(a[k].real, velocity[k].real, record[K_DAMPING])
             ay = damped(a[k].imag, velocity[k].imag, record[K_DAMPING])
             a[k] = pair(complex(ax, ay))
+
+    return SimpleNamespace(
+        spring_forces=spring_forces, no_forces=no_forces, gravity=gravity, external=external, driven=driven, damping=damping
+    )  # fmt: skip
+
+
+@cache
+def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The stages that move masses."""
+    formulas = make_point_functions(real, math, integrator, parts | STAGE_PARTS).formulas
+    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
+    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    pair = np.complex64 if real is np.float32 else np.complex128
+    zero, jit = real(0), _jit(real, math, integrator, parts)
 
     @jit
     def integrate(position, velocity, a, record):
@@ -139,49 +154,47 @@ def make_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
             velocity[k] = pair(complex(zero, zero))
 
     return SimpleNamespace(
-        spring_forces=spring_forces, no_forces=no_forces, gravity=gravity, external=external, driven=driven,
-        damping=damping, integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate,
-        pins=pins,
+        integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate, pins=pins
     )  # fmt: skip
 
 
 def bind_stages(sim: Any) -> dict[str, StageRun]:
     """What runs each named stage of `sim`, a gpu_backend.mass_spring.grid.solver.MassSpring."""
     integrator = sim.scene.method.integrator
-    make = make_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
+    variant = sim.real, sim.options.math, integrator, sim.plan.parts
+    force, motion = make_force_stages(*variant), make_motion_stages(*variant)
     flat = ((sim.particle_count + 255) // 256, 256, sim.stream)
-    position, velocity = sim.position[0], sim.velocity[0]
-    a = sim.new_array()
+    position, velocity, a = sim.position[0], sim.velocity[0], sim.new_array()
     at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
     totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
-    stage_state = [sim.new_array(), sim.new_array(), sim.new_array(), sim.new_array()] if integrator == "rk4" else []
+    stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
     shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))
 
     def driven(moment: Moment) -> None:
-        make.driven[flat](sim.record, sim.integers, np.int64(moment.step), moment.argument, a, *shape)
+        force.driven[flat](sim.record, sim.integers, np.int64(moment.step), moment.argument, a, *shape)
 
     def accumulate(stage: int) -> StageRun:
         def run(moment: Moment) -> None:
             turn = 2 * (stage % 2)
             out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
             rate_p = at["velocity"]
-            make.accumulate[flat](stage, position, rate_p, totals[0], sim.record, out_p)
-            make.accumulate[flat](stage, velocity, a, totals[1], sim.record, out_v)
+            motion.accumulate[flat](stage, position, rate_p, totals[0], sim.record, out_p)
+            motion.accumulate[flat](stage, velocity, a, totals[1], sim.record, out_v)
             at["position"], at["velocity"] = out_p, out_v
 
         return run
 
     return {
-        "spring forces": lambda moment: make.spring_forces[flat](at["position"], sim.record, a, *shape),
-        "no forces": lambda moment: make.no_forces[flat](a),
-        "gravity": lambda moment: make.gravity[flat](sim.record, a),
-        "external force": lambda moment: make.external[flat](sim.record, sim.integers, np.int64(moment.step), a),
+        "spring forces": lambda moment: force.spring_forces[flat](at["position"], sim.record, a, *shape),
+        "no forces": lambda moment: force.no_forces[flat](a),
+        "gravity": lambda moment: force.gravity[flat](sim.record, a),
+        "external force": lambda moment: force.external[flat](sim.record, sim.integers, np.int64(moment.step), a),
         "manufactured force": driven,
         "poke": driven if not sim.plan.has("manufactured force") else lambda moment: None,
-        "damping": lambda moment: make.damping[flat](at["velocity"], sim.record, a),
-        f"integrate ({integrator})": lambda moment: make.integrate[flat](position, velocity, a, sim.record),
-        "first half kick and drift": lambda moment: make.first_kick[flat](position, velocity, a, sim.record),
-        "second half kick": lambda moment: make.second_kick[flat](velocity, a, sim.record),
+        "damping": lambda moment: force.damping[flat](at["velocity"], sim.record, a),
+        f"integrate ({integrator})": lambda moment: motion.integrate[flat](position, velocity, a, sim.record),
+        "first half kick and drift": lambda moment: motion.first_kick[flat](position, velocity, a, sim.record),
+        "second half kick": lambda moment: motion.second_kick[flat](velocity, a, sim.record),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
-        "pins": lambda moment: make.pins[flat](sim.pinned, sim.kept_position, at["position"], at["velocity"]),
+        "pins": lambda moment: motion.pins[flat](sim.pinned, sim.kept_position, at["position"], at["velocity"]),
     }

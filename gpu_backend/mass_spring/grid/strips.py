@@ -10,7 +10,6 @@ tests/mass_spring/test_ptx.py sees to it that nothing is left in local memory.
 
 from __future__ import annotations
 
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,7 +19,6 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.device import simulated
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.core.tiling import Tile
-from gpu_backend.mass_spring.grid.point import make_point_functions
 from model.core.parameters import PARAMETERS
 
 RECORD = len(PARAMETERS)
@@ -41,23 +39,30 @@ def shared_bytes(real: Any, tile: Tile) -> int:
     return 2 * tile.masses * 2 * np.dtype(real).itemsize
 
 
-@cache
-def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> SimpleNamespace:
-    """Device functions of a variant on a tile. `cut`: the grid's last row may lie inside a strip.
+def make_bits_between(math: str, strip: int) -> Any:
+    """bits_between(first, end, i): bit r set where first <= i + r < end."""
+
+    @inlined(math)
+    def bits_between(first, end, i):
+        bits = np.int32(0)
+        for r in range(strip):
+            row = i + np.int32(r)
+            if row >= first and row < end:
+                bits = bits | np.int32(1 << r)
+        return bits
+
+    return bits_between
+
+
+def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
+    """What a thread of a tile begins with:
 
     - `constants(record)`: the record's values as a tuple;
-    - `read(position, velocity, vx, vy, both, place, i, j, rows, columns)`: the strip from device memory;
-    - `held_bits(pinned, i, j, rows, columns)`: bit r is set where mass r of the strip is pinned;
-    - `make_step(move)`: the function step(both, old, new, vx, vy, held, place, ...), one pass of the strip by
-      `move` of point.make_moves, from the copy of the positions that starts at `old` into the one at `new`.
+    - `read(position, velocity, vx, vy, both, place, i, j, rows, columns)`: its strip from device memory;
+    - `held_bits(pinned, i, j, rows, columns)`: bit r is set where mass r of the strip is pinned.
     """
-    point = make_point_functions(real, math, integrator, parts)
-    spring_acceleration_2d = point.spring_acceleration_2d
-    has_springs, has_pins = "springs" in parts, "pins" in parts
+    has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
     pair = np.complex64 if real is np.float32 else np.complex128
-    zero = real(0)
-    strip, width = tile.strip, np.int32(tile.columns)
-    stiffness_place, rest_place = PARAMETERS.index("stiffness"), PARAMETERS.index("stiffness_rest")
     inline = inlined(math)
 
     @inline
@@ -92,6 +97,21 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
                         bits = bits | np.int32(1 << r)
         return bits
 
+    return SimpleNamespace(constants=constants, read=read, held_bits=held_bits)
+
+
+def make_step(
+    real: Any, math: str, parts: frozenset[str], tile: Tile, cut: bool, point: SimpleNamespace, move: Any
+) -> Any:
+    """step(both, old, new, vx, vy, held, place, ...): one pass of a strip by `move` of point.make_moves, from the copy of the
+    positions that starts at `old` into the one at `new`. `cut`: the grid's last row may lie inside a strip."""
+    spring_acceleration_2d = point.spring_acceleration_2d
+    has_springs, has_pins = "springs" in parts, "pins" in parts
+    pair = np.complex64 if real is np.float32 else np.complex128
+    zero, strip, width = real(0), tile.strip, np.int32(tile.columns)
+    stiffness_place, rest_place = PARAMETERS.index("stiffness"), PARAMETERS.index("stiffness_rest")
+    inline = inlined(math)
+
     @inline
     def hold(both, old, new, vx, vy, held, place):
         """Put pinned masses back where they were."""
@@ -102,60 +122,53 @@ def make_strips(real: Any, math: str, integrator: str, parts: frozenset[str], ti
                 vx[r], vy[r] = zero, zero
                 store_pair(both, new + here, p.real, p.imag)
 
-    def make_step(move: Any) -> Any:
-        @inline
-        def step(
-            both, old, new, vx, vy, held, place, left, right, above, below, i, j, record, integers, number, rows,
-            columns,
-        ):  # fmt: skip
-            stiffness, rest = record[stiffness_place], record[rest_place]
-            p = load_pair(both, old + place)
-            q, left_p, right_p = p, p, p
-            up_x, up_y = zero, zero  # the pull between the mass above and this one, on the mass above
-            if has_springs:
-                over = load_pair(both, old + above)
-                under = load_pair(both, old + below)
-                left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
-                up_x, up_y = spring_acceleration_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
-            if strip > 1:
-                q = load_pair(both, old + place + width)
-            for r in range(strip):
-                here = place + np.int32(r) * width
-                row = i + np.int32(r)
-                # Asked for before this mass is stored, since no load may overtake a store: the next ones' neighbours.
-                next_left, next_right, next_q = left_p, right_p, q
-                if r < strip - 1:
-                    if has_springs:
-                        next_left = load_pair(both, old + here + width + left)
-                        next_right = load_pair(both, old + here + width + right)
-                    if r < strip - 2:
-                        next_q = load_pair(both, old + here + np.int32(2) * width)
-                ax, ay = zero, zero
+    @inline
+    def step(
+        both, old, new, vx, vy, held, place, left, right, above, below, i, j, record, integers, number, rows,
+        columns,
+    ):  # fmt: skip
+        stiffness, rest = record[stiffness_place], record[rest_place]
+        p = load_pair(both, old + place)
+        q, left_p, right_p = p, p, p
+        up_x, up_y = zero, zero  # the pull between the mass above and this one, on the mass above
+        if has_springs:
+            over = load_pair(both, old + above)
+            under = load_pair(both, old + below)
+            left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
+            up_x, up_y = spring_acceleration_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
+        if strip > 1:
+            q = load_pair(both, old + place + width)
+        for r in range(strip):
+            here = place + np.int32(r) * width
+            row = i + np.int32(r)
+            # Asked for before this mass is stored, since no load may overtake a store: the next ones' neighbours.
+            next_left, next_right, next_q = left_p, right_p, q
+            if r < strip - 1:
                 if has_springs:
-                    right_x, right_y = spring_acceleration_2d(
-                        right_p.real - p.real, right_p.imag - p.imag, stiffness, rest
-                    )
-                    left_x, left_y = spring_acceleration_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
-                    if r < strip - 1:
-                        down_x, down_y = spring_acceleration_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
-                        if cut:
-                            if row == rows - 1:
-                                down_x, down_y = zero, zero
-                    else:
-                        down_x, down_y = spring_acceleration_2d(
-                            under.real - p.real, under.imag - p.imag, stiffness, rest
-                        )
-                    ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
-                    up_x, up_y = down_x, down_y
-                k = np.int32(row * columns + j)
-                v = pair(complex(vx[r], vy[r]))
-                px, py, vx[r], vy[r] = move(k, row, j, ax, ay, p, v, record, integers, number, rows, columns)
-                store_pair(both, new + here, px, py)
-                p, q, left_p, right_p = q, next_q, next_left, next_right
-            if has_pins:
-                if held != 0:
-                    hold(both, old, new, vx, vy, held, place)
+                    next_left = load_pair(both, old + here + width + left)
+                    next_right = load_pair(both, old + here + width + right)
+                if r < strip - 2:
+                    next_q = load_pair(both, old + here + np.int32(2) * width)
+            ax, ay = zero, zero
+            if has_springs:
+                right_x, right_y = spring_acceleration_2d(right_p.real - p.real, right_p.imag - p.imag, stiffness, rest)
+                left_x, left_y = spring_acceleration_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
+                if r < strip - 1:
+                    down_x, down_y = spring_acceleration_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
+                    if cut:
+                        if row == rows - 1:
+                            down_x, down_y = zero, zero
+                else:
+                    down_x, down_y = spring_acceleration_2d(under.real - p.real, under.imag - p.imag, stiffness, rest)
+                ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
+                up_x, up_y = down_x, down_y
+            k = np.int32(row * columns + j)
+            v = pair(complex(vx[r], vy[r]))
+            px, py, vx[r], vy[r] = move(k, row, j, ax, ay, p, v, record, integers, number, rows, columns)
+            store_pair(both, new + here, px, py)
+            p, q, left_p, right_p = q, next_q, next_left, next_right
+        if has_pins:
+            if held != 0:
+                hold(both, old, new, vx, vy, held, place)
 
-        return step
-
-    return SimpleNamespace(constants=constants, read=read, held_bits=held_bits, make_step=make_step)
+    return step

@@ -10,9 +10,11 @@ from numba import cuda
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import prepare
 from gpu_backend.core.tiling import Tile, tile_count, whole_strips
+from gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
 from gpu_backend.mass_spring.grid.strips import shared_bytes
-from gpu_backend.mass_spring.grid.tiles import FLAG_STRIDE, blocks_together, make_resident, make_tile_pass
-from model.core.errors import BackendUnavailable, SceneError
+from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
+from gpu_backend.mass_spring.passes import TileLaunches
+from model.core.errors import SceneError
 
 SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is no matter
 
@@ -69,12 +71,11 @@ def fits_resident(rows: int, columns: int, real: Any, tile: Tile, limits: tuple[
     return True
 
 
-class TileLauncher:
-    """The launches of `one-block`, `tiles` or `resident` for one simulation (gpu_backend/mass_spring/grid/solver.py), whose
-    arrays it reads and writes: from the current state into the other buffer, which then is the current one."""
+class TileLauncher(TileLaunches):
+    """Of `one-block`, `tiles` or `resident`, for gpu_backend/mass_spring/grid/solver.py."""
 
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
-        self.simulation, self.kernel, self.tile = simulation, kernel, tile
+        super().__init__(simulation, kernel, tile)
         rows, columns = simulation.body.rows, simulation.body.columns
         require_tile(kernel, rows, columns, simulation.real, tile)
         across, down = blocks_of(rows, columns, tile)
@@ -91,7 +92,6 @@ class TileLauncher:
             self._borders = [cuda.to_device(np.zeros(count, pair), stream=simulation.stream) for _ in range(2)]
             self._flags = cuda.to_device(np.zeros(across * down * FLAG_STRIDE, np.int32), stream=simulation.stream)
             self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
-            self._epoch = 0
         else:
             self._kernel = make_tile_pass(*variant, kernel == "one-block")
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
@@ -105,25 +105,3 @@ class TileLauncher:
             border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
             return (*states, *border, s.record, s.integers, s._counter, *tail)
         return (*states, s.record, s.integers, s._counter, np.int64(number), *tail)
-
-    def launch(self, number: int, passes: int) -> None:
-        """One launch of `passes` passes, the first of which is `number` after the step counter."""
-        self._kernel[self._grid](*self._arguments(number, passes))
-        self.simulation._current = 1 - self.simulation._current
-        if self.kernel == "resident":
-            exchanges = (passes - 1) // self.tile.halo
-            self._epoch = (self._epoch + exchanges + 2**31) % 2**32 - 2**31  # compared by difference: may wrap around
-
-    def launch_many(self, parity: int, count: int) -> None:
-        """`count` launches of as many passes as the halo has rings, the first from the buffer `parity`."""
-        self.simulation._current = parity
-        for number in range(count):
-            self.launch(number * self.tile.halo, self.tile.halo)
-
-    def require_exchange(self) -> None:
-        """Raises BackendUnavailable if a block of `resident` waited in vain for its neighbours."""
-        if self.kernel == "resident" and self.simulation.fetch(self._failed) != 0:
-            self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
-            raise BackendUnavailable(
-                "the blocks of kernel resident did not run together (is the GPU shared?)", "use --kernel graph"
-            )

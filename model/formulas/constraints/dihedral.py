@@ -5,21 +5,16 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from model.formulas import plain
-from model.formulas.bending import make as make_bending
+from model.formulas.bending import make_dihedral
 from model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain):
     """See the package."""
-    formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
+    formulas, reciprocal = make_dihedral(real, compiled), make_distance(real, compiled).reciprocal
     softness, hinge, by_ends, dot = formulas.softness, formulas.hinge, formulas.by_ends, formulas.dot
     steepness, gradient_sum, dihedral_change = formulas.steepness, formulas.gradient_sum, formulas.dihedral_change
-    shifted = formulas.shifted
-
-    @compiled
-    def shift(point, weight, gx, gy, gz, change):
-        x, y, z = point
-        return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
+    shift = formulas.shift
 
     @compiled
     def project(points, before, weights, values, multipliers, constants):

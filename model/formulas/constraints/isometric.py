@@ -6,13 +6,13 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from model.formulas import plain
-from model.formulas.bending import make as make_bending
+from model.formulas.bending import make_isometric
 from model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain):
     """See the package."""
-    formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
+    formulas, reciprocal = make_isometric(real, compiled), make_distance(real, compiled).reciprocal
     softness, curvature, square_sum = formulas.softness, formulas.curvature, formulas.square_sum
     kept_part, isometric_change, shifted = formulas.kept_part, formulas.isometric_change, formulas.shifted
 

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 from model.formulas.bending import make as make_bending
-from model.formulas.cloth import make as make_cloth
 from model.formulas.distance import make as make_distance
+from model.formulas.lengths import make as make_lengths
 
 OPERATIONS = (
     123  # 9 differences, 27 for the products, 5 + 1 the constraint, 6 + 27 the weight, 6 the change, 42 to apply
@@ -23,17 +23,13 @@ OPERATIONS = (
 def make(real, compiled=plain):
     """See the package."""
     formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
-    softness, dot, shifted, cross = formulas.softness, formulas.dot, formulas.shifted, make_cloth(real, compiled).cross
+    lengths = make_lengths(real, compiled)
+    softness, shift, dot, cross = formulas.softness, formulas.shift, lengths.dot, lengths.cross
 
     @compiled
     def change_of(sixfold, rest, inverse, compliance, multiplier):
         """Change of the multiplier."""
         return (-(sixfold - rest) - compliance * multiplier) * inverse
-
-    @compiled
-    def shift(point, weight, gx, gy, gz, change):
-        x, y, z = point
-        return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
 
     @compiled
     def project(points, before, weights, values, multipliers, constants):

@@ -1,0 +1,140 @@
+"""The kernel `resident`: the grid kept on the chip, for grids that fit there all together.
+
+A block keeps its tile for thousands of steps; every `halo` steps it writes the border of what it owns to device memory,
+raises its flag, waits for the flags of its up to eight neighbours and reads its halo anew. No barrier of the whole grid: a
+block waits for its neighbours only. All blocks must run at once, which a cooperative launch guarantees.
+
+Two border buffers in turn are enough: a block writes border n + 2 only after it saw its neighbours' flags n + 1, which
+they raised after they had read border n.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.blocks import load_fresh_pair, raise_flag, read_flag
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.pairs import store_pair
+from gpu_backend.core.tiling import Tile
+from gpu_backend.mass_spring.grid.strips import ALIGNMENT, pair_type
+from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_parts
+
+FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
+PATIENCE = 1 << 22  # looks at a flag, seconds of them, before a block gives up
+
+
+def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
+    """`fetch` and `wait`."""
+    strip, width, row_length = tile.strip, tile.columns, np.int32(tile.columns)
+    inline = inlined(math)
+
+    @inline
+    def fetch(position, velocity, offset, bits, vx, vy, both, old, place, i, j, columns):
+        """Read the masses of the strip whose bit is set from the borders of the neighbours: all are asked for before
+        the first is waited for."""
+        x, y = cuda.local.array(strip, real), cuda.local.array(strip, real)
+        if bits != 0:
+            for r in range(strip):
+                if bits & np.int32(1 << r):
+                    k = np.int32((i + np.int32(r)) * columns + j) + offset
+                    p, v = load_fresh_pair(position, k), load_fresh_pair(velocity, k)
+                    x[r], y[r], vx[r], vy[r] = p.real, p.imag, v.real, v.imag
+            for r in range(strip):
+                if bits & np.int32(1 << r):
+                    store_pair(both, old + place + np.int32(r) * row_length, x[r], y[r])
+
+    @inline
+    def wait(flags, failed, wanted):
+        """Threads 0 to 7 of the block each wait for the flag of one neighbour."""
+        lane = np.int32(cuda.threadIdx.y * width + cuda.threadIdx.x)
+        if lane < 8:
+            turn = lane + 1 if lane > 3 else lane  # 0 ... 8 without 4, which is the block itself
+            down = np.int32(cuda.blockIdx.y) + turn // 3 - 1
+            across = np.int32(cuda.blockIdx.x) + turn % 3 - 1
+            if down >= 0 and down < cuda.gridDim.y and across >= 0 and across < cuda.gridDim.x:
+                place = np.int32((down * np.int32(cuda.gridDim.x) + across) * FLAG_STRIDE)
+                looks = np.int32(0)
+                while np.int32(read_flag(flags, place) - wanted) < 0:
+                    looks += np.int32(1)
+                    if looks > PATIENCE or ((looks & 1023) == 0 and read_flag(failed, 0) != 0):
+                        raise_flag(failed, 0, np.int32(1))
+                        break
+
+    return fetch, wait
+
+
+@cache
+def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
+    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed,
+    record, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old state to
+    the new one.
+
+    `border_*` (2 * particles,): the borders of tiles, two in turn; `flags` (blocks * FLAG_STRIDE,) int32, compared with
+    `epoch` + 1, + 2, ... (the caller raises `epoch` by the exchanges of each launch); `failed` (1,) int32 is set to 1 by
+    a block whose neighbours never answer. Launched cooperatively, one block a tile.
+    """
+    f, (fetch, wait) = make_tile_parts(real, math, integrator, parts, tile, cut), _make_exchange(real, math, tile)
+    constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of
+    write, bits_between = f.write, f.bits_between
+    run = f.runs["middle"] if "middle" in f.runs else f.runs["step"]
+    strip, halo, pair = tile.strip, tile.halo, pair_type(real)
+
+    def resident(
+        position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed, record,
+        integers, counter, passes, pinned, rows, columns,
+    ):  # fmt: skip
+        both = cuda.shared.array(0, pair, alignment=ALIGNMENT)
+        vx, vy = cuda.local.array(strip, real), cuda.local.array(strip, real)
+        rows, columns = np.int32(rows), np.int32(columns)
+        block = np.int32(cuda.blockIdx.y * cuda.gridDim.x + cuda.blockIdx.x)
+        i, j, (place, left, right, above, below), owned = place_of(rows, columns)
+        row_first, row_end, column_first, column_end = owned
+        mine, border, outside = np.int32(0), np.int32(0), np.int32(0)
+        if j < columns:
+            rows_mine = bits_between(row_first, row_end, i)
+            rows_here = bits_between(np.int32(0), rows, i)
+            if j >= column_first and j < column_end:
+                mine = rows_mine
+            outside = rows_here & ~mine
+            inner_first = row_first + halo if row_first > 0 else row_first
+            inner_end = row_end - halo if row_end < rows else row_end
+            border = mine & ~bits_between(inner_first, inner_end, i)
+            if (column_first > 0 and j < column_first + halo) or (column_end < columns and j >= column_end - halo):
+                border = mine
+        values = constants(record)
+        read(position, velocity, vx, vy, both, place, i, j, rows, columns)
+        held = held_bits(pinned, i, j, rows, columns)
+        cuda.syncthreads()
+        old = np.int32(0)
+        done = np.int64(0)
+        wanted = np.int32(epoch)
+        offset = np.int32(0)
+        particles = np.int32(rows * columns)
+        while True:
+            steps = min(np.int64(halo), passes - done)
+            old = run(
+                steps, done, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
+                counter, rows, columns,
+            )  # fmt: skip
+            done += steps
+            if done >= passes:
+                break
+            wanted += np.int32(1)
+            write(border_position, border_velocity, offset, border, both, old, place, vx, vy, i, j, columns)
+            cuda.syncthreads()
+            if cuda.threadIdx.x == 0 and cuda.threadIdx.y == 0:
+                raise_flag(flags, block * np.int32(FLAG_STRIDE), wanted)
+            wait(flags, failed, wanted)
+            cuda.syncthreads()
+            fetch(border_position, border_velocity, offset, outside, vx, vy, both, old, place, i, j, columns)
+            cuda.syncthreads()
+            offset = particles - offset
+        write(new_position, new_velocity, np.int32(0), mine, both, old, place, vx, vy, i, j, columns)
+
+    bounds = (tile.threads, blocks_together(real, tile))
+    variant = variant_name(real, math, integrator, parts, tile.name, cut)
+    return make_kernel(resident, variant, launch_bounds=bounds, **kernel_options(math))

@@ -1,0 +1,44 @@
+"""Links on CUDA: their arrays, and their projections colour by colour."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.constraints import make_projections
+from gpu_backend.shape_matching.kernels import THREADS
+from model.scene.parts import Method
+from model.shape_matching.body_set import BodySet
+from model.shape_matching.links import LINKS
+
+
+class DeviceLinks:
+    """Of the bodies of `body_set`, where any has some."""
+
+    def __init__(self, body_set: BodySet, method: Method, real: Any, math: str, stream: Any):
+        self._body_set, self._real, self._stream, self._starts = body_set, real, stream, body_set.links.starts
+        self._project = make_projections(real, math, LINKS)
+        ends, values = np.ascontiguousarray(body_set.links.ends.T).reshape(-1), self._of(method)
+        zeros = np.zeros(body_set.links.count, real)
+        self._ends, self._values, self._multipliers = (
+            cuda.to_device(array, stream=stream) for array in (ends, values, zeros)
+        )
+
+    def _of(self, method: Method) -> np.ndarray:
+        """(2 * links,): rest lengths, compliances."""
+        found: np.ndarray = self._body_set.links.values(method.dt / method.substeps, self._body_set.mass)
+        return np.ascontiguousarray(found.T.astype(self._real)).reshape(-1)
+
+    def change(self, method: Method) -> None:
+        """What hangs on the length of a substep."""
+        self._values.copy_to_device(self._of(method), stream=self._stream)
+
+    def project(self, position: Any, record: Any, number: int, fresh: bool) -> None:
+        """The links of a colour; `fresh`: the first time in a substep."""
+        start, stop = self._starts[number], self._starts[number + 1]
+        self._project[max(1, -(-int(stop - start) // THREADS)), THREADS, self._stream](
+            position, position, self._ends, self._values, self._multipliers, start, stop, self._starts[-1],
+            np.int32(fresh), record,
+        )  # fmt: skip

@@ -1,0 +1,200 @@
+"""Distance constraints of a mass, all at once, as device functions: the Jacobi orderings.
+
+Every mass gathers from the positions before the iteration: both of a constraint's ends compute its change, to the same bits,
+and each keeps a multiplier of its own. The spare number of a position is its share of its constraints' denominators: valence
+times weight, or the weight alone where displacements are averaged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad
+from gpu_backend.xpbd.constraints import KINDS, make_change
+from model.formulas import distance
+from model.xpbd.parameters import CONSTANTS, OF_SHEETS, X_COMPLIANCE, X_DAMPING, X_REST, X_STIFFENING
+
+
+def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
+    """make_pull(kind, number) -> pull(other, odd, those), by one constraint of a kind; `odd`: whether it begins in an odd row
+    or column."""
+    formulas = device_formulas(distance.make, real, math)
+    reciprocal_of, scaled = formulas.reciprocal, formulas.scaled
+    solid, alternates, zero = axes == 3, "alternating" in parts, real(0)
+    soft = [kind for kind in KINDS if f"{kind}-compliance" in parts]
+    inline = inlined(math)
+
+    def make_pull(kind: str, number: int) -> Any:
+        start, odd_start = OF_SHEETS.index(kind) * len(CONSTANTS), OF_SHEETS.index("stiff") * len(CONSTANTS)
+        can_alternate = alternates and kind == "structural"
+        has_compliance, has_damper = kind in soft, f"{kind}-damping" in parts
+        slot = np.int32(4 * soft.index(kind) + number if has_compliance else 0)
+        change_of = make_change(real, math, parts, kind, axes)
+        rest_place, compliance_place = start + X_REST, start + X_COMPLIANCE
+        stiffening_place, damping_place = start + X_STIFFENING, start + X_DAMPING
+        odd_rest, odd_compliance = odd_start + X_REST, odd_start + X_COMPLIANCE
+        odd_stiffening = odd_start + X_STIFFENING
+
+        @inline
+        def pull(other, odd, those):
+            position, before, lag, p, old, multipliers, first, step, constants = those
+            q = load_quad(position, other)
+            dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            ex, ey, ez = zero, zero, zero
+            if has_damper:
+                old_q = load_quad(before, other - lag)
+                ex, ey, ez = dx - (old_q[0] - old[0]), dy - (old_q[1] - old[1]), dz - (old_q[2] - old[2])
+            rest, compliance, stiffening = (
+                constants[rest_place], constants[compliance_place], constants[stiffening_place]
+            )  # fmt: skip
+            if can_alternate:
+                if odd:
+                    rest, compliance = constants[odd_rest], constants[odd_compliance]
+                    stiffening = constants[odd_stiffening]
+            multiplier = zero
+            if has_compliance:
+                multiplier = multipliers[first + slot * step]
+            reciprocal = reciprocal_of(p[3] + q[3], stiffening, compliance)
+            change, scale = change_of(
+                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, constants[damping_place]
+            )  # fmt: skip
+            if has_compliance:
+                multipliers[first + slot * step] = multiplier + change
+            z = zero
+            if solid:
+                z = scaled(-scale, dz)
+            return scaled(-scale, dx), scaled(-scale, dy), z
+
+        return pull
+
+    return make_pull
+
+
+def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: Callable[[str, int], Any]) -> Any:
+    """total(k, pitch, i, j, rows, columns, those) -> (x, y, z): what the neighbours of a mass displace it by, by kind in
+    pairs, (structural + shear) + bending; `those`: what pulls take beside. See `make_gather`."""
+    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
+    zero, one, two = real(0), np.int32(1), np.int32(2)
+    inline = inlined(math)
+
+    # A neighbour that is not there is the mass itself, as in mass_spring/cloth/point.py: it displaces nothing.
+
+    @inline
+    def beside(k, pitch, i, j, rows, columns):
+        """Places to the right, to the left, below, above."""
+        return (
+            k if j == columns - 1 else k + one, k if j == 0 else k - one,
+            k if i == rows - 1 else k + pitch, k if i == 0 else k - pitch,
+        )  # fmt: skip
+
+    @inline
+    def across(k, pitch, i, j, rows, columns):
+        """Below to the right, above to the left, below to the left, above to the right."""
+        top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
+        return (
+            k if bottom or last else k + pitch + one, k if top or first else k - pitch - one,
+            k if bottom or first else k + pitch - one, k if top or last else k - pitch + one,
+        )  # fmt: skip
+
+    @inline
+    def two_on(k, pitch, i, j, rows, columns):
+        return (
+            k + two if j < columns - 2 else k, k - two if j > 1 else k,
+            k + two * pitch if i < rows - 2 else k, k - two * pitch if i > 1 else k,
+        )  # fmt: skip
+
+    def make_sum(kind: str, places_of: Any) -> Any:
+        first, second, third, fourth = (make_pull(kind, n) for n in range(4))
+
+        @inline
+        def kind_sum(k, pitch, i, j, rows, columns, those):
+            """(first + second) + (third + fourth), by axis."""
+            places, odd_row, odd_column = places_of(k, pitch, i, j, rows, columns), (i & one) != 0, (j & one) != 0
+            a, b = first(places[0], odd_column, those), second(places[1], not odd_column, those)
+            c, d = third(places[2], odd_row, those), fourth(places[3], not odd_row, those)
+            return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
+
+        return kind_sum
+
+    structural_sum, shear_sum = make_sum("structural", beside), make_sum("shear", across)
+    bending_sum = make_sum("bending", two_on)
+
+    @inline
+    def total(k, pitch, i, j, rows, columns, those):
+        x, y, z = zero, zero, zero
+        if has_structural:
+            x, y, z = structural_sum(k, pitch, i, j, rows, columns, those)
+        if has_shear:
+            hx, hy, hz = shear_sum(k, pitch, i, j, rows, columns, those)
+            if has_structural:
+                hx, hy, hz = x + hx, y + hy, z + hz
+            x, y, z = hx, hy, hz
+        if has_bending:
+            bx, by, bz = bending_sum(k, pitch, i, j, rows, columns, those)
+            if has_structural or has_shear:
+                bx, by, bz = x + bx, y + by, z + bz
+            x, y, z = bx, by, bz
+        return x, y, z
+
+    return total
+
+
+@cache
+def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
+    """Jacobi's device functions:
+
+    - `valence_of(i, j, rows, columns)`: how many constraints a mass has; `share_of(valence, weight)`: its spare number;
+    - `gather(position, before, k, lag, pitch, i, j, rows, columns, p, old, m, first, step, constants)` -> (x, y, z): the
+      sum of a mass's displacements. It lies at place k of `position` (p), the mass below it `pitch` places on; of `before`
+      (old) all places are `lag` less. Its multipliers are numbers first, first + step, ... of m, 4 of each kind of
+      constraints with compliance;
+    - `arrive(p, weight, sum, valence)` -> (x, y, z): the mass after the iteration.
+    """
+    formulas = device_formulas(distance.make, real, math)
+    share, gathered, averaged = formulas.share, formulas.gathered, formulas.averaged
+    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
+    averages, solid = "averaged-jacobi" in parts, axes == 3
+    total = _make_neighbour_sum(real, math, parts, _make_pulls(real, math, parts, axes))
+    inline = inlined(math)
+
+    @inline
+    def valence_of(i, j, rows, columns):
+        up, down = np.int32(i > 0), np.int32(i < rows - 1)
+        left, right = np.int32(j > 0), np.int32(j < columns - 1)
+        total = np.int32(0)
+        if has_structural:
+            total = total + up + down + left + right
+        if has_shear:
+            total = total + (up + down) * (left + right)
+        if has_bending:
+            total = total + np.int32(i > 1) + np.int32(i < rows - 2) + np.int32(j > 1) + np.int32(j < columns - 2)
+        return real(total)
+
+    @inline
+    def share_of(valence, weight):
+        return weight if averages else share(valence, weight)
+
+    @inline
+    def gather(position, before, k, lag, pitch, i, j, rows, columns, p, old, m, first, step, constants):
+        those = position, before, lag, p, old, m, first, step, constants
+        return total(k, pitch, i, j, rows, columns, those)
+
+    @inline
+    def arrive(p, weight, total, valence):
+        z = p[2]
+        if averages:
+            if solid:
+                z = averaged(z, weight, total[2], valence)
+            return averaged(p[0], weight, total[0], valence), averaged(p[1], weight, total[1], valence), z
+        if solid:
+            z = gathered(z, weight, total[2])
+        return gathered(p[0], weight, total[0]), gathered(p[1], weight, total[1]), z
+
+    return SimpleNamespace(valence_of=valence_of, share_of=share_of, gather=gather, arrive=arrive)
