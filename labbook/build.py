@@ -65,7 +65,7 @@ TITLE = "Soft-body lab book"
 
 def committed_data() -> list[Path]:
     """The measurements that come with the lab: one text export a machine."""
-    return sorted(COMMITTED.glob("*.csv"))
+    return sorted(COMMITTED.glob("*.csv.gz"))
 
 
 def build(

@@ -155,10 +155,10 @@ class Measure:
 
 
 def open_readonly(path: str | Path = DEFAULT_PATH) -> Store:
-    """A store to read from: a .sqlite file, or a .csv export (which is read into memory). Raises InputError."""
-    if Path(path).suffix.lower() == ".csv":
-        from bench.store.transfer import load_text
+    """A store to read from: a .sqlite file, or a .csv or .csv.gz export (which is read into memory). Raises InputError."""
+    from bench.store.transfer import is_text, load_text
 
+    if is_text(path):
         return load_text([path])
     return Store(path, readonly=True)
 

@@ -2,7 +2,8 @@
 
 The text is CSV in sections. A line `table:,column,column...` names the columns of the lines `table,value,value...` that
 follow it. Descriptions and machine records are spread over columns by dotted path (`scene.grid.rows`); repeats of one
-configuration share a line. Numbers are written so that they read back bit for bit.
+configuration share a line. Numbers are written so that they read back bit for bit. A name that ends in .csv.gz has the same
+text compressed, the same bytes for the same text.
 
     softlab-results,1
     machine:,key,label,field,value               one line a field of the record
@@ -15,13 +16,15 @@ configuration share a line. Numbers are written so that they read back bit for b
 from __future__ import annotations
 
 import csv
+import gzip
 import json
 import sqlite3
+import zlib
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from bench.store.database import TABLES, Store, canonical, configuration_hash
 from model.core.errors import InputError, shortened
@@ -29,24 +32,25 @@ from model.core.files import check_source, check_target, replacing
 
 MAGIC = "softlab-results"
 TEXT_VERSION = 1
+TEXTS = (".csv", ".csv.gz")  # how the names of text exports end
 GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what the repeats in one line share
 Rows = dict[str, list[tuple[Any, ...]]]  # table -> rows in the column order of TABLES
 
 
 def export(store: Store, path: str | Path, machine: str | None = None) -> Path:
-    """Write the store (or one machine's part of it, by key) to a .csv or .sqlite file; the path.
+    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file; the path.
 
     An earlier text export is replaced, at once and whole; any other existing file is not. Raises InputError.
     """
     file = Path(path)
-    suffix = file.suffix.lower()
-    check_target(file, (".csv", ".sqlite"), "an export")
-    if file.exists() and not (suffix == ".csv" and _is_text_export(file)):
+    check_target(file, (*TEXTS, ".sqlite"), "an export")
+    if file.exists() and not (is_text(file) and _is_text_export(file)):
         raise InputError(f"{file} exists and would be overwritten; delete it first, or give another path")
     rows = _rows_of(store, machine)
     with replacing(file) as temporary:
-        if suffix == ".csv":
-            temporary.write_text(_text(rows), encoding="utf-8", newline="")
+        if is_text(file):
+            text = _text(rows).encode()
+            temporary.write_bytes(gzip.compress(text, mtime=0) if file.suffix == ".gz" else text)
         else:
             with Store(temporary) as target:
                 _insert(target, rows, store.path)
@@ -60,7 +64,7 @@ def merge(store: Store, other: str | Path) -> dict[str, int]:
     All or nothing; merging twice adds nothing. Raises InputError for a file that is neither.
     """
     file = Path(other)
-    if file.suffix.lower() == ".csv":
+    if is_text(file):
         rows = _read_text(file)
     else:
         with Store(file, readonly=True) as source:
@@ -185,11 +189,22 @@ def _value(cell: str) -> Any:
 # ---------------------------------------------------------------------- reading text
 
 
+def is_text(file: str | Path) -> bool:
+    """Whether a file's name is that of a text export."""
+    return str(file).lower().endswith(TEXTS)
+
+
+def _opened(file: Path) -> IO[str]:
+    if file.suffix.lower() == ".gz":
+        return gzip.open(file, "rt", encoding="utf-8", newline="")
+    return file.open(encoding="utf-8", newline="")
+
+
 def _is_text_export(file: Path) -> bool:
     try:
-        with file.open(encoding="utf-8") as opened:
+        with _opened(file) as opened:
             return opened.read(len(MAGIC) + 1) == MAGIC + ","
-    except (OSError, UnicodeDecodeError):
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError):
         return False
 
 
@@ -206,13 +221,15 @@ def _unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
 
 def _read_text(file: Path) -> Rows:
     """The rows of a text export. Raises InputError with the line that is wrong."""
-    check_source(file, "a text export is a .csv file")
+    check_source(file, "a text export is a .csv or .csv.gz file")
     try:
-        with file.open(encoding="utf-8", newline="") as opened:
+        with _opened(file) as opened:
             reader = csv.reader(opened, strict=True)
             try:
                 return _parse(reader, file)
-            except (ValueError, LookupError, AttributeError, TypeError, RecursionError, csv.Error) as error:
+            except (
+                ValueError, LookupError, AttributeError, TypeError, RecursionError, csv.Error, EOFError, zlib.error,
+            ) as error:  # fmt: skip
                 raise InputError(
                     f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it anew"
                 ) from None

@@ -78,7 +78,8 @@ def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a pic
     Raises InputError; to be called before the work whose result it is.
     """
     path = Path(path)
-    if path.suffix.lower() not in suffixes:
+    name = path.name.lower()
+    if not name.endswith(suffixes) or name in suffixes:
         raise InputError(f"{_named(path)}: the name of {what} must end in {' or '.join(suffixes)}")
     try:
         mode = os.stat(path).st_mode

@@ -100,7 +100,7 @@ def test_a_machine_only_gains_what_was_not_known() -> None:
         assert machine.label.startswith("Some CPU") and machine.record["cores"] == 2 and machine.record["gpu"] == "H200"
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".sqlite"])
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".sqlite"])
 def test_export_and_merge_round_trip_exactly_and_twice_adds_nothing(tmp_path: Path, suffix: str) -> None:
     with filled(tmp_path / "results.sqlite") as store, Store(tmp_path / "new.sqlite") as new:
         file = export(store, tmp_path / f"out{suffix}")
@@ -386,7 +386,7 @@ def test_an_export_overwrites_only_a_text_export(tmp_path: Path) -> None:
         for name in ("thesis.csv", "results.sqlite"):
             with pytest.raises(InputError, match="would be overwritten"):
                 export(store, tmp_path / name)
-        with pytest.raises(InputError, match=r"\.csv or \.sqlite"):
+        with pytest.raises(InputError, match=r"\.csv or \.csv\.gz or \.sqlite"):
             export(store, tmp_path / "out.xlsx")
         with pytest.raises(InputError, match="does not exist"):
             export(store, tmp_path / "nowhere" / "out.csv")
