@@ -23,6 +23,7 @@ from cpu_backend.core.threads import thread_count
 from model.core.errors import Diverged, SoftlabError
 from model.core.simulation import Simulation
 
+DRAWN_BY = "drawn_by"  # a measure: renderer, picture and way, as its reason
 PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no text
 
 
@@ -182,6 +183,9 @@ class GroupRunner:
                 continue
             self.tell(f"{case}: warming up")
             drawn = renderer if case.graphics and not isinstance(renderer, str) else None
+            if drawn is not None:
+                by = f"{getattr(drawn, 'renderer', 'unknown')}, {PICTURE[0]} x {PICTURE[1]} pixels, through the host"
+                self.store.add_measure(self.summary.run, case.description, case.sources, DRAWN_BY, None, "", by)
             subject = Subject(simulations[case.simulation_kind], case, drawn)
             try:
                 warm_up(subject)
