@@ -45,6 +45,7 @@ def sweep(
     repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
     min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
     precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    again: Annotated[bool, typer.Option(help="Sample once more what other programs disturbed.")] = True,
     threads: Annotated[list[str] | None, typer.Option(help="On the CPU: 1x, 2x, 4x or a number. Repeatable.")] = None,
     kernels: Annotated[
         bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
@@ -77,7 +78,7 @@ def sweep(
         if kernels:
             from bench.experiments.kernel_sweep import run_kernel_sweep
 
-            summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, **how)
+            summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, again=again, **how)
             print_kernels(out, opened, summary.machine)
         elif peers:
             from bench.peers.results import print_peers
@@ -88,7 +89,7 @@ def sweep(
         else:
             from bench.experiments.sweep import THREADS, run_sweep
 
-            summary = run_sweep(opened, graphics=graphics, threads=threads or THREADS, **how)
+            summary = run_sweep(opened, graphics=graphics, threads=threads or THREADS, again=again, **how)
         print_sweep(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)

@@ -85,6 +85,7 @@ def run_kernel_sweep(
     total_seconds: float | None = None,
     repeats: int | None = None,
     min_seconds: float | None = None,
+    again: bool = True,
     energy: bool = True,
     starts: bool = True,
     progress: bool = True,
@@ -100,7 +101,7 @@ def run_kernel_sweep(
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
     begin = time.perf_counter()
-    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
+    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again)
     base = scene if isinstance(scene, Scene) else load_scene(scene)
     chosen = backends_here(backends)
     known = [name for backend in chosen for name in kernels_of(backend)]

@@ -134,6 +134,7 @@ def choose_effort(
     total_seconds: float | None = None,
     repeats: int | None = None,
     min_seconds: float | None = None,
+    again: bool = True,
 ) -> Effort:
     """The preset, with what was asked for instead. Raises SceneError for what is no positive number."""
     for name, value in (
@@ -148,7 +149,7 @@ def choose_effort(
         min_seconds or preset.min_seconds,
         max_seconds or preset.max_seconds,
         total_seconds or preset.total_seconds,
-        again=0 if quick else repeats or preset.repeats,
+        again=(repeats or preset.repeats) if again and not quick else 0,
     )
 
 
@@ -166,6 +167,7 @@ def run_sweep(
     total_seconds: float | None = None,
     repeats: int | None = None,
     min_seconds: float | None = None,
+    again: bool = True,
     progress: bool = True,
     command: str = "softlab sweep",
 ) -> SweepSummary:
@@ -173,13 +175,14 @@ def run_sweep(
 
     `scene` gives everything but the grid's size. `max_seconds` [s]: the most that one configuration may take; one that
     is estimated to take longer is not started. `total_seconds` [s]: after it nothing new is started (None: no end;
-    quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. Ctrl-C ends cleanly (`interrupted`).
+    quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. `again`: sample once more what other programs
+    disturbed. Ctrl-C ends cleanly (`interrupted`).
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
     begin = time.perf_counter()
     base = scene if isinstance(scene, Scene) else load_scene(scene)
-    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
+    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again)
     chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
     for word in threads:
         thread_count(word)  # refuse an impossible word before anything is measured

@@ -36,10 +36,14 @@ def overtakes(results: Results) -> Claim:
     if source is None:
         return Claim(f"GPU and CPU were not compared: {NOT_COMPARED}.")
     first, last = found[0], found[-1]
-    where = crossing(found)
+    where, everything = crossing(found), pairs(source)
+    smallest, largest = (
+        f"the {word} size{'' if one.gpu is other.gpu else ' that was timed undisturbed'}"
+        for word, one, other in (("smallest", first, everything[0]), ("largest", last, everything[-1]))
+    )
     numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "crossing": where or 0.0, "first": first.ratio}
     start = f"{on_gpu(source)}, against the fastest thread count of the {source.processor} and at the same step:"
-    at_last = f"at {masses(last.gpu.particles)}, the largest size that both ran,"
+    at_last = f"at {masses(last.gpu.particles)}, {largest},"
     if not last.clear:
         return Claim(f"{start} {at_last} there is no difference beyond the spread{suspect}.", numbers, False)
     if last.ratio < 1:
@@ -51,7 +55,7 @@ def overtakes(results: Results) -> Claim:
         )
     else:
         text = (
-            f"{start} the GPU is ahead from {masses(first.gpu.particles)} on, the smallest size, where it is "
+            f"{start} the GPU is ahead from {masses(first.gpu.particles)} on, {smallest}, where it is "
             f"{times(first.ratio)} as fast; {at_last} it is {times(last.ratio)} as fast"
         )
     return Claim(f"{text}{suspect}.", numbers, True)

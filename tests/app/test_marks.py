@@ -43,7 +43,7 @@ def subject_of(name: Any) -> Any:
 
 def by_group(store: Store, run: str, backend: str) -> None:
     """bench/measure/group.py, with the mark of a wrong answer beside the sample's own."""
-    effort = SimpleNamespace(repeats_of=lambda case: 1)
+    effort = SimpleNamespace(repeats_of=lambda case: 1, again=0)
     summary = SimpleNamespace(run=run, machine="m", samples=0, suspect=0, measured=0)
     runner = measure_group.GroupRunner(store, effort, summary, [backend], {}, NOTHING)  # type: ignore[arg-type]
     runner._sample([subject_of(case_of(backend))], {backend: "wrong answer: 3 spacings off"})  # type: ignore[dict-item]

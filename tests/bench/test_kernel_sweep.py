@@ -29,7 +29,7 @@ RECORD: dict[str, Any] = {"cpu": "Some CPU", "cores": 2, "arithmetic": {}, "regi
 FEW = ("fused", "stages")  # kernels that take every size
 SMALL: dict[str, Any] = {
     "backends": ["cpu"], "precisions": ("float32",), "repeats": 2, "min_seconds": 1e-4, "kernels": FEW,
-    "energy": False, "starts": False, "progress": False,
+    "energy": False, "starts": False, "progress": False, "again": False,
 }  # fmt: skip
 
 

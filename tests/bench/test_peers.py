@@ -290,7 +290,7 @@ def test_bad_choices_are_refused_in_a_line(arguments, tmp_path):
 
 
 def test_the_figure_marks_what_is_wrong(tmp_path: Path):
-    from plots.core.data import load
+    from plots.core.read import load
     from plots.figures.peers import draw
 
     with Store(tmp_path / "results.sqlite") as store:

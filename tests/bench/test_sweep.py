@@ -25,6 +25,7 @@ SMALL: dict[str, Any] = {
     "threads": ("1x",),
     "precisions": ("float32",),
     "graphics": False,
+    "again": False,
     "progress": False,
     "min_seconds": 1e-4,
     "repeats": 2,
@@ -161,7 +162,7 @@ def enter(store):
 sweep.enter_machine = enter
 with Store(sys.argv[1]) as store:
     sweep.run_sweep(store, sizes=[8, 9, 10], backends=["cpu"], threads=("1x",), precisions=("float32",), graphics=False,
-                    progress=False, min_seconds=1e-3, repeats=40)
+                    progress=False, min_seconds=1e-3, repeats=40, again=False)
 """
 
 

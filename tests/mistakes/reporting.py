@@ -13,10 +13,6 @@ FIGURES: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "plots/findings/damping.py", "test_figure_axes.py",
-        {"ticks of a finding in seconds": ('[f"{1000 * dt:g}" for dt in steps]', '[f"{dt:g}" for dt in steps]')},
-    ),
-    *in_file(
         "plots/figures/energies.py", "test_figure_axes.py",
         {
             "energies in mJ": ('ax.set_ylabel("energy / J")', 'ax.set_ylabel("energy / mJ")'),
@@ -24,9 +20,9 @@ FIGURES: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "plots/figures/bandwidth.py", "test_figure_axes.py test_figures.py::test_fraction_of_the_copy_bandwidth",
+        "plots/core/bandwidth.py", "test_figure_axes.py test_figures.py::test_fraction_of_the_copy_bandwidth test_ladder.py",
         {
-            "per cent without the hundred": ("return lambda timing, seconds: 100 * (fraction", "return lambda timing, seconds: (fraction"),
+            "what stays in a cache counts as memory's": ("> (last or UNKNOWN_CACHE)", ">= 0"),
             "the GPU's share of the host's bandwidth": ('"gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth"', '"copy_bandwidth" if backend == "gpu" else "gpu_copy_bandwidth"'),
         },
     ),
@@ -66,7 +62,7 @@ CLAIMS: tuple[Mistake, ...] = (
         {
             "wrong answers take part": ("return [timing for timing in times_ if not is_wrong(timing)]", "return list(times_)"),
             "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
-            "the bandwidth of the smallest grid": ("largest = sound(source.select(backend, word))[-1:] if", "largest = sound(source.select(backend, word))[:1] if"),
+            "the bandwidth of the smallest grid": ("largest = [t for (t,) in found][-1:]", "largest = [t for (t,) in found][:1]"),
             "float64 told of the smallest grid": ("single, double = both[-1]", "single, double = both[0]"),
             "overlapping repeats are a difference": ("return -1 if a.high < b.low else 1 if a.low > b.high else 0", "return -1 if a.median < b.median else 1"),
             "the GPU is flat as far as it was measured": ("if timing.median > FLAT * curve[0].median:", "if timing.median < FLAT * curve[0].median:"),
@@ -76,7 +72,7 @@ CLAIMS: tuple[Mistake, ...] = (
         "labbook/claims/comparison.py", HAND,
         {
             "the slower backend is the faster one": ("if last.ratio < 1:", "if last.ratio > 1:"),
-            "with graphics the slower backend is the faster one": ("if last.ratio > 1:\n        return Claim(f\"{at} the GPU's", "if last.ratio < 1:\n        return Claim(f\"{at} the GPU's"),
+            "with graphics the slower backend is the faster one": ("pair.clear and pair.ratio < 1]", "pair.clear and pair.ratio > 1]"),
             "crossover told at the smallest size": ("first, last = found[0], found[-1]", "first, last = found[0], found[0]"),
             "drawing told at the smallest size": ("without, drawn = both[-1]", "without, drawn = both[0]"),
         },
