@@ -104,7 +104,7 @@ WAYS = {
 @pytest.mark.parametrize("module", WAYS, ids=[module.__name__ for module in WAYS])
 @pytest.mark.parametrize("backend", ["cpu", "gpu"])
 def test_marks_reach_the_store(module: Any, backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def taken(subjects: Any, repeats: Any, _: Any = None) -> Any:
+    def taken(subjects: Any, repeats: Any, _: Any = None, again: int = 0) -> Any:
         for subject in subjects:
             yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
 
