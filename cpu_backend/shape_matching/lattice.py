@@ -18,7 +18,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
-from cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums, make_moments
+from cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
 from cpu_backend.shape_matching.lattice_scan import make_goal_scan, make_moment_scan
 from cpu_backend.shape_matching.lattice_turns import make_turns
 from model.formulas import lattice
@@ -37,13 +37,13 @@ from model.shape_matching.lattice import (
 
 def make_slice_up(compiler: Compiler, real: Any) -> Any:
     """slice_up(unit, position, count, arrays, room): the sums of a slice, into the work."""
-    sum_line, moments = make_line_sums(compiler, real).sum_line, make_moments(compiler, real)
+    sum_line = make_line_sums(compiler, real).sum_line
 
     @compiler.compiled
     def nothing(n, i, window, more):
         pass
 
-    scan = make_moment_scan(compiler, real, SLICE, moments.add_line, moments.end_slice, nothing)
+    scan = make_moment_scan(compiler, real, 1, nothing)
 
     @compiler.compiled
     def slice_up(unit, position, count, arrays, room):
@@ -72,7 +72,7 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
 def make_turn(compiler: Compiler, real: Any) -> Any:
     """turn(unit, position, count, arrays, turned, frames, look, room): the clusters of a pencil into `turned`, and their
     goals' sums into the work, or, in a `look`, their frames."""
-    moments, turns, one = make_moments(compiler, real), make_turns(compiler, real), real(1)
+    turns, one = make_turns(compiler, real), real(1)
     turn_row, centre_row, show_row = turns.turn_row, turns.centre_row, turns.show_row
 
     @compiler.compiled
@@ -83,7 +83,7 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
         for axis in range(3):
             centre_row(n, inverse_slice, inverses[i], row_at(window, axis * n))
 
-    scan = make_moment_scan(compiler, real, WINDOW, moments.add_slice, moments.end_window, turn_window)
+    scan = make_moment_scan(compiler, real, 2, turn_window)
     scan_goals = make_goal_scan(compiler, real, 2)
 
     @compiler.compiled

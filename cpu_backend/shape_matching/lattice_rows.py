@@ -15,11 +15,11 @@ from cpu_backend.core.layout import row_at
 from model.formulas import lattice
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
-GOAL_SLICE, GOAL_LINE = 9, 6  # of ways to goals, after the passes along z and y
+GOAL_LINE = 6  # of ways to goals, after the passes along z and y; after z, as many as of a slice
 
 
 def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`clear(n, rows, pitch, out)`; `copy(n, rows, source, source_pitch, out, pitch)`."""
+    """`clear(n, rows, pitch, out)`; `copy(n, rows, source, source_pitch, out, pitch)`; `add_to(n, source, out)`, one row."""
     compiled, row, zero = compiler.compiled, compiler.row, real(0)
 
     @row
@@ -32,6 +32,11 @@ def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
         for k in range(n):
             out[k] = source[k]
 
+    @row
+    def add_to(n, source, out):
+        for k in range(n):
+            out[k] = out[k] + source[k]
+
     @compiled
     def clear(n, rows, pitch, out):
         for k in range(rows):
@@ -42,7 +47,7 @@ def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
         for k in range(rows):
             copy_row(n, row_at(source, k * source_pitch), row_at(out, k * pitch))
 
-    return SimpleNamespace(clear=clear, copy=copy)
+    return SimpleNamespace(clear=clear, copy=copy, add_to=add_to)
 
 
 def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
@@ -96,86 +101,54 @@ def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(sum_line=sum_line, sum_goals=sum_goals)
 
 
-def make_moments(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`add_line` and `add_slice`: a row's sums onto a scan along y or z; `end_slice` and `end_window`: both halves of a
-    window's sums, counted from its own mass on."""
-    compiled, row = compiler.compiled, compiler.row
+def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
+    """Moments along y and z: `add`, a row's sums onto a scan; `end`, both halves of a window's sums, counted from its own
+    mass on. Of both: differences, turns along the `turns` axes that are done, and those along the scan's own."""
+    compiled, row, own = compiler.compiled, compiler.row, 3 * (turns + 1)
     formulas = lattice.make(real, compiler.inlined)
     part_of_row, added_turn, shifted = formulas.part_of_row, formulas.added_turn, formulas.shifted
+    add_to = make_rows(compiler, real).add_to
 
     @row
-    def add_line_row(n, step, share, mass, total, turn, x, reference, s0, s1, s2):
+    def add_row(n, step, share, mass, total, x, reference, sums, turn):
         for k in range(n):
             part = part_of_row(share, total[k], mass[k], x[k], reference[k])
-            s0[k] = s0[k] + part
-            s1[k] = added_turn(s1[k], turn[k], share)
-            s2[k] = added_turn(s2[k], part, step)
-
-    @compiled
-    def add_line(n, step, share, mass, line, pitch, x, reference, plane, sums):
-        for axis in range(3):
-            add_line_row(
-                n, step, share, mass, row_at(line, axis * pitch), row_at(line, (3 + axis) * pitch),
-                row_at(x, axis * plane), row_at(reference, axis * plane), row_at(sums, axis * n),
-                row_at(sums, (3 + axis) * n), row_at(sums, (6 + axis) * n),
-            )  # fmt: skip
+            sums[k] = sums[k] + part
+            turn[k] = added_turn(turn[k], part, step)
 
     @row
-    def end_slice_row(n, far, weight, mass, reference, x, a0, a1, a2, s0, s1, s2):
+    def add_turn(n, share, turn, sums):
         for k in range(n):
-            total = s0[k] + a0[k]
-            s1[k] = s1[k] + a1[k]
-            s2[k] = added_turn(s2[k] + a2[k], total, far)
-            s0[k] = shifted(total, mass[k] * weight, reference[k], x[k])
+            sums[k] = added_turn(sums[k], turn[k], share)
 
     @compiled
-    def end_slice(n, far, weight, mass, reference, x, plane, added, sums, pitch):
+    def add(n, step, share, mass, rows, pitch, x, reference, plane, sums):
         for axis in range(3):
-            end_slice_row(
+            add_row(
+                n, step, share, mass, row_at(rows, axis * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
+                row_at(sums, axis * n), row_at(sums, (own + axis) * n),
+            )  # fmt: skip
+        for other in range(3, own):
+            add_turn(n, share, row_at(rows, other * pitch), row_at(sums, other * n))
+
+    @row
+    def end_row(n, far, weight, mass, reference, x, added, behind, sums, turn):
+        for k in range(n):
+            total = sums[k] + added[k]
+            turn[k] = added_turn(turn[k] + behind[k], total, far)
+            sums[k] = shifted(total, mass[k] * weight, reference[k], x[k])
+
+    @compiled
+    def end(n, far, weight, mass, reference, x, plane, added, sums, pitch):
+        for axis in range(3):
+            end_row(
                 n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * n),
-                row_at(added, (3 + axis) * n), row_at(added, (6 + axis) * n), row_at(sums, axis * pitch),
-                row_at(sums, (3 + axis) * pitch), row_at(sums, (6 + axis) * pitch),
+                row_at(added, (own + axis) * n), row_at(sums, axis * pitch), row_at(sums, (own + axis) * pitch),
             )  # fmt: skip
+        for other in range(3, own):
+            add_to(n, row_at(added, other * n), row_at(sums, other * pitch))
 
-    @row
-    def add_slice_row(n, step, share, mass, total, turn, other, x, reference, s0, s1, s2, s3):
-        for k in range(n):
-            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
-            s0[k] = s0[k] + part
-            s1[k] = added_turn(s1[k], turn[k], share)
-            s2[k] = added_turn(s2[k], other[k], share)
-            s3[k] = added_turn(s3[k], part, step)
-
-    @compiled
-    def add_slice(n, step, share, mass, slices, pitch, x, reference, plane, sums):
-        for axis in range(3):
-            add_slice_row(
-                n, step, share, mass, row_at(slices, axis * pitch), row_at(slices, (3 + axis) * pitch),
-                row_at(slices, (6 + axis) * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
-                row_at(sums, axis * n), row_at(sums, (3 + axis) * n), row_at(sums, (6 + axis) * n),
-                row_at(sums, (9 + axis) * n),
-            )  # fmt: skip
-
-    @row
-    def end_window_row(n, far, weight, mass, reference, x, a0, a1, a2, a3, s0, s1, s2, s3):
-        for k in range(n):
-            total = s0[k] + a0[k]
-            s1[k] = s1[k] + a1[k]
-            s2[k] = s2[k] + a2[k]
-            s3[k] = added_turn(s3[k] + a3[k], total, far)
-            s0[k] = shifted(total, mass[k] * weight, reference[k], x[k])
-
-    @compiled
-    def end_window(n, far, weight, mass, reference, x, plane, added, sums, pitch):
-        for axis in range(3):
-            end_window_row(
-                n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * n),
-                row_at(added, (3 + axis) * n), row_at(added, (6 + axis) * n), row_at(added, (9 + axis) * n),
-                row_at(sums, axis * pitch), row_at(sums, (3 + axis) * pitch), row_at(sums, (6 + axis) * pitch),
-                row_at(sums, (9 + axis) * pitch),
-            )  # fmt: skip
-
-    return SimpleNamespace(add_line=add_line, end_slice=end_slice, add_slice=add_slice, end_window=end_window)
+    return SimpleNamespace(add=add, end=end)
 
 
 def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
@@ -184,18 +157,13 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
     ones."""
     compiled, row, own = compiler.compiled, compiler.row, 3 * (rest + 1)
     formulas = lattice.make(real, compiler.inlined)
-    added_goal, ended = formulas.added_goal, formulas.ended
+    added_goal, ended, add_to = formulas.added_goal, formulas.ended, make_rows(compiler, real).add_to
 
     @row
     def add_goal_row(n, lever, count, total, column, x, reference, way, columns):
         for k in range(n):
             way[k] = added_goal(way[k], total[k], count, x[k], reference[k], lever, column[k])
             columns[k] = columns[k] + column[k]
-
-    @row
-    def add_row(n, source, out):
-        for k in range(n):
-            out[k] = out[k] + source[k]
 
     @compiled
     def add_goals(n, lever, count, goals, pitch, x, reference, plane, sums):
@@ -205,7 +173,7 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
                 row_at(reference, axis * plane), row_at(sums, axis * n), row_at(sums, (own + axis) * n),
             )  # fmt: skip
         for other in range(3, own):
-            add_row(n, row_at(goals, other * pitch), row_at(sums, other * n))
+            add_to(n, row_at(goals, other * pitch), row_at(sums, other * n))
 
     @row
     def end_goal_row(n, lever, count, reference, x, added, added_column, way, column, out):

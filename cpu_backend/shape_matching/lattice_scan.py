@@ -11,7 +11,7 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from cpu_backend.shape_matching.lattice_rows import make_goals, make_rows
+from cpu_backend.shape_matching.lattice_rows import make_goals, make_moments, make_rows
 from model.formulas import lattice
 
 
@@ -52,10 +52,11 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
     return scan
 
 
-def make_moment_scan(compiler: Compiler, real: Any, planes: int, add_row: Any, end_row: Any, then: Any) -> Any:
-    """The scan of moments, by functions of lattice_rows.make_moments. `given`: (shares, centres, masses of the axis; masses
-    of the row; what is `then` done to a window: then(n, i, window, more))."""
-    lever = lattice.make(real, compiler.inlined).lever
+def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> Any:
+    """The scan of moments, `turns` axes being done. `given`: (shares, centres, masses of the axis; masses of the row; what is
+    `then` done to a window: then(n, i, window, more))."""
+    lever, moments = lattice.make(real, compiler.inlined).lever, make_moments(compiler, real, turns)
+    end_row = moments.end
 
     @compiler.inlined
     def term(j, b, given):
@@ -67,7 +68,7 @@ def make_moment_scan(compiler: Compiler, real: Any, planes: int, add_row: Any, e
         end_row(n, lever(real(b - i), centres[i]), masses[i], mass, reference, x, plane, sums, window, pitch)
         then(n, i, window, more)
 
-    return make_scan(compiler, real, planes, True, term, add_row, end)
+    return make_scan(compiler, real, 3 * (turns + 2), True, term, moments.add, end)
 
 
 def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:

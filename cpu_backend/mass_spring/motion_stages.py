@@ -1,0 +1,158 @@
+"""The stages that move masses, for the teaching versions of grids and cloths: damping and the integrators, one unknown of
+every mass at a time, an array (rows, columns)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from model.core.parameters import (
+    K_DAMPING,
+    K_DT,
+    K_HALF_DT,
+    K_HALF_DT_SQUARED,
+    K_INVERSE_DAMPING,
+    K_SIXTH_DT,
+    K_THIRD_DT,
+)
+from model.core.plan import Moment, StageRun
+from model.formulas import integrators, springs
+from model.mass_spring.cloth_parameters import (
+    C_DAMPING,
+    C_DT,
+    C_HALF_DT,
+    C_HALF_DT_SQUARED,
+    C_INVERSE_DAMPING,
+    C_SIXTH_DT,
+    C_THIRD_DT,
+)
+
+
+class Places(NamedTuple):
+    """Where a record has the constants of these stages."""
+
+    dt: int
+    half_dt: int
+    half_dt_squared: int
+    third_dt: int
+    sixth_dt: int
+    damping: int
+    inverse_damping: int
+
+
+OF_GRID = Places(K_DT, K_HALF_DT, K_HALF_DT_SQUARED, K_THIRD_DT, K_SIXTH_DT, K_DAMPING, K_INVERSE_DAMPING)
+IN_SPACE = Places(C_DT, C_HALF_DT, C_HALF_DT_SQUARED, C_THIRD_DT, C_SIXTH_DT, C_DAMPING, C_INVERSE_DAMPING)
+
+
+def make_motion_stages(
+    compiler: Compiler, real: Any, integrator: str, places: Places, has_damping: bool = True
+) -> SimpleNamespace:
+    """The kernels of damping and of an integrator."""
+    kernel, (_, damped) = compiler.kernel, springs.make(real, compiler.compiled)
+    formulas = integrators.make(real, compiler.compiled, has_damping)
+    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
+    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    c_dt, c_half_dt, c_half_dt_squared, c_third_dt, c_sixth_dt, c_damping, c_inverse_damping = places
+
+    @kernel
+    def damping(velocity, record, acceleration):
+        for i in prange(velocity.shape[0]):
+            for j in range(velocity.shape[1]):
+                acceleration[i, j] = damped(acceleration[i, j], velocity[i, j], record[c_damping])
+
+    @kernel
+    def integrate(position, velocity, acceleration, record):
+        for i in prange(position.shape[0]):
+            for j in range(position.shape[1]):
+                p, v = one_force(
+                    position[i, j], velocity[i, j], acceleration[i, j], record[c_dt], record[c_half_dt_squared]
+                )
+                position[i, j] = p
+                velocity[i, j] = v
+
+    @kernel
+    def first_kick(position, velocity, acceleration, record):
+        for i in prange(position.shape[0]):
+            for j in range(position.shape[1]):
+                p, v = first_half(
+                    position[i, j], velocity[i, j], acceleration[i, j], record[c_dt], record[c_half_dt],
+                    record[c_damping],
+                )  # fmt: skip
+                position[i, j] = p
+                velocity[i, j] = v
+
+    @kernel
+    def second_kick(velocity, acceleration, record):
+        for i in prange(velocity.shape[0]):
+            for j in range(velocity.shape[1]):
+                velocity[i, j] = second_half(
+                    velocity[i, j], acceleration[i, j], record[c_half_dt], record[c_inverse_damping]
+                )
+
+    @kernel
+    def accumulate(stage, base, rate, total, record, out):
+        """One stage of RK4 for one unknown of every mass; the fourth writes the new state to `out`."""
+        derivative_dt = record[c_dt] if stage == 3 else record[c_half_dt]
+        total_dt = record[c_sixth_dt] if stage == 1 or stage == 4 else record[c_third_dt]
+        for i in prange(base.shape[0]):
+            for j in range(base.shape[1]):
+                before = base[i, j] if stage == 1 else total[i, j]
+                value, summed = rk4_stage(base[i, j], rate[i, j], before, derivative_dt, total_dt)
+                total[i, j] = summed
+                out[i, j] = summed if stage == 4 else value
+
+    return SimpleNamespace(
+        damping=damping, integrate=integrate, first_kick=first_kick,
+        second_kick=second_kick, accumulate=accumulate,
+    )  # fmt: skip
+
+
+def bind_motion(
+    sim: Any, make: SimpleNamespace, at: dict[str, Any], state: Any, acceleration: Any, keep: Callable[[], None]
+) -> dict[str, StageRun]:
+    """What runs these stages of `sim`. `state`: an array an unknown, positions first; `at["state"]`: where the forces are
+    evaluated, that or a stage of RK4; `keep` is called before positions are those of a step's end."""
+    integrator, axes = sim.scene.method.integrator, len(acceleration)
+    empty = np.zeros((2 if integrator == "rk4" else 0, *sim.current.shape), sim.real)
+    total, stage_state = (tuple(array) for array in empty) if len(empty) else ((), ())
+
+    def each_axis(stage: Any) -> StageRun:
+        def run(moment: Moment) -> None:
+            keep()
+            for axis in range(axes):
+                stage(state[axis], state[axes + axis], acceleration[axis], sim.record)
+
+        return run
+
+    def damping(moment: Moment) -> None:
+        for axis in range(axes):
+            make.damping(at["state"][axes + axis], sim.record, acceleration[axis])
+
+    def second_kick(moment: Moment) -> None:
+        for axis in range(axes):
+            make.second_kick(state[axes + axis], acceleration[axis], sim.record)
+
+    def accumulate(stage: int) -> StageRun:
+        def run(moment: Moment) -> None:
+            here, out = at["state"], state if stage == 4 else stage_state
+            rates = (*here[axes:], *acceleration)
+            if stage == 4:
+                keep()
+            for unknown in range(2 * axes):  # velocities last: those of the stage before are the rates of the positions
+                make.accumulate(stage, state[unknown], rates[unknown], total[unknown], sim.record, out[unknown])
+            at["state"] = out
+
+        return run
+
+    return {
+        "damping": damping,
+        f"integrate ({integrator})": each_axis(make.integrate),
+        "first half kick and drift": each_axis(make.first_kick),
+        "second half kick": second_kick,
+        **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
+    }
