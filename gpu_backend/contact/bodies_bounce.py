@@ -11,7 +11,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.particles_bounce import make_lack
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.shape_matching.kernels import ROWS
@@ -88,5 +88,4 @@ def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
                     c = rigid(t[2], s[0], dy, s[1], dx)
             store_quad(velocity, k, joined(v[0], a), joined(v[1], b), joined(v[2], c), zero)
 
-    name, options = f"bodies_bounce_{variant_name(real, math)}", kernel_options(math)
-    return SimpleNamespace(spread=make_kernel(spread, name, **options), join=make_kernel(join, name, **options))
+    return make_kernels((spread, join), f"bodies_bounce_{variant_name(real, math)}", **kernel_options(math))

@@ -12,7 +12,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.particles_find import make_pairs
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
@@ -91,5 +91,4 @@ def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
                     )
 
     variant = f"particle_contacts_{variant_name(real, math, f'own{own:d}', f'many{many:d}')}"
-    options = kernel_options(math)
-    return SimpleNamespace(count=make_kernel(count, variant, **options), bounce=make_kernel(bounce, variant, **options))
+    return make_kernels((count, bounce), variant, **kernel_options(math))

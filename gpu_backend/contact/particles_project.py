@@ -14,7 +14,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.particles_find import make_pairs
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.shape_matching.kernels import AXES
@@ -110,10 +110,8 @@ def make_project(
                     )
 
     words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}")
-    variant, options = f"particle_contacts_{variant_name(real, math, *words)}", kernel_options(math)
-    return SimpleNamespace(
-        count=make_kernel(count, variant, **options), project=make_kernel(project, variant, **options)
-    )
+    variant = f"particle_contacts_{variant_name(real, math, *words)}"
+    return make_kernels((count, project), variant, **kernel_options(math))
 
 
 @cache
@@ -174,6 +172,5 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    name, options = f"contact_ends_{variant_name(real, math, parts)}", kernel_options(math)
-    found = (finish, update_velocity, collide)
-    return SimpleNamespace(**{function.__name__: make_kernel(function, name, **options) for function in found})
+    name = f"contact_ends_{variant_name(real, math, parts)}"
+    return make_kernels((finish, update_velocity, collide), name, **kernel_options(math))

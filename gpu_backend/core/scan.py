@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import make_kernel
+from gpu_backend.core.compile import make_kernels
 from gpu_backend.core.device import simulated
 
 CHUNK = 32 if simulated() else 512  # numbers of a block; the simulator runs each thread as one of Python's
@@ -73,9 +73,7 @@ def make_scan() -> SimpleNamespace:
             starts[k] += sums[k // CHUNK]
             cursors[k] = starts[k]
 
-    return SimpleNamespace(
-        chunks=make_kernel(chunks, "scan"), totals=make_kernel(totals, "scan"), add=make_kernel(add, "scan")
-    )
+    return make_kernels((chunks, totals, add), "scan")
 
 
 class Scan:

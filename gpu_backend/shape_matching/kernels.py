@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -159,5 +159,4 @@ def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             store_quad(velocity, k, vx, vy, vz, zero)
 
     name = f"bodies_{variant_name(real, math, parts)}"
-    options = kernel_options(math)
-    return SimpleNamespace(begin=make_kernel(begin, name, **options), finish=make_kernel(finish, name, **options))
+    return make_kernels((begin, finish), name, **kernel_options(math))

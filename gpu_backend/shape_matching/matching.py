@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.xpbd.kernels import make_place
@@ -97,8 +97,7 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
             store_quad(target, k, x, y, p[2], p[3])
 
     name = f"matching_{variant_name(real, math, region)}"
-    options = kernel_options(math)
-    return SimpleNamespace(match=make_kernel(match, name, **options), move=make_kernel(move, name, **options))
+    return make_kernels((match, move), name, **kernel_options(math))
 
 
 class Matching:

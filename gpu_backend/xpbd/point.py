@@ -1,7 +1,7 @@
 """What a position-based solver does to one mass, as device functions: its prediction, and its velocity afterwards.
 
 Masses are quads: x, y, z and the weight w, 0 where pinned, 1, or the sheet's mass over the mass's own where the scene has
-a `load`. In a plane z stays 0 and no arithmetic is done on it. What constraints do is in xpbd/constraints.py.
+a `load`. In a plane z stays 0 and no arithmetic is done on it. What constraints do is in xpbd/constraints.py and gather.py.
 """
 
 from __future__ import annotations

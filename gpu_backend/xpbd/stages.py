@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
@@ -71,9 +71,8 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    variant, options = f"xpbd_{variant_name(real, math, axes, parts)}", kernel_options(math)
-    found = (wind, predict, update_velocity, collide)
-    return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in found})
+    variant = f"xpbd_{variant_name(real, math, axes, parts)}"
+    return make_kernels((wind, predict, update_velocity, collide), variant, **kernel_options(math))
 
 
 def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:

@@ -157,9 +157,9 @@ def make(real, compiled=plain):
         return (nx, ny, nz) if outside else (-nx, -ny, -nz)
 
     search = SimpleNamespace(
-        dot=dot, length=length, middle=middle, scaled=scaled, nearest=nearest, rest_distance=rest_distance, normal=normal
+        middle=middle, scaled=scaled, nearest=nearest, rest_distance=rest_distance, normal=normal
     )  # fmt: skip
-    return joined(search, make_projection(real, compiled))
+    return joined(lengths, search, make_projection(real, compiled))
 
 
 def make_projection(real, compiled=plain):

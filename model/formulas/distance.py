@@ -69,10 +69,6 @@ def make(real, compiled=plain):
         return dx * ex + dy * ey
 
     @compiled
-    def along_3d(dx, dy, dz, ex, ey, ez):
-        return (dx * ex + dy * ey) + dz * ez
-
-    @compiled
     def moved(position, weight, scale, d):
         """An end of a constraint after its projection, one axis: the second one; the first takes -scale."""
         return position + weight * (scale * d)
@@ -89,7 +85,7 @@ def make(real, compiled=plain):
 
     constraint = SimpleNamespace(
         reciprocal=reciprocal, rigid_change=rigid_change, soft_change=soft_change, damped_change=damped_change,
-        along_2d=along_2d, along_3d=along_3d, moved=moved, tether=tether, tethered=tethered,
+        along_2d=along_2d, along_3d=lengths.dot, moved=moved, tether=tether, tethered=tethered,
         squared_length_2d=squared_length_2d, squared_length_3d=squared_length_3d,
     )  # fmt: skip
     return joined(make_substep(real, compiled), constraint, make_jacobi(real, compiled))

@@ -37,7 +37,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import plain
+from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 # counted on numbers that count; a comparison, a largest and an absolute value are one each
@@ -269,7 +269,4 @@ def make(real, compiled=plain):
             return w, x, y, z
         return rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
 
-    return SimpleNamespace(
-        rotation_3d=rotation_3d, rotation_3d_near=rotation_3d_near, rotation_3d_far=rotation_3d_far,
-        matrix_of=quaternions.matrix_of, rotated=quaternions.rotated,
-    )  # fmt: skip
+    return joined(quaternions, near, SimpleNamespace(rotation_3d=rotation_3d, rotation_3d_far=rotation_3d_far))

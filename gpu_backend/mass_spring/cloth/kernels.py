@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
@@ -193,4 +193,4 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
             out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
 
     tools = (count, first_diverged, write_position, write_normal)
-    return SimpleNamespace(**{f.__name__: make_kernel(f, f"cloth_{variant_name(real)}") for f in tools})
+    return make_kernels(tools, f"cloth_{variant_name(real)}")

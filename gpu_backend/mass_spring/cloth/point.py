@@ -41,6 +41,16 @@ FIRST = {"structural": C_STRUCTURAL, "shear": C_SHEAR, "bending": C_BENDING}  # 
 
 
 @cache
+def _make_paired(math: str) -> Any:
+    @inlined(math)
+    def paired(a, b, c, d):
+        """(a + b) + (c + d), by axis."""
+        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
+
+    return paired
+
+
+@cache
 def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
     """spring_sum(position, velocity, place, i, j, rows, columns, p, v, record): the pulls of all springs over mass
     [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads).
@@ -78,11 +88,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
         return pull
 
     structural_pull, shear_pull, bending_pull = (make_pull(kind) for kind in FIRST)
-
-    @inline
-    def paired(a, b, c, d):
-        """(a + b) + (c + d), by axis."""
-        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
+    paired = _make_paired(math)
 
     @inline
     def structural_sum(position, velocity, place, i, j, rows, columns, p, v, record):
@@ -160,18 +166,13 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         return pull
 
     @inline
-    def paired(a, b, c, d):
-        """(a + b) + (c + d)."""
-        return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
-
-    @inline
     def carried(a, b, c, up):
         """(a + b) + (c - up): `up` is the pull of the spring above on the mass at its other end."""
         return (a[0] + b[0]) + (c[0] - up[0]), (a[1] + b[1]) + (c[1] - up[1]), (a[2] + b[2]) + (c[2] - up[2])
 
     return SimpleNamespace(
-        structural=make_pull("structural"), shear=make_pull("shear"), bending=make_pull("bending"), paired=paired,
-        carried=carried,
+        structural=make_pull("structural"), shear=make_pull("shear"), bending=make_pull("bending"), carried=carried,
+        paired=_make_paired(math),
     )  # fmt: skip
 
 

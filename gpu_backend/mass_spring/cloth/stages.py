@@ -6,7 +6,6 @@ Each stage reads and writes memory of its own: slow, easy to read, to time and t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +15,7 @@ from numba import cuda
 
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.contact.pins import make_pins
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -35,21 +34,14 @@ from model.mass_spring.cloth_parameters import (
 )  # fmt: skip
 
 
-def _jit(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Callable[[Callable], Any]:
-    """Decorator of the stage kernels of a variant."""
-    variant = f"cloth_{variant_name(real, math, integrator, parts)}"
-    return lambda function: make_kernel(function, variant, **kernel_options(math))
-
-
 @cache
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """The stages that add up the acceleration: springs, wind, damping. Other forces: core/forces.py."""
     point = make_cloth_forces(real, math, parts)
     block_air = make_block_air(real, math, parts)
     spring_sum, wind_sum, damp_point = point.spring_sum, point.wind_sum, point.damp
-    zero, jit = real(0), _jit(real, math, integrator, parts)
+    zero = real(0)
 
-    @jit
     def spring_forces(position, velocity, record, a, rows, columns):
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
@@ -59,13 +51,11 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ax, ay, az = spring_sum(position, velocity, k, i, j, rows, columns, p, v, record)
             store_quad(a, k, ax, ay, az, zero)
 
-    @jit
     def no_forces(a):
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             store_quad(a, k, zero, zero, zero, zero)
 
-    @jit
     def wind(position, velocity, record, integers, step, offset, a, rows, columns):
         air = block_air(record, integers, step, offset)
         k = np.int32(cuda.grid(1))
@@ -76,7 +66,6 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             x, y, z = wind_sum(position, velocity, k, i, j, rows, columns, p, v, record, air)
             store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, zero)
 
-    @jit
     def damping(velocity, record, a):
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
@@ -84,7 +73,8 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ax, ay, az = damp_point(b[0], b[1], b[2], load_quad(velocity, k), record)
             store_quad(a, k, ax, ay, az, zero)
 
-    return SimpleNamespace(spring_forces=spring_forces, no_forces=no_forces, wind=wind, damping=damping)
+    kernels = (spring_forces, no_forces, wind, damping)
+    return make_kernels(kernels, f"cloth_{variant_name(real, math, integrator, parts)}", **kernel_options(math))
 
 
 @cache
@@ -93,9 +83,8 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
-    zero, jit = real(0), _jit(real, math, integrator, parts)
+    zero = real(0)
 
-    @jit
     def integrate(position, velocity, a, record):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -107,7 +96,6 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    @jit
     def first_kick(position, velocity, a, record):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -119,7 +107,6 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    @jit
     def second_kick(velocity, a, record):
         k = np.int32(cuda.grid(1))
         if k < velocity.size // SIZE:
@@ -130,7 +117,6 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             vz = second_half(v[2], b[2], half_dt, inverse_damping)
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    @jit
     def accumulate(stage, base, rate, total, record, out):
         """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
         k = np.int32(cuda.grid(1))
@@ -147,16 +133,16 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
                 x, y, z = sum_x, sum_y, sum_z
             store_quad(out, k, x, y, z, b[3])
 
-    return SimpleNamespace(integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate)
+    kernels = (integrate, first_kick, second_kick, accumulate)
+    return make_kernels(kernels, f"cloth_{variant_name(real, math, integrator, parts)}", **kernel_options(math))
 
 
 @cache
 def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """The stages that hold masses: colliders and pins."""
     collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
-    zero, jit = real(0), _jit(real, math, integrator, parts)
+    zero = real(0)
 
-    @jit
     def collide(before, position, velocity, record, bodies, integers, step):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -167,7 +153,6 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    @jit
     def pins(held, position, velocity):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -176,7 +161,6 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
                 store_quad(position, k, h[0], h[1], h[2], h[3])
                 store_quad(velocity, k, zero, zero, zero, zero)
 
-    @jit
     def moving_pins(position, velocity, record, bodies, step, half_way):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -186,7 +170,8 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
                 store_quad(position, k, x, y, z, p[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 
-    return SimpleNamespace(collide=collide, pins=pins, moving_pins=moving_pins)
+    kernels = (collide, pins, moving_pins)
+    return make_kernels(kernels, f"cloth_{variant_name(real, math, integrator, parts)}", **kernel_options(math))
 
 
 def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 from model.core.parameters import (
@@ -157,5 +157,4 @@ def make_tools(real: Any) -> SimpleNamespace:
             out[k, 0] = p.real
             out[k, 1] = p.imag
 
-    kernels = {f.__name__: make_kernel(f, variant_name(real)) for f in (count, first_diverged, write_position)}
-    return SimpleNamespace(**kernels)
+    return make_kernels((count, first_diverged, write_position), variant_name(real))

@@ -5,7 +5,6 @@ Each stage reads and writes memory of its own: slow, easy to read, to time and t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.mass_spring.grid.point import make_point_functions
 from model.core.parameters import (
     K_DAMPING,
@@ -30,12 +29,6 @@ from model.core.plan import Moment, StageRun
 STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})
 
 
-def _jit(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Callable[[Callable], Any]:
-    """Decorator of the stage kernels of a variant."""
-    variant = variant_name(real, math, integrator, parts)
-    return lambda function: make_kernel(function, variant, **kernel_options(math))
-
-
 @cache
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """The stages that add up the acceleration. State and acceleration are complex (particles,)."""
@@ -44,9 +37,8 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
         point.spring_sum, point.add_external, point.add_driven, point.damped
     )  # fmt: skip
     pair = np.complex64 if real is np.float32 else np.complex128
-    zero, jit = real(0), _jit(real, math, integrator, parts)
+    zero = real(0)
 
-    @jit
     def spring_forces(position, record, a, rows, columns):
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
@@ -54,26 +46,22 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ax, ay = spring_sum(position, k, i, j, np.int32(rows), np.int32(columns), record)
             a[k] = pair(complex(ax, ay))
 
-    @jit
     def no_forces(a):
         k = cuda.grid(1)
         if k < a.shape[0]:
             a[k] = pair(complex(zero, zero))
 
-    @jit
     def gravity(record, a):
         k = cuda.grid(1)
         if k < a.shape[0]:
             a[k] = pair(complex(a[k].real, a[k].imag + record[K_GRAVITY]))
 
-    @jit
     def external(record, integers, step, a):
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
             ax, ay = external_point(a[k].real, a[k].imag, k, record, integers, step)
             a[k] = pair(complex(ax, ay))
 
-    @jit
     def driven(record, integers, step, offset, a, rows, columns):
         """The manufactured force and the poke: whichever of them the scene has."""
         k = np.int32(cuda.grid(1))
@@ -82,7 +70,6 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ax, ay = driven_point(a[k].real, a[k].imag, k, i, j, rows, columns, record, integers, step, real(offset))
             a[k] = pair(complex(ax, ay))
 
-    @jit
     def damping(velocity, record, a):
         k = cuda.grid(1)
         if k < a.shape[0]:
@@ -90,9 +77,8 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ay = damped(a[k].imag, velocity[k].imag, record[K_DAMPING])
             a[k] = pair(complex(ax, ay))
 
-    return SimpleNamespace(
-        spring_forces=spring_forces, no_forces=no_forces, gravity=gravity, external=external, driven=driven, damping=damping
-    )  # fmt: skip
+    kernels = (spring_forces, no_forces, gravity, external, driven, damping)
+    return make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
 
 
 @cache
@@ -102,9 +88,8 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
     pair = np.complex64 if real is np.float32 else np.complex128
-    zero, jit = real(0), _jit(real, math, integrator, parts)
+    zero = real(0)
 
-    @jit
     def integrate(position, velocity, a, record):
         k = cuda.grid(1)
         if k < a.shape[0]:
@@ -114,7 +99,6 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             position[k] = pair(complex(px, py))
             velocity[k] = pair(complex(vx, vy))
 
-    @jit
     def first_kick(position, velocity, a, record):
         k = cuda.grid(1)
         if k < a.shape[0]:
@@ -124,7 +108,6 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             position[k] = pair(complex(px, py))
             velocity[k] = pair(complex(vx, vy))
 
-    @jit
     def second_kick(velocity, a, record):
         k = cuda.grid(1)
         if k < a.shape[0]:
@@ -133,7 +116,6 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             vy = second_half(v.imag, a[k].imag, half_dt, inverse_damping)
             velocity[k] = pair(complex(vx, vy))
 
-    @jit
     def accumulate(stage, base, rate, total, record, out):
         """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
         k = cuda.grid(1)
@@ -146,16 +128,14 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             total[k] = pair(complex(sum_x, sum_y))
             out[k] = total[k] if stage == 4 else pair(complex(x, y))
 
-    @jit
     def pins(pinned, held, position, velocity):
         k = cuda.grid(1)
         if k < position.shape[0] and pinned[k] != 0:
             position[k] = held[k]
             velocity[k] = pair(complex(zero, zero))
 
-    return SimpleNamespace(
-        integrate=integrate, first_kick=first_kick, second_kick=second_kick, accumulate=accumulate, pins=pins
-    )  # fmt: skip
+    kernels = (integrate, first_kick, second_kick, accumulate, pins)
+    return make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
 
 
 def bind_stages(sim: Any) -> dict[str, StageRun]:
