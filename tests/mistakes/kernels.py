@@ -73,7 +73,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/shape_matching/kernels.py",
+        "cpu_backend/shape_matching/particles.py",
         "test_bodies_solver.py",
         {
             "bodies move with twice the substep (cpu)": ("inverse = record[X_INVERSE_SUBSTEP]\n", "inverse = record[X_INVERSE_SUBSTEP] + record[X_INVERSE_SUBSTEP]\n"),
@@ -89,7 +89,7 @@ CPU: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "cpu_backend/contact/particles_find.py",
+        "cpu_backend/contact/particles_cells.py",
         "test_particle_contacts.py::test_neighbours_are_those_of_asking_all",
         {
             "a row of cells is looked at too short (cpu)": ("runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]", "runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 1]"),
