@@ -49,11 +49,8 @@ def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
                     a = rigid(g[3], g[7], dz, g[8], dy)
                     b = rigid(g[4], g[8], dx, g[6], dz)
                     c = rigid(g[5], g[6], dy, g[7], dx)
-            velocity[x], velocity[y], velocity[z] = (
-                joined(velocity[x], a),
-                joined(velocity[y], b),
-                joined(velocity[z], c),
-            )
+            a, b, c = joined(velocity[x], a), joined(velocity[y], b), joined(velocity[z], c)
+            velocity[x], velocity[y], velocity[z] = a, b, c
 
     return SimpleNamespace(spread=spread, join=join)
 

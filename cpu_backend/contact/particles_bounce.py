@@ -80,11 +80,8 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
                     lack = lack * factor_of(scales[i], scales[j])
                 x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
             place += np.int64(mine)
-            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = (
-                moved(zero, weight, x),
-                moved(zero, weight, y),
-                moved(zero, weight, z),
-            )
+            x, y, z = moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z)
+            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
 
     @compiler.compiled
     def put(band, count, velocity, neighbours, contacts):

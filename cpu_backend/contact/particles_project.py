@@ -100,11 +100,8 @@ def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion:
                 else:
                     x, y, z = added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
             place += np.int64(mine)
-            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = (
-                moved(px, weight, x),
-                moved(py, weight, y),
-                moved(pz, weight, z),
-            )
+            x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
+            ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
 
     @compiler.compiled
     def put(band, count, position, neighbours, contacts):

@@ -63,10 +63,8 @@ def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
     `show_row(n, clusters, plane, x, window, turned, frames)`: frames of a row of windows."""
     rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)
     near_row, far_of, matrix_row = rotations.near_row, rotations.far_of, rotations.matrix_row
-    centre, matrix_of = (
-        lattice.make(real, compiler.inlined).centre,
-        rotation.make(real, compiler.inlined).matrix_of,
-    )
+    inlined = compiler.inlined
+    centre, matrix_of = lattice.make(real, inlined).centre, rotation.make(real, inlined).matrix_of
 
     @compiler.compiled
     def turn_row(n, t, window, rotation, turned, clusters, reached):

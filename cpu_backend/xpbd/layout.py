@@ -18,7 +18,6 @@ import numpy as np
 from cpu_backend.core.layout import PAGE, SHIFT, Layout, block_of
 
 CLASSES = {"structural": 2, "shear": 1, "bending": 4}  # of a row, by what Gauss-Seidel projects along it
-MAX_CLASSES = 4
 
 # What kernels get: the first four as in core/layout.py, then the classes, and where parts of the memory begin.
 PLACES = (
