@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -17,7 +18,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from cpu_backend.core.plain import in_python, still_time, translated
 from cpu_backend.core.progress import new_team
 from cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
-from model.core.digest import content_digest, file_name
+from model.core.digest import content_digest, file_name, source_digest
 from model.core.kernel_cache import Kept, NamedByContent, Place, keep
 
 # What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
@@ -45,6 +46,8 @@ class _RowPipeline(LinkedPipeline):
         return super().define_pipelines()
 
 
+# How functions are compiled, which their own content does not tell: pipelines and libraries.
+_HOW = source_digest(Path(__file__), Path(__file__).with_name("region.py"))
 _shared: dict[str, Any] = {}  # functions that kernels call, by what they are made of
 
 
@@ -77,7 +80,7 @@ class Compiler:
     def kernel(self, function: Callable, parallel: bool = True) -> Any:
         """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
         label = f"{function.__name__} {self.variant}"
-        named(function, content_digest(function, self.options))
+        named(function, content_digest(function, self.options, _HOW))
         dispatcher = numba.njit(parallel=parallel, **self.options)(function)
         keep(dispatcher, _KernelCache, label)
         return dispatcher
@@ -131,7 +134,7 @@ class Compiler:
         return name, function if known else self._made_once(function, BodyPipeline), _region()
 
     def _made_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, **options: Any) -> Any:
-        content = content_digest(function, self.options, options, pipeline_class.__name__)
+        content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
             _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(
                 named(function, content)
