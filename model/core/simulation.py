@@ -168,8 +168,9 @@ class Simulation(Backend):
         same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
-        given = state.rotation, state.plastic, self.plan.parts, self._cluster_count(), self.real
-        rotation, plastic = checked_clusters(*given)
+        rotation, plastic = state.rotation, state.plastic
+        if rotation is not None or plastic is not None:
+            rotation, plastic = checked_clusters(rotation, plastic, self.plan.parts, self._cluster_count(), self.real)
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
