@@ -119,11 +119,15 @@ test_simulated_tiles.py *borders?velocity-verlet? *every_other*
 test_simulated_particle_contacts.py *meeting-float32? *smooth-float32?
 test_simulated_contact_restitution.py test_the_bits*
 test_simulated_rebound.py test_among*
-test_simulated_hard.py *box-float64? *B20-float32?
+test_simulated_hard.py *B16* *B20?float* *B20-float*
 test_simulated_bodies_material.py test_states_deformations*
 test_simulated_mesh.py *volume? *isometric? *rigid? *pbd?
 test_simulated_distance_field.py *bar? *velocity-verlet?
-test_simulated_xpbd.py test_live*stages? test_live*one-block? *averaged-jacobi-2-33? *met?ball? *met?rod? *met?block?
+test_simulated_particle_contacts.py test_contacts_happen* *smooth-float64?
+test_simulated_motion.py test_what_happens*moving-stages?
+test_simulated_mesh.py *held-float32? *dihedral-float64?
+test_simulated_xpbd.py *smallest*gauss-seidel-2-33? *smallest*3-3? *smallest*1-5? *pbd-jacobi? *alternating-jacobi?
+    test_live*stages? test_live*one-block? *averaged-jacobi-2-33? *met?ball? *met?rod? *met?block?
 test_simulated_cloth.py *met?wall? *met?ball? *met?rod? *met?block?
 test_simulated_motion.py *rk4-float32? *lab-float64?
 test_simulated_matching.py *1-1-1? *2-1-2?
@@ -132,18 +136,26 @@ test_simulated_implicit.py *springs-implicit*
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
 test_rebound.py test_against*float64-0? test_two_that_meet*1.0-3000.0?
-test_hard_bodies.py test_they_are_listed* *mirrored-float64?
+test_hard_bodies.py test_they_are_listed* *A10?mirrored* *A10?inside* *S7?4-float32?
 test_hard_cloth.py test_the_contact_sheet*
 test_physics_hard.py *cpu-B1?hanging-velocity-verlet?
 test_physics_conservation.py *elastic_pendulum*cpu-rk4*
 test_reference.py test_rk4*0.03-1.0?
-test_cloth_orders.py test_holds*semi*springs-cpu? test_orders*verlet?in?wind-reference?
+test_cloth_orders.py test_holds*semi*springs-cpu? test_orders*verlet?in?wind*
 test_cpu_bits.py test_bits*float64?
 test_cpu_reference.py test_published*s1?and?s2*hammock-lab*
 test_matching.py test_kernels_and_threads*4-float64?
 test_xpbd_laws.py test_mass_ratio*cpu-100-1-jacobi* test_mass_ratio*cpu-10-10*
-test_bar.py test_windows*cpu-2?
-test_ablate.py test_asked_again* test_the_command_prints*
+test_bar.py test_windows*cpu-2? test_nothing_is_measured_twice* test_springs_do_not*
+test_stability.py test_a_run_is_stored*
+test_accuracy_xpbd.py test_iterations_leave*
+test_accuracy_s6.py test_converged*
+test_labbook.py test_the_book_is_built*
+test_findings.py *
+test_no_trace.py test_the_cpu_has_no_instruction*
+test_vertex_timing.py test_both_ways*
+test_compiled.py *sheets?of?bodies*
+test_ablate.py test_asked_again* test_the_command_prints* test_interrupted* test_the_figure_and*
 # the tool that measures how many deliberate mistakes are noticed (python -m tests.mistakes), end to end
 test_mistakes.py test_mistakes_are_noticed*
 """)
