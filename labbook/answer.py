@@ -68,7 +68,9 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
 
 
 def _processor(source: Source, point: Point) -> str:
-    return (source.gpu or "GPU") if point.backend == "gpu" else source.processor
+    """With a word where it is not the reader's: another machine may have the same name."""
+    name = (source.gpu or "GPU") if point.backend == "gpu" else source.processor
+    return name if source.own else f"{name} (committed)"
 
 
 def _breaks(found: list[Point], best: Point) -> str:

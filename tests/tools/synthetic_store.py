@@ -277,7 +277,7 @@ class Maker:
         for name, value in names.items():
             if value is not None:
                 self.store.add_measure(self.run, description, "sources", name, value, "", "made up")
-        for factor in (1, 1 + self.wobble, 1 - self.wobble):
+        for factor in (1, 1 + self.wobble, 1 - self.wobble) if cost else ():
             self.store.add_sample(self.run, description, "sources", 100 * factor * cost * dt, 100, stage=STAGE)
 
 
