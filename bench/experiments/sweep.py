@@ -21,9 +21,8 @@ from bench.measure.progress import progress_bar
 from bench.measure.timing import MEASUREMENT
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, timings
-from bench.store.versions import code_version
+from bench.store.versions import code_version, digest_of
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
-from model.core.digest import backend_sources, source_digest
 from model.core.errors import BackendUnavailable, SceneError
 from model.core.memory import available_bytes, readable
 from model.scene.scene import Scene, load_scene
@@ -46,7 +45,7 @@ FULL = Effort(5, 0.1, 30.0, None)
 
 def source_hash(backend: str) -> str:
     """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
-    return source_digest(*backend_sources(backend)) + f"-{MEASUREMENT}"
+    return f"{digest_of(backend)}-{MEASUREMENT}"
 
 
 def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:

@@ -204,17 +204,6 @@ def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, s
     return names, lines
 
 
-def in_words(names: Sequence[str], cells: Sequence[tuple[str, str]]) -> str:
-    """The verdicts of a line of the table: `pass`, or `pass; refused: explicit-euler, taylor`."""
-    groups: dict[str, list[str]] = {}
-    for name, (_, text) in zip(names, cells, strict=True):
-        if text:
-            groups.setdefault(text, []).append(name)
-    most = max(groups, key=lambda text: len(groups[text]), default="")
-    others = [f"{text}: {', '.join(mine)}" for text, mine in groups.items() if text != most]
-    return "; ".join([most, *others])
-
-
 def _lead(rows: Sequence[HardRow]) -> str:
     """The telling check of a case with its bound, and the most that was seen in float64 where it passed."""
     judged = [r for r in rows if r.checks and r.checks[0].value is not None and r.verdict in ("pass", "refused")]

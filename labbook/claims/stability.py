@@ -8,7 +8,7 @@ from math import isfinite
 from bench.experiments.stability.points import Edge, MapPoint, disagreements
 from labbook import words
 from labbook.claims.claim import Claim
-from labbook.words import number, percent, seconds, times
+from labbook.words import percent, seconds, times
 from plots.core.data import Results
 from plots.figures.stability import stability_runs
 
@@ -135,26 +135,6 @@ def first_loss(results: Results) -> Claim:
         f"{words.count(steps[-1])}."
     )
     return Claim(text, {"median": middle, "last": steps[-1]}, True)
-
-
-def edge_rows(results: Results) -> list[list[str]]:
-    """Cells of the table of edges: integrator, damping, analytic, then each backend and precision; see edge_head."""
-    chain = [e for e in found(results)[1] if e.place.chain]
-    rows = []
-    for name, damping in dict.fromkeys((e.place.integrator, e.place.damping) for e in chain):
-        mine = {(e.place.backend, e.place.precision): e for e in chain if e.place.integrator == name
-                and e.place.damping == damping}  # fmt: skip
-        cells = [number(1000 * next(iter(mine.values())).analytic, 5)]
-        for pair in edge_pairs(results):
-            edge = mine.get(pair)
-            cells.append("\N{EN DASH}" if edge is None else number(1000 * edge.measured, 5))
-        rows.append([name, f"{damping:g}", *cells])
-    return rows
-
-
-def edge_pairs(results: Results) -> list[tuple[str, str]]:
-    """The (backend, precision) pairs that measured edges of the chain."""
-    return sorted({(e.place.backend, e.place.precision) for e in found(results)[1] if e.place.chain})
 
 
 CLAIMS: dict[str, Callable[[Results], Claim]] = {

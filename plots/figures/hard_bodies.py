@@ -6,11 +6,10 @@ import numpy as np
 
 from bench.stress.results import BODIES, HardRow, Told, rows_of
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, Drawing, legend_below
+from plots.core.style import BLACK, BLUE, ORANGE, SKY, VERMILLION, Drawing, legend_below
 from plots.figures.hard import new_sheet
 
 TITLE = "Bodies against their bounds"
-STATES_TITLE = "What the hard cases of bodies end in"
 MISSING = "the hard cases of bodies were not run"
 LOOKS = {  # backend, precision: colour, marker
     ("cpu", "float64"): (BLUE, "o"), ("cpu", "float32"): (ORANGE, "s"),
@@ -19,7 +18,6 @@ LOOKS = {  # backend, precision: colour, marker
 ROW = 0.16  # inch: a line of the figure of bounds
 LEAST = 1e-4  # of its bound: what is less, 0 too, is drawn there
 OVERSHOT = 10.0  # of its bound: what is more, or not finite, is drawn there
-OF_BODIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION)
 
 
 def body_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:

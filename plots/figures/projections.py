@@ -11,7 +11,6 @@ from plots.figures import backends
 from plots.figures.backends import name_of, sources_of
 
 TITLE = "Projections a second"
-PUBLISHED_TITLE = "Published cloth beside ours"
 LOOKS = {
     ("gauss-seidel", 4): ("Gauss-Seidel, 4 neighbours", BLUE, "o"),
     ("gauss-seidel", 12): ("Gauss-Seidel, 12 neighbours", GREEN, "D"),
