@@ -33,6 +33,7 @@ from model.core.files import check_source, check_target, replacing
 MAGIC = "softlab-results"
 TEXT_VERSION = 1
 TEXTS = (".csv", ".csv.gz")  # how the names of text exports end
+DEEPEST = 32  # tables within tables that a column names
 GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what the repeats in one line share
 Rows = dict[str, list[tuple[Any, ...]]]  # table -> rows in the column order of TABLES
 
@@ -165,10 +166,12 @@ def _cell(value: Any) -> str:
 
 
 def _flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Nested tables as {dotted path: cell}. A table whose keys hold dots (or that has none) stays one JSON cell."""
+    """Nested tables as {dotted path: cell}. A table whose keys hold dots, that has none or lies DEEPEST within others stays
+    one JSON cell."""
     cells: dict[str, str] = {}
+    nests = prefix.count(".") < DEEPEST
     for key, value in data.items():
-        if isinstance(value, dict) and value and all(name and "." not in name for name in value):
+        if nests and isinstance(value, dict) and value and all(name and "." not in name for name in value):
             cells |= _flatten(value, f"{prefix}{key}.")
         elif isinstance(value, str) and value and _value(value) == value:
             cells[prefix + key] = value

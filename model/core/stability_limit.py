@@ -17,7 +17,7 @@ A cloth, pinned or not, is a part of one without end, whose eigenvalues have a c
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import cos, inf, pi, sin, sqrt
+from math import cos, inf, isfinite, pi, sin, sqrt
 
 import numpy as np
 
@@ -192,13 +192,26 @@ def scene_net(scene: Scene) -> Net:
         inverse_mass = np.full(grid.particle_count, 1 / grid.mass)
         inverse_mass[pinned_indices(grid)] = 0
     if scene.cloth:
-        return Net(*_edges(scene), inverse_mass)
+        return _finite(Net(*_edges(scene), inverse_mass), scene)
     ends = spring_ends(grid.rows, grid.columns) if scene.springs else np.zeros((0, 2), np.int32)
     across, down = spring_stiffness(scene)
     along_rows = np.broadcast_to(across, (grid.rows, grid.columns - 1))
     stiffness = np.concatenate([along_rows.ravel(), np.broadcast_to(down, (grid.rows - 1, grid.columns)).ravel()])
     stiffness = stiffness[: len(ends)]  # none in a scene without springs
-    return Net(ends, stiffness, inverse_mass)
+    return _finite(Net(ends, stiffness, inverse_mass), scene)
+
+
+def _finite(net: Net, scene: Scene) -> Net:
+    """The net, if its frequencies are finite numbers. Raises SceneError for the stiffest of its springs."""
+    with np.errstate(over="ignore"):
+        bound = net.gershgorin()
+    if isfinite(bound):
+        return net
+    tables = {"springs": scene.springs} if scene.springs else scene.cloth_springs
+    name, stiffest = max(tables.items(), key=lambda item: item[1].stiffness)
+    ratio = getattr(stiffest, "stiffness_ratio", 1.0)
+    field, value = ("stiffness_ratio", ratio) if ratio > stiffest.stiffness else ("stiffness", stiffest.stiffness)
+    raise SceneError(f"{name}.{field}", value, "is too large for these masses: no frequency so high is a finite number")
 
 
 def _free_bound(scene: Scene) -> float:

@@ -127,3 +127,24 @@ def test_what_the_plan_says():
 def test_impossible_nets_are_refused():
     with pytest.raises(SceneError, match=r"stiffness = -1\.0: must be finite"):
         largest_frequency(Net(np.array([[0, 1]]), np.array([-1.0]), np.ones(2)))
+
+
+@pytest.mark.parametrize(
+    ("tables", "field"),
+    [
+        ({"springs": {"stiffness": 1e308}, "grid": {"rows": 4, "columns": 4, "mass": 1e-3}}, "springs.stiffness"),
+        (
+            {"grid": {"rows": 4, "columns": 4}, "springs": {"stiffness_ratio": 1.7e308, "stiffness": 10.0}},
+            "springs.stiffness_ratio",
+        ),
+        (
+            {"cloth": {"rows": 4, "columns": 4}, "structural": {}, "bending": {"stiffness": 1.7e308}},
+            "bending.stiffness",
+        ),
+    ],
+)
+def test_frequencies_that_no_number_holds_are_refused_for_the_spring_that_is_too_stiff(
+    tables: dict, field: str
+) -> None:
+    with pytest.raises(SceneError, match=rf"{field} = .*too large for these masses"):
+        scene_net(Scene(tables))

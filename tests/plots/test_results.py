@@ -144,6 +144,14 @@ def test_any_description_survives_being_spread_over_columns(data: dict[str, Any]
     assert canonical(_unflatten(_flatten(data))) == canonical(data)
 
 
+@pytest.mark.parametrize("depth", [1, 40, 900])
+def test_tables_however_deep_are_spread_over_columns(depth: int) -> None:
+    data: dict[str, Any] = {"a": 1}
+    for _ in range(depth):
+        data = {"a": data}
+    assert _unflatten(_flatten(data)) == data
+
+
 text = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
 finite = st.floats(min_value=0, allow_nan=False, allow_infinity=False)
 

@@ -26,6 +26,7 @@ from model.core.families import scene_plan
 from model.core.simulation import Simulation
 
 SECONDS = 20  # of computing that any answer may take; three times as many by the clock, for one that waits
+PARTS = 10_000  # of a run that was asked to last, with its progress bar, until it counts as accepted
 LONGEST = 600  # characters of a message
 
 
@@ -41,7 +42,7 @@ class Still(FakeCloth):
     """A solver that moves nothing."""
 
     kernel = "still"
-    contacts_lost, contacts = 0, SimpleNamespace(lost=0)
+    contacts_lost, contacts, runs = 0, SimpleNamespace(lost=0), 0
 
     def __init__(self, scene: Any, options: Any):
         self.plan = scene_plan(scene, options.live)
@@ -53,7 +54,9 @@ class Still(FakeCloth):
         self.reset()
 
     def _run(self, steps: int) -> None:
-        pass
+        self.runs += 1
+        if self.runs > PARTS:
+            raise Worked
 
     def _upload_rotation(self, rotation: Any) -> None:
         pass
