@@ -15,7 +15,8 @@ import operator
 import sys
 import textwrap
 from collections.abc import Callable
-from types import FunctionType
+from functools import cache
+from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -112,19 +113,25 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
 def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]) -> Callable:
     """The factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
     instructions = _instructions(real, math, options)
+    namespace = dict(vars(sys.modules[make.__module__])) | instructions
+    for name, value in list(namespace.items()):
+        if _is_factory(value) and value is not make:
+            namespace[name] = lambda *given, value=value: _rewritten(value, real, math, options)(*given)
+    exec(_transformed(make, frozenset(instructions)), namespace)
+    return namespace[make.__name__]
+
+
+@cache
+def _transformed(make: FunctionType, instructions: frozenset[str]) -> CodeType:
+    """Code that defines the factory `make` with its products rounded, if there is a `_product`, and without the inner
+    functions that instructions stand for."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
     if "_product" in instructions:
         factory = tree.body[0]
         assert isinstance(factory, ast.FunctionDef)
         factory.body = [_RoundProducts().visit(n) if isinstance(n, ast.FunctionDef) else n for n in factory.body]
-    tree = _ReplaceFunctions(set(instructions)).visit(tree)
-    ast.fix_missing_locations(tree)
-    namespace = dict(vars(sys.modules[make.__module__])) | instructions
-    for name, value in list(namespace.items()):
-        if _is_factory(value) and value is not make:
-            namespace[name] = lambda *given, value=value: _rewritten(value, real, math, options)(*given)
-    exec(compile(tree, inspect.getfile(make), "exec"), namespace)
-    return namespace[make.__name__]
+    tree = ast.fix_missing_locations(_ReplaceFunctions(set(instructions)).visit(tree))
+    return compile(tree, inspect.getfile(make), "exec")
 
 
 def _is_factory(value: Any) -> bool:

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "tests" / "simulator").rglob("test_*.py"))
-SHARES = 4  # processes, so that several workers have something to do
+SHARES = 2  # processes, so that several workers have something to do
 
 
 @pytest.mark.skipif(importlib.util.find_spec("numba_cuda") is None, reason='needs numba-cuda: pip install -e ".[test]"')
