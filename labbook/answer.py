@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, method_words
 from labbook import words
 from labbook.tables import DASH, Table, table
@@ -11,22 +13,22 @@ from plots.core.accuracy_points import Point, points, reaching
 from plots.core.data import Results, Source
 
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
-ORDER = ("S1-16", "S1", "S1-64", "S2", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
+ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
 HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
 
 
 def answer_tables(results: Results) -> list[Table]:
     """One table: a row for each scene and error, from the first machine that answers it (the reader's own before committed
     ones); nothing where no accuracy runs were timed."""
+    answering = {label: source for label in ORDER if (source := _answering(results, label))}
     rows = []
-    for label in ORDER:
-        source = _answering(results, label)
-        if source is not None:
-            found = [*points(source, label), *points(source, label, "exact")]
-            rows += [[*_scene(label), *_row(source, found, target)] for target in TARGETS]
+    for label, source in answering.items():
+        found = [*points(source, label), *points(source, label, "exact")]
+        rows += [[*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(found, target)] for target in TARGETS]
     title = (
         "The soonest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
-        "second without the copy of the end state, and from which step size on the same method diverged in that scene"
+        "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
+        + _processors(answering)
     )
     return [table(title, HEAD, rows, left=1)] if rows else []
 
@@ -46,15 +48,15 @@ def _scene(label: str) -> tuple[str, str]:
     return f"{(scene.title or base).partition(' (')[0]} ({label})", words.count(masses)
 
 
-def _row(source: Source, found: list[Point], target: float) -> list[str]:
+def _row(found: list[Point], target: float) -> list[str]:
     able = reaching(found, target)
     if not able:
         return [number(target, 1), *_unanswered(found, target)]
     best = able[0]
     exact = "" if best.math == "fast" else f", {best.math}"
     return [
-        number(target, 1), method_words(best.integrator, best.iterations), f"{1000 * best.dt:g}{words.SPACE}ms",
-        f"{best.precision}{exact}", _processor(source, best), seconds(best.seconds or 0.0, 2), _breaks(found, best),
+        number(target, 1), method_words(best.integrator, best.iterations), f"{1000 * best.dt:.3g}{words.SPACE}ms",
+        f"{best.precision}{exact}", best.backend.upper(), seconds(best.seconds or 0.0, 2), _breaks(found, best),
     ]  # fmt: skip
 
 
@@ -67,10 +69,16 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
     return [told, *[DASH] * 5]
 
 
-def _processor(source: Source, point: Point) -> str:
-    """With a word where it is not the reader's: another machine may have the same name."""
-    name = (source.gpu or "GPU") if point.backend == "gpu" else source.processor
-    return name if source.own else f"{name} (committed)"
+def _processors(answering: Mapping[str, Source]) -> str:
+    """Which processors the rows are of, with a word where they are not the reader's: `CPU: Some CPU, 2 cores`; where rows
+    are of several machines, of which scenes."""
+    told = []
+    for source in dict.fromkeys(answering.values()):
+        mine = [label for label in answering if answering[label] == source]
+        scenes = f"{', '.join(mine)}: " if len(mine) < len(answering) else ""
+        names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
+        told.append(f"{scenes}{names}{'' if source.own else ' (committed measurements)'}")
+    return "; ".join(told)
 
 
 def _breaks(found: list[Point], best: Point) -> str:

@@ -8,7 +8,7 @@ from bench.experiments.accuracy.methods import XPBD
 from bench.experiments.accuracy.points import method_words
 from bench.experiments.convergence import colours
 from labbook import words
-from labbook.claims.claim import Claim, on
+from labbook.claims.claim import Claim, named
 from labbook.words import number, seconds
 from plots.core.accuracy_points import Point, observed_order, points, reaching
 from plots.core.data import Results
@@ -155,14 +155,16 @@ def orderings(results: Results) -> Claim:
                 least, most = min(ratios.values()), max(ratios.values())
                 took = words.times(least) if least == most else f"{number(least, 2)} to {words.times(most)}"
                 errors = f"{number(high, 1)}" if low == high else f"{number(high, 1)} to {number(low, 1)}"
-                parts.append(f"{on(source, backend)} Jacobi takes {took} as long (errors of {errors} spacings)")
+                parts.append(
+                    f"on the {named(source, backend)} Jacobi takes {took} as long (errors of {errors} spacings)"
+                )
         if parts:
             break
     if not parts:
         return Claim("The orderings were not timed to equal errors.")
     text = (
-        f"To the same error in {STIFF}, each by its soonest configuration, Jacobi is held against coloured Gauss-Seidel, "
-        f"in {colours()} colours: {words.listed(parts)}."
+        f"To the same error in {STIFF}, each by its soonest configuration, Jacobi is held against Gauss-Seidel in "
+        f"{colours()} colours: {words.listed(parts)}."
     )
     return Claim(text, numbers, True)
 

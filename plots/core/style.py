@@ -114,13 +114,20 @@ def settings() -> Iterator[None]:
 
 def new_figure(columns: int = 1, height: float = HEIGHT, share_y: bool = True) -> tuple[Any, list[Any]]:
     """A figure with its axes, on the Agg canvas."""
+    figure, (axes,) = new_grid(1, columns, height, share_y)
+    return figure, axes
+
+
+def new_grid(rows: int, columns: int, height: float, share_y: bool = True) -> tuple[Any, list[list[Any]]]:
+    """A figure with rows of axes; each row may share its y."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(1, columns, sharey=share_y, squeeze=False)[0]
-    return figure, list(axes)
+    return figure, [
+        list(row) for row in figure.subplots(rows, columns, sharey="row" if share_y else False, squeeze=False)
+    ]
 
 
 def panels(

@@ -7,9 +7,10 @@ from typing import Any
 
 from plots.core.accuracy_points import Point, order_points, points
 from plots.core.data import Results
-from plots.core.style import GREY, VERMILLION, Drawing, legend_below
-from plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source, scene_panels
+from plots.core.style import GREY, HEIGHT, VERMILLION, Drawing, legend_below, new_grid
+from plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
+ACROSS = 2  # panels in a row
 TITLE = "What the hand-out's step converges to"
 
 
@@ -21,11 +22,15 @@ def draw(results: Results) -> Drawing | str:
     here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
     if not here:
         return "the hand-out's step was not among the accuracy runs in float64"
-    figure, axes = scene_panels(len(here), 3.8)
+    figure, rows = new_grid(-(-len(here) // ACROSS), min(ACROSS, len(here)), HEIGHT if len(here) <= ACROSS else 6.0)
+    axes = [ax for row in rows for ax in row]
+    for ax in axes[len(here) :]:
+        ax.remove()
+    del axes[len(here) :]
     for ax, scene in zip(axes, here, strict=True):
         _draw_panel(ax, [p for p in points(source, scene) if p.integrator in INTEGRATORS])
         ax.set_title(scene)
-    for ax in axes[::2]:
+    for ax in axes[::ACROSS]:
         ax.set_ylabel("error / spacings")
     legend_below(figure, axes, columns=3)
     caption = (

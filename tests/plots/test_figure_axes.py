@@ -36,6 +36,7 @@ from plots.figures.energies import EnergyRecord, energy_drawing
 
 ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "findings-determinism": "test_findings_costs.py",
+    "regimes": "test_regimes.py",
     "convergence": "test_convergence.py",
     "ablation": "test_ablate.py",
     "projections": "test_projections.py",
@@ -124,7 +125,7 @@ def test_axes_have_their_labels(name: str) -> None:
 
 def test_speed_against_error_is_read_off_its_axes() -> None:
     """Points of rk4 on the GPU in float64: its error, and 4 evaluations of 2 us a step."""
-    ax = drawn("work-precision").axes[0]
+    ax = drawn("work-precision").axes[1]
     points = {
         (float(shown(ax.xaxis, x[0])), float(shown(ax.yaxis, y[0])))
         for one in ax.lines if len(x := one.get_xdata()) == 1 for y in [one.get_ydata()]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-STEP, MASSES, ERROR = "step size / ms", "masses", "error / spacings"
+STEP, MASSES, ERROR, COST = "step size / ms", "masses", "error / spacings", "wall s / simulated s"
 LIMITED = [("step size / s", "stiffness / (N/m)"), ("step size / s", ""), ("step size / s", "")]
 BAR = [
     ("", "sag / a rod's"),
@@ -20,7 +20,8 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     "thread-scaling": [(MASSES, "speed-up against 1x threads")],
     "crossover": [(MASSES, "CPU time / GPU time")],
     "graphics": [(MASSES, "time per step")],
-    "work-precision": [(ERROR, "wall time per simulated second / s"), (ERROR, "")],
+    "work-precision": [("", COST), ("", ""), (ERROR, COST), (ERROR, "")],
+    "regimes": [(ERROR, MASSES), (MASSES, "CPU time / GPU time")],
     "lab-step": [(STEP, ERROR), (STEP, "")],
     "kernels": [(MASSES, "time per step"), (MASSES, "")],
     "roofline": [(MASSES, "share of one step per pass / %"), (MASSES, "")],

@@ -1,0 +1,102 @@
+"""Which method and processor reach an error soonest, by the size of the grid, and GPU against CPU on the way there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from bench.experiments.accuracy.equal_error import equal_error
+from bench.experiments.accuracy.points import SIZES
+from plots.core.accuracy_points import SIDE, Point, points
+from plots.core.data import Results, Source
+from plots.core.style import BLUE, GREEN, GREY, HEIGHT, Drawing, new_figure, plain_ticks
+from plots.figures.work_precision import INTEGRATORS
+
+TITLE = "Who reaches an error soonest"
+SCENE = "S1"  # the scene that is measured at several sizes
+SHORT = {"semi-implicit-euler": "semi-implicit", "velocity-verlet": "Verlet", "explicit-euler": "explicit"}
+PROCESSORS = {"cpu": ("CPU", BLUE), "gpu": ("GPU", GREEN)}
+MOST = 6  # decades of error
+SCATTER = 1.15  # a lead under it is no lead: the cell is of both
+
+
+def sizes(source: Source) -> dict[int, list[Point]]:
+    """{masses: timed runs of SCENE in fast math}, smallest grid first, of those sizes that both backends were timed at."""
+    labels = {SIZES[label][1] ** 2 if label in SIZES else SIDE**2: label for label in (SCENE, *SIZES)}
+    found = {masses: [p for p in points(source, labels[masses]) if p.seconds is not None] for masses in sorted(labels)}
+    return {masses: mine for masses, mine in found.items() if {p.backend for p in mine} == set(PROCESSORS)}
+
+
+def targets(found: Sequence[Point]) -> list[float]:
+    """The decades of error [spacings] from 0.1 down to the last that a run reached, MOST of them."""
+    least = min((p.error for p in found if p.error > 0), default=1.0)
+    return [10.0**-n for n in range(1, 1 + min(MOST, math.floor(-math.log10(least))))]
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure of the first machine that timed both processors at two sizes or more, or why there is none."""
+    source = next((s for s in (*results.featured, *results.background) if len(sizes(s)) > 1), None)
+    if source is None:
+        return "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
+    figure, (left, right) = new_figure(2, HEIGHT, share_y=False)
+    figure.axes[0].get_gridspec().set_width_ratios((5, 2))
+    found = sizes(source)
+    _map(left, found)
+    _ratios(right, found)
+    caption = (
+        "Left: the method, step size and processor that reach an error soonest in the lab curtain (S1), by its masses; in "
+        f"brackets how many times as long the other processor's best takes. Grey: a lead under {SCATTER:g}. Right: CPU time "
+        "over GPU time, each by the cheapest run of that method with an error of at most 0.01 spacings; above 1 the GPU is "
+        "faster. Without the copy of the end state."
+    )
+    return Drawing(figure, TITLE, caption, (source,))
+
+
+def _map(ax: Any, found: dict[int, list[Point]]) -> None:
+    wanted = targets([p for mine in found.values() for p in mine])
+    for row, mine in enumerate(found.values()):
+        for column, way in enumerate(equal_error(mine, wanted)):
+            best = way.best
+            if best is None:
+                continue
+            lead = max(way.speed_up, 1 / way.speed_up) if way.speed_up else None
+            even = lead is not None and lead < SCATTER
+            name, colour = PROCESSORS[best.backend]
+            ax.add_patch(_cell(column, row, GREY if even else colour))
+            told = [SHORT.get(best.integrator, best.integrator), f"{1000 * best.dt:g} ms", best.precision]
+            told.append("GPU = CPU" if even else f"{name} ({lead:.2g}x)" if lead else f"{name} alone")
+            ax.text(column, row, "\n".join(told), ha="center", va="center", fontsize=6.5)
+    ax.set_xlim(-0.5, len(wanted) - 0.5)
+    ax.set_ylim(-0.5, len(found) - 0.5)
+    ax.set_xticks(range(len(wanted)), [f"{target:g}" for target in wanted])
+    ax.set_yticks(range(len(found)), [str(masses) for masses in found])
+    ax.set_xlabel("error / spacings")
+    ax.set_ylabel("masses")
+    ax.grid(visible=False)
+
+
+def _cell(column: int, row: int, colour: str) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column - 0.48, row - 0.47), 0.96, 0.94, color=colour, alpha=0.3, linewidth=0)
+
+
+def _ratios(ax: Any, found: dict[int, list[Point]], target: float = 1e-2) -> None:
+    for name, (colour, marker) in INTEGRATORS.items():
+        ratios = {}
+        for masses, mine in found.items():
+            (way,) = equal_error([p for p in mine if p.integrator == name], [target])
+            if way.speed_up:
+                ratios[masses] = way.speed_up
+        if len(ratios) > 1:
+            ax.plot(list(ratios), list(ratios.values()), marker=marker, color=colour, label=name)
+    ax.axhline(1, color=GREY, linewidth=1, zorder=1)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xticks(list(found), [str(masses) for masses in found])
+    ax.minorticks_off()
+    plain_ticks(ax.yaxis)
+    ax.set_xlabel("masses")
+    ax.set_ylabel("CPU time / GPU time")
+    ax.legend(fontsize=6.5)
