@@ -26,7 +26,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
 )  # fmt: skip
 GREY = "#8A8A8A"
 WIDTH = 6.3  # inch: the text's width on A4
-HEIGHT = 3.6  # inch
+HEIGHT = 3.0  # inch
 PNG_DPI = 160
 SUFFIXES = ("svg", "png")  # for books and for screens
 MAX_PANELS = 3
