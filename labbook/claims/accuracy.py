@@ -12,13 +12,15 @@ from labbook.claims.claim import Claim, named, on_gpu
 from labbook.claims.comparison import NOT_COMPARED
 from labbook.words import number, seconds
 from model.core.integrators import INTEGRATORS
+from model.scene.scene import load_scene
 from plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching
-from plots.core.data import Results
+from plots.core.data import Results, Source
 from plots.figures.work_precision import accurate_source
 
 __all__ = ["CLAIMS", "TARGETS"]
 
 NEAR = 0.25  # how far an observed order may be from the declared one to count as the same
+FAMILIES = ("explicit", "position-based", "implicit")
 SCENE = "S1"  # the scene whose numbers the text quotes; tables hold both
 
 
@@ -168,6 +170,55 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
     return Claim(text, numbers, True)
 
 
+def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim:
+    """The soonest method of each family on a stiff cloth, at equal error: explicit, position-based, implicit."""
+    at = f"An error of {number(target, 1)} spacings in {scene}"
+    for source in (*results.featured, *results.background):
+        able = reaching(points(source, scene), target)
+        soonest: dict[str, Point] = {}
+        for point in able:
+            soonest.setdefault(_family(point), point)
+        if len(soonest) > 1:
+            break
+    else:
+        return Claim("Methods of several families were not timed on the stiff cloth.")
+    best = able[0]
+    numbers = {name: (point.seconds or 0.0) / (best.seconds or 1.0) for name, point in soonest.items()}
+    others = [
+        f"{name} methods take {words.times(numbers[name])} as long ({point.name})"
+        for name, point in soonest.items()
+        if point is not best
+    ]
+    others += [f"{name} methods do not get there" for name in FAMILIES if name not in soonest]
+    reached = f"{at[0].lower()}{at[1:]} is reached soonest by {best.name}"
+    text = f"On {_machines(source)}, {reached}; {words.listed(others)}."
+    return Claim(text, numbers, True)
+
+
+def _family(point: Point) -> str:
+    if point.iterations is not None:
+        return "position-based"
+    return "explicit" if point.integrator in INTEGRATORS else "implicit"
+
+
+def _machines(source: Source) -> str:
+    """`the NVIDIA H200 and the Intel Xeon, 16 cores (committed measurements)`, of those that were timed."""
+    processors = [name for name in (source.gpu, source.processor) if name]
+    return " and ".join(f"the {name}" for name in processors) + ("" if source.own else " (committed measurements)")
+
+
+def rope(results: Results, target: float = 1e-1) -> Claim:
+    """GPU against CPU on a stiff rope, which no GPU can share out: at equal error."""
+    masses = words.masses(load_scene("rope-stiff").grid.particle_count)
+    for source in (*results.featured, *results.background):
+        (row,) = ways_to(points(source, "S6"), [target])
+        if row.speed_up is not None:
+            told = _times_as_fast(row.speed_up)
+            text = f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, {told}."
+            return Claim(text, {"ratio": row.speed_up}, True)
+    return Claim("GPU and CPU were not compared on the stiff rope.")
+
+
 def _times_as_fast(ratio: float) -> str:
     one, other, factor = ("GPU", "CPU", ratio) if ratio > 1 else ("CPU", "GPU", 1 / ratio)
     return f"the {one} is {words.times(factor)} as fast as the {other}"
@@ -181,4 +232,6 @@ CLAIMS: dict[str, Callable[[Results], Claim]] = {
     "float32-floor": float32_floor,
     "fastest": fastest,
     "equal-error": equal_error,
+    "families": families,
+    "rope": rope,
 }

@@ -31,6 +31,7 @@ from labbook.claims import findings as findings_claims
 from labbook.claims import hard as hard_claims
 from labbook.claims.claim import Claim
 from model.scene.scene import load_scene
+from plots.core.accuracy_points import Point
 from plots.core.data import Results
 from plots.core.read import load
 
@@ -217,6 +218,34 @@ def test_which_backend_is_faster_at_equal_error(costs: tuple[float, float], word
     assert words in accuracy_claims.equal_error(results).sentence
 
 
+def on_a_stiff_scene(monkeypatch: pytest.MonkeyPatch, *runs: tuple[str, str, float, float, int | None]) -> Any:
+    """Runs (method, backend, error, cost, iterations) of any scene."""
+    found = [
+        Point("S4", method, 0.01, "float32", backend, error, None, cost, cost, cost, True, iterations=iterations)
+        for method, backend, error, cost, iterations in runs
+    ]
+    monkeypatch.setattr(accuracy_claims, "points", lambda source, scene: found)
+    return accurate(one=(1e-5, 1e-3, "float64", "cpu"))
+
+
+def test_families_are_told_by_how_long_each_takes_to_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    results = on_a_stiff_scene(
+        monkeypatch, ("rk4", "gpu", 0.05, 2.0, None), ("semi-implicit-euler", "gpu", 0.2, 1.0, None),
+        ("xpbd gauss-seidel", "cpu", 0.05, 30.0, 4), ("implicit-euler", "cpu", 0.3, 5.0, None),
+    )  # fmt: skip
+    made = accuracy_claims.families(results)
+    assert made.numbers == {"explicit": 1, "position-based": 15}
+    assert "reached soonest by rk4" in made.sentence and "implicit methods do not get there" in made.sentence
+    assert "position-based methods take 15\N{NO-BREAK SPACE}times as long" in made.sentence
+
+
+def test_a_rope_is_told_by_the_processor_that_is_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [("xpbd gauss-seidel", "gpu", 0.05, 6.0, 4), ("xpbd gauss-seidel", "cpu", 0.05, 2.0, 4)]
+    made = accuracy_claims.rope(on_a_stiff_scene(monkeypatch, *runs))
+    assert "the CPU is 3.0\N{NO-BREAK SPACE}times as fast as the GPU" in made.sentence
+    assert "65" in made.sentence and made.numbers == {"ratio": pytest.approx(1 / 3)}
+
+
 @pytest.mark.parametrize(("ratio", "stops"), [(1.9, False), (2.1, True), (15.0, True)])
 def test_where_float32_stops_to_gain(ratio: float, stops: bool) -> None:
     """Twice the error of float64 is its floor."""
@@ -280,7 +309,7 @@ def test_all_that_was_measured_is_told_of() -> None:
     """Of the full synthetic machine, every claim but those about experiments it has not run has numbers."""
     elsewhere = (
         "looks-", "determinism-", "xpbd-", "hard-", "ablation-", "projection-", "discretisation", "throughput-", "bar-",
-        "body-", "stability-precisions", "busy",
+        "body-", "stability-precisions", "busy", "families", "rope",
     )  # fmt: skip
     assert {name for name in CLAIMS if not told(name).numbers} == {n for n in CLAIMS if n.startswith(elsewhere)}
     assert len(SIZES) == 6  # what the laws above were worked out for
