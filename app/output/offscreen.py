@@ -20,6 +20,7 @@ from app.window.views import camera_of, view_of
 from model.core.build import rest_positions
 from model.core.errors import InputError, SoftlabError
 from model.core.files import check_target
+from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.shape_matching.spare import present
 
@@ -127,13 +128,28 @@ class OffscreenRenderer:
 
         In space: `time` [s] says where moving colliders are, `normal` (particles, 3) are the cloth's, if known.
         """
+        self._window.switch_to()
+        self._view.upload(position, *([normal] if self._space else []))
+        self._draw(time)
+
+    def show(self, simulation: Simulation) -> None:
+        """Draw the state that a simulation holds and return when it has been drawn; without the host's memory where the GPU
+        that computes it also draws."""
+        self._window.switch_to()
+        self._view.upload_from(simulation)
+        self._draw(simulation.time)
+
+    @property
+    def way(self) -> str:
+        """How the last state came to the drawing, in words."""
+        return self._view.vertices.way
+
+    def _draw(self, time: float) -> None:
         from pyglet import gl
 
-        self._window.switch_to()
         gl.glViewport(0, 0, self.width, self.height)
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
-        self._view.upload(position, *([normal] if self._space else []))
         self._view.draw(self.camera, self.strain_range, time=time)
         if self._legend is not None:
             self._legend.place(self.width, self.strain_range)

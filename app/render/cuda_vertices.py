@@ -93,14 +93,15 @@ class CudaVertices(HostVertices):
             self._runtime = load_runtime()
         require_same_gpu(self._runtime)
         discard = self._runtime.cudaGraphicsRegisterFlags.cudaGraphicsRegisterFlagsWriteDiscard
-        for buffer in (self.position_buffer, self.normal_buffer):
-            self.send(buffer, self._normal, gl.GL_DYNAMIC_COPY)  # a store for what the GPU writes and the GPU draws
+        kept = {self.position_buffer: self._position} | ({} if self.flat else {self.normal_buffer: self._normal})
+        for buffer, array in kept.items():
+            self.send(buffer, array, gl.GL_DYNAMIC_COPY)  # a store for what the GPU writes and the GPU draws
             registered = self._runtime.cudaGraphicsGLRegisterBuffer(buffer, int(discard))
             (self._resources[buffer],) = _checked(registered, "sharing a buffer")
 
     @contextmanager
     def _mapped(self, buffer: int, stream: Any) -> Iterator[Any]:
-        """The buffer as a (particles, 3) float32 array of CUDA, for what runs in `stream`."""
+        """The buffer as a (particles, dimensions) float32 array of CUDA, for what runs in `stream`."""
         runtime, resource = self._runtime, self._resources[buffer]
         _checked(runtime.cudaGraphicsMapResources(1, resource, stream), "mapping a buffer")
         try:

@@ -2,7 +2,7 @@
 
 The window and the off-screen pictures both draw through here. Plain buffers of OpenGL are used for the masses and not
 pyglet's vertex lists, whose element-wise interface takes tens of milliseconds for a large grid; here the upload is one
-copy of the (particles, 2) float32 array, and it is also a buffer that a GPU backend can write into by itself.
+copy of the (particles, 2) float32 array, or none where the GPU that computes also draws (app/render/cuda_vertices.py).
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import numpy as np
 
 from app.render import colours
 from app.render.camera import Camera
+from app.render.cuda_vertices import CudaVertices
 from app.render.opengl import shader_program
 from app.render.shaders import POINT_FRAGMENT, SPRING_FRAGMENT, THIN_SPRINGS, VERTEX, WIDE_SPRINGS
 from model.core.build import pinned_indices
-from model.core.errors import InputError
+from model.core.simulation import Simulation
 from model.mass_spring.energy import spring_ends
 from model.scene.scene import Scene
 
@@ -29,7 +30,8 @@ PIN_SIZE = 9.0  # pixels, at least: a pin is always larger than a mass
 class SceneView:
     """`scene`'s masses and springs on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
 
-    `upload(position)` sends the state, `draw(camera, strain_range, selected)` draws it; `delete()` frees the buffers.
+    `upload(position)` sends a state, `upload_from(simulation)` a simulation's, `draw(camera, strain_range, selected)` draws
+    it; `delete()` frees the buffers.
     Raises BackendUnavailable where the driver is too old for it.
     """
 
@@ -46,12 +48,13 @@ class SceneView:
         pins = pinned_indices(scene.grid).astype(np.uint32)
         self.pins = len(pins)
         ends = spring_ends(scene.grid.rows, scene.grid.columns) if self.springs else np.zeros((0, 2), np.int32)
-        self._buffers = (gl.GLuint * 3)()  # positions, spring ends, pins
-        gl.glGenBuffers(3, self._buffers)
-        self._spring_array = self._vertex_array(self._spring_program, self._buffers[1])
-        self._point_array = self._vertex_array(self._point_program, self._buffers[2])
-        self._fill(self._spring_array, gl.GL_ELEMENT_ARRAY_BUFFER, self._buffers[1], ends)
-        self._fill(self._point_array, gl.GL_ELEMENT_ARRAY_BUFFER, self._buffers[2], pins)
+        self.vertices = CudaVertices(scene)
+        self._buffers = (gl.GLuint * 2)()  # spring ends, pins
+        gl.glGenBuffers(2, self._buffers)
+        self._spring_array = self._vertex_array(self._spring_program, self._buffers[0])
+        self._point_array = self._vertex_array(self._point_program, self._buffers[1])
+        self._fill(self._spring_array, gl.GL_ELEMENT_ARRAY_BUFFER, self._buffers[0], ends)
+        self._fill(self._point_array, gl.GL_ELEMENT_ARRAY_BUFFER, self._buffers[1], pins)
         gl.glBindVertexArray(0)
         self._constants()
 
@@ -61,7 +64,7 @@ class SceneView:
         array = gl.GLuint()
         gl.glGenVertexArrays(1, array)
         gl.glBindVertexArray(array)
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._buffers[0])
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self.vertices.position_buffer)
         place = program.attributes["position"]["location"]
         gl.glEnableVertexAttribArray(place)
         gl.glVertexAttribPointer(place, 2, gl.GL_FLOAT, gl.GL_FALSE, 0, None)
@@ -88,16 +91,11 @@ class SceneView:
 
     def upload(self, position: np.ndarray) -> None:
         """Send positions (particles, 2) [m]; a C-contiguous float32 array goes without a copy. Raises InputError."""
-        from pyglet import gl
+        self.vertices.upload_state(position, normals=False)
 
-        if position.shape != (self.particles, 2):
-            raise InputError(f"position has shape {position.shape}, this scene needs ({self.particles}, 2)")
-        with np.errstate(over="ignore"):
-            data = np.ascontiguousarray(position, dtype=np.float32)
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._buffers[0])
-        # A fresh store each time: the driver need not wait until the last frame's positions have been drawn.
-        gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_STREAM_DRAW)
-        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+    def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
+        """Send the state of a simulation; `position` (particles, 2) float32, if the caller has read it already."""
+        self.vertices.upload(simulation, False, position)
 
     def draw(self, camera: Camera, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
         """Draw what was uploaded last. `strain_range`: the strain at both ends of the colour map. Nothing here depends on
@@ -152,6 +150,7 @@ class SceneView:
         """Free the buffers."""
         from pyglet import gl
 
-        gl.glDeleteBuffers(3, self._buffers)
+        self.vertices.delete()
+        gl.glDeleteBuffers(2, self._buffers)
         for array in (self._spring_array, self._point_array):
             gl.glDeleteVertexArrays(1, array)

@@ -1,4 +1,4 @@
-"""Positions and normals of a cloth in vertex buffers, renewed for each frame.
+"""Positions of masses in vertex buffers, and a cloth's normals, renewed for each frame.
 
 The seam between simulation and drawing: a view draws from `position_buffer` and `normal_buffer`, and does not know how
 they were filled. `HostVertices` fills them from the host's memory; `CudaVertices` (app/render/cuda_vertices.py) lets a GPU
@@ -19,7 +19,8 @@ from model.scene.sheets import scene_normals
 
 
 class HostVertices:
-    """Two vertex buffers of (particles, 3) float32, one copy each for a frame. Needs a current OpenGL 3.3 context.
+    """Two vertex buffers of (particles, dimensions) float32, one copy each for a frame; normals in space alone. Needs a
+    current OpenGL 3.3 context.
 
     `way`: how states come here, in words for the window.
     """
@@ -29,22 +30,23 @@ class HostVertices:
     def __init__(self, scene: Scene):
         from pyglet import gl
 
-        self.scene = scene
-        shape = (scene.grid.particle_count, 3)
-        self._position, self._normal = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        self.scene, self.flat = scene, scene.dimensions == 2
+        shape = (scene.grid.particle_count, scene.dimensions)
+        self._position = np.zeros(shape, np.float32)
+        self._normal = np.zeros((0, 3) if self.flat else shape, np.float32)
         self._buffers = (gl.GLuint * 2)()
         gl.glGenBuffers(2, self._buffers)
         self.position_buffer, self.normal_buffer = int(self._buffers[0]), int(self._buffers[1])
-        for buffer in self._buffers:  # something lies there before the first state comes
-            self.send(buffer, self._normal)
+        self.send(self.position_buffer, self._position)  # something lies there before the first state comes
+        self.send(self.normal_buffer, self._normal)
 
     def straight(self, simulation: Simulation) -> bool:
         """Whether `upload` means to have the simulation's state without the host: then nobody needs to read it for it."""
         return False
 
     def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
-        """The state of `simulation` now. `normals` False: only lines will be drawn. `position` (particles, 3) float32: what
-        the caller has read already."""
+        """The state of `simulation` now. `normals` False: only lines will be drawn. `position` (particles, dimensions)
+        float32: what the caller has read already."""
         if position is None:
             with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
                 position = simulation.read("position", into=self._position)
@@ -53,7 +55,7 @@ class HostVertices:
             self.send(self.normal_buffer, simulation.read("normal", into=self._normal))
 
     def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
-        """Positions (particles, 3) [m] of a state that no simulation holds, with its unit normals, if they are known.
+        """Positions (particles, dimensions) [m] of a state that no simulation holds, with its unit normals, if known.
 
         Raises InputError for another shape.
         """

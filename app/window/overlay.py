@@ -92,10 +92,10 @@ class Overlay:
         if now >= self._text_due:
             self._text_due = now + TEXT_INTERVAL
             view = viewer.views[self.demo.current]
-            way = f"{view.detail.name}{viewer.drawn_by}" if viewer.space else ""
-            if viewer.space and self.demo.world.backend == "gpu":  # of a CPU there is one way
-                way += f", {view.vertices.way}"
-            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, way)
+            way = [f"{view.detail.name}{viewer.drawn_by}"] if viewer.space else []
+            if self.demo.world.backend == "gpu":  # of a CPU there is one way
+                way.append(view.vertices.way)
+            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, ", ".join(way))
             self._numbers.place(text, viewer.width, viewer.height)
         self._numbers.draw()
         return self._numbers.height + 8

@@ -144,9 +144,7 @@ class Viewer:
         """The state of every world, as it is drawn."""
         demo = self.demo
         for number, (view, world) in enumerate(zip(self.views, demo.worlds, strict=True)):
-            if (
-                not self.space or demo.frozen
-            ):  # a plane has no normals to ask for; what is frozen is no world's state any more
+            if demo.frozen:  # what is frozen is no world's state any more
                 view.upload(demo.positions[number])
             elif view.vertices.straight(world):
                 view.upload_from(world)
@@ -228,9 +226,10 @@ class Viewer:
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
             "screenshot": str(self.screenshot) if self.screenshot else None,
+            "way": self.views[0].vertices.way,
         }
         if self.space:
-            shown |= {"lines": self.views[0].lines, "way": self.views[0].vertices.way}
+            shown |= {"lines": self.views[0].lines}
         if self.bodies:
             names = ("particles", "skin", "clusters", "links", "colouring")
             shown |= {name: getattr(self.views[0], name) for name in names}

@@ -183,12 +183,11 @@ class GroupRunner:
                 continue
             self.tell(f"{case}: warming up")
             drawn = renderer if case.graphics and not isinstance(renderer, str) else None
-            if drawn is not None:
-                by = f"{getattr(drawn, 'renderer', 'unknown')}, {PICTURE[0]} x {PICTURE[1]} pixels, through the host"
-                self.store.add_measure(self.summary.run, case.description, case.sources, DRAWN_BY, None, "", by)
             subject = Subject(simulations[case.simulation_kind], case, drawn)
             try:
                 warm_up(subject)
+                if drawn is not None:
+                    self._tell_drawing(case, drawn)
                 least = subject.restore_seconds + subject.seconds_per_step * case.least_steps
                 needed = (self.effort.repeats_of(case) + 1) * least
                 self.costs[case.kind] = (case.particles, subject.seconds_per_step, subject.restore_seconds)
@@ -204,6 +203,12 @@ class GroupRunner:
                 continue
             subjects.append(subject)
         return subjects
+
+    def _tell_drawing(self, case: Case, drawn: Renderer) -> None:
+        """Who drew, how large, and how the state came there."""
+        who, way = (getattr(drawn, name, "unknown") for name in ("renderer", "way"))
+        by = f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}"
+        self.store.add_measure(self.summary.run, case.description, case.sources, DRAWN_BY, None, "", by)
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
         """One renderer for the group (two off-screen contexts do not live together), or why there is none."""

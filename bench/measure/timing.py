@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import numpy as np
 import psutil
 
 from cpu_backend.core.threads import allowed_cores, core_count
@@ -40,8 +39,8 @@ LOOK_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts 
 class Renderer(Protocol):
     """What draws: app/output/offscreen.py's OffscreenRenderer."""
 
-    def draw(self, position: np.ndarray) -> Any:
-        """Draw (particles, 2) positions; return when the picture is done."""
+    def show(self, simulation: Simulation) -> Any:
+        """Draw the state that a simulation holds; return when the picture is done."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,6 @@ class Subject:
     restore_seconds: float = 0.0
     start: State | None = None
     _kept: int = field(default=-1, repr=False)
-    _picture: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def host_threads(self) -> int:
@@ -139,12 +137,10 @@ class Subject:
             simulation.advance(steps)
             simulation.synchronize()
             return time.perf_counter() - begin
-        if self._picture is None:
-            self._picture = np.empty((len(simulation.body.position), 2), simulation.real)
         begin = time.perf_counter()
         for done in range(0, steps, DRAW_EVERY):
             simulation.advance(min(DRAW_EVERY, steps - done))
-            self.renderer.draw(simulation.read("position", self._picture))
+            self.renderer.show(simulation)
         simulation.synchronize()
         return time.perf_counter() - begin
 

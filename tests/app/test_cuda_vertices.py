@@ -23,6 +23,7 @@ from app.render.vertices import HostVertices
 from app.render.view3d import View3D
 from app.window import worlds
 from app.window.viewer import Viewer
+from model.scene.scene import Scene
 
 HOST = HostVertices.way
 RANDOM = np.random.default_rng(8)
@@ -104,6 +105,26 @@ def test_a_gpus_state_is_written_into_the_buffers_and_the_picture_is_the_same(
     assert runtime.calls == for_positions
     np.testing.assert_array_equal(lines, as_the_host_draws(simulation, lines=True))
     renderer._window.switch_to()
+
+
+def test_of_a_plane_positions_are_written_and_nothing_else(renderer: OffscreenRenderer, install: Install) -> None:
+    runtime, scene = (
+        install(),
+        Scene({"grid": {"rows": 5, "columns": 4, "pinned": "top"}, "springs": {}, "gravity": {}}),
+    )
+    renderer.close()  # two off-screen contexts do not live together
+    with OffscreenRenderer(scene, 320, 240, legend=False) as plane:
+        simulation = GpuCloth(scene, runtime)
+        simulation._position = simulation.body.position + RANDOM.normal(0, 0.1, simulation.body.position.shape)
+        plane.show(simulation)
+        buffer = plane._view.vertices.position_buffer
+        assert plane.way == STRAIGHT
+        assert runtime.calls == [("register", buffer), ("map", buffer, 77), ("position",), ("unmap", buffer, 77)]
+        assert np.array_equal(held(buffer, 2), simulation.read("position").astype(np.float32))
+        straight = plane.image()
+        plane.draw(simulation.read("position"))
+        assert plane.way == HOST
+        np.testing.assert_array_equal(straight, plane.image())
 
 
 def test_what_the_caller_has_read_is_not_needed(renderer: OffscreenRenderer, install: Install) -> None:

@@ -58,7 +58,8 @@ def opened(scene: Scene = SCENE, **options: Any) -> Simulation:
 def check_buffers(vertices: Any, simulation: Simulation, normals: bool = True) -> None:
     """What OpenGL holds is what the host reads, rounded once where the solver has more digits."""
     assert vertices.way == STRAIGHT
-    assert np.array_equal(held(vertices.position_buffer), simulation.read("position").astype(np.float32))
+    position = simulation.read("position").astype(np.float32)
+    assert np.array_equal(held(vertices.position_buffer, position.shape[1]), position)
     if normals:
         assert np.array_equal(held(vertices.normal_buffer), simulation.read("normal").astype(np.float32))
 
@@ -76,6 +77,21 @@ def test_buffers_hold_what_the_host_reads(renderer: OffscreenRenderer, precision
         vertices.upload(simulation, normals=False)
         check_buffers(vertices, simulation, normals=False)
     vertices.delete()
+
+
+@pytest.mark.parametrize("side", [33, 700])  # of one block, and of many: drawn as wide springs, and as thin ones
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_plane_is_drawn_straight_and_the_same(renderer: OffscreenRenderer, precision: str, side: int) -> None:
+    scene = load_scene("lab-grid").replace({"grid.rows": side, "grid.columns": side + 2})
+    renderer.close()  # two off-screen contexts do not live together
+    with OffscreenRenderer(scene, 640, 480, legend=False) as plane, opened(scene, precision=precision) as simulation:
+        for _ in range(2):
+            simulation.advance(60)
+            plane.show(simulation)
+            check_buffers(plane._view.vertices, simulation, normals=False)
+            straight = plane.image()
+            plane.draw(simulation.read("position"))
+            np.testing.assert_array_equal(straight, plane.image())
 
 
 @pytest.mark.parametrize("lines", [False, True], ids=["surface", "springs"])

@@ -147,11 +147,11 @@ def send(buffer: int, data: np.ndarray) -> None:
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
 
-def held(buffer: int) -> np.ndarray:
-    """(vertices, 3) float32: what the buffer holds, as OpenGL reads it back."""
+def held(buffer: int, dimensions: int = 3) -> np.ndarray:
+    """(vertices, dimensions) float32: what the buffer holds, as OpenGL reads it back."""
     from pyglet import gl
 
-    data = np.empty((store_bytes(buffer) // 12, 3), np.float32)
+    data = np.empty((store_bytes(buffer) // (4 * dimensions), dimensions), np.float32)
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
     gl.glGetBufferSubData(gl.GL_ARRAY_BUFFER, 0, data.nbytes, data.ctypes.data_as(ctypes.c_void_p))
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
