@@ -20,6 +20,9 @@ from model.core.simulation import Simulation
 from model.scene.scene import Scene
 
 STRAIGHT = "straight from the solver's GPU memory"
+FEW_BYTES = (
+    2**20
+)  # of a plane's positions: sharing a buffer takes 0.35 ms a frame on an H200, the host's way of less is sooner
 MAX_DEVICES = 64  # GPUs that one OpenGL context may draw with
 
 
@@ -31,20 +34,22 @@ class CudaVertices(HostVertices):
     """As HostVertices, and straight from the GPU where that is possible. Needs the same current OpenGL context in each call.
 
     `way`: how the last state came, in words, and why not straight where a GPU computed it. `shared` False: always through
-    the host (to compare both). A buffer is registered only while simulations write into it: what comes through the host
-    gets a fresh store, which a registered buffer may not.
+    the host (to compare both); so does a state of under `few` bytes. A buffer is registered only while simulations write
+    into it: what comes through the host gets a fresh store, which a registered buffer may not.
     """
 
     def __init__(self, scene: Scene):
         super().__init__(scene)
         self.shared = True
+        self.few = FEW_BYTES if self.flat else 0
         self._refused = ""
         self._runtime: Any = None
         self._resources: dict[int, Any] = {}  # buffer -> what CUDA knows it by
 
     def straight(self, simulation: Simulation) -> bool:
-        """True for a simulation on the GPU until that was tried and did not work."""
-        return simulation.backend == "gpu" and self.shared and not self._refused
+        """True for a simulation on the GPU, if its state is not too small for it, until that was tried and did not work."""
+        wanted = self.shared and self._position.nbytes >= self.few
+        return simulation.backend == "gpu" and wanted and not self._refused
 
     def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
         """As of HostVertices; `position` is not looked at where the simulation writes by itself."""

@@ -117,6 +117,9 @@ def test_of_a_plane_positions_are_written_and_nothing_else(renderer: OffscreenRe
         simulation = GpuCloth(scene, runtime)
         simulation._position = simulation.body.position + RANDOM.normal(0, 0.1, simulation.body.position.shape)
         plane.show(simulation)
+        assert plane.way == HOST and not runtime.calls  # so few are sooner there
+        plane._view.vertices.few = 0
+        plane.show(simulation)
         buffer = plane._view.vertices.position_buffer
         assert plane.way == STRAIGHT
         assert runtime.calls == [("register", buffer), ("map", buffer, 77), ("position",), ("unmap", buffer, 77)]
