@@ -4,20 +4,29 @@ queries of their own; and that no sentence compares across versions of the code,
 from __future__ import annotations
 
 import json
+import math
 import statistics
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from bench.store.database import Store
+from bench.experiments.accuracy.equal_error import equal_error
+from bench.store.database import Store, canonical
 from bench.store.transfer import load_text
+from labbook import words
+from labbook.answer import answer_tables
 from labbook.build import CLAIMS, book_data, committed_data
 from labbook.claims.claim import Claim
+from labbook.tables import DASH
+from model.scene.scene import load_scene
 from plots.core.data import Results
 from plots.core.read import load
+from plots.figures import regimes
 
 SPREAD = 0.1
 WITH_GPU = [path for path in committed_data() if "h200" in path.name]
@@ -143,28 +152,134 @@ def test_more_threads_than_cores() -> None:
             assert claim.numbers[word] == pytest.approx(mine[threads].median / mine[16].median, rel=1e-12), end
 
 
+@dataclass(frozen=True)
+class Judged:
+    """An accuracy run: `pins` and `side` of a grid, or the kind and the number of masses of a cloth."""
+
+    what: dict[str, Any]
+    error: float
+    seconds: float
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        return self.what["scene"]
+
+    @property
+    def method(self) -> dict[str, Any]:
+        return self.scene["method"]
+
+    def of(self, catalogue: str) -> bool:
+        """Whether it is of a scene of the catalogue, however solved, in fast math."""
+        here, there = (
+            {k: v for k, v in tables.items() if k not in ("title", "method")}
+            for tables in (self.scene, listed(catalogue))
+        )
+        return here == there and self.what["math"] == "fast"
+
+
+@cache
+def listed(catalogue: str) -> dict[str, Any]:
+    return load_scene(catalogue).as_dict()
+
+
+@cache
+def judged() -> tuple[Judged, ...]:
+    found = []
+    for text, error, seconds, sources in store().query(
+        "SELECT description, e.value, c.value, c.sources FROM measure AS e JOIN measure AS c USING (configuration, run) "
+        "JOIN configuration ON hash = e.configuration WHERE e.name = 'accuracy_error' "
+        "AND c.name = 'seconds_per_simulated_second'"
+    ):
+        assert any(sources.split("-")[0] in version for version in versions()), "of the version that was measured"
+        if error is not None and "end" not in (what := json.loads(text)):
+            found.append(Judged(what, error, seconds))
+    return tuple(found)
+
+
+def curtains(side: int) -> list[Judged]:
+    """Runs of S1 with so many masses a side."""
+    found = [r for r in judged() if r.what["math"] == "fast" and r.scene.get("grid", {}).get("pinned") == "top"]
+    return [r for r in found if r.scene["grid"]["rows"] == side == r.scene["grid"]["columns"]]
+
+
+def least(found: Iterable[Judged], error: float, **wanted: str) -> float:
+    """The least cost [s a simulated second] of those that reach an error, of a backend or an integrator."""
+    mine = (r for r in found if all((r.what | r.method).get(key) == value for key, value in wanted.items()))
+    return min((r.seconds for r in mine if r.error <= error), default=math.inf)
+
+
 def test_at_equal_error() -> None:
-    """The least cost that reaches 1e-3 spacings on each backend, from the measures, and the samples behind it."""
-    cost: dict[tuple[int, str], float] = {}
-    for side in (16, 32, 64):
-        for text, error, seconds, sources in store().query(
-            "SELECT description, e.value, c.value, c.sources FROM measure AS e JOIN measure AS c USING (configuration, run) "
-            "JOIN configuration ON hash = e.configuration WHERE e.name = 'accuracy_error' "
-            "AND c.name = 'seconds_per_simulated_second'"
-        ):
-            what = json.loads(text)
-            grid = what["scene"].get("grid", {})
-            if (grid.get("rows"), grid.get("pinned"), what["math"]) != (side, "top", "fast") or error is None:
-                continue
-            assert any(sources.split("-")[0] in version for version in versions()), "of the version that was measured"
-            if error <= 1e-3:
-                key = side, what["backend"]
-                cost[key] = min(seconds, cost.get(key, float("inf")))
+    """The least cost that reaches 1e-3 spacings on each backend."""
     claim = told("equal-error")
     for side, name in ((16, "ratio S1-16"), (32, "ratio"), (64, "ratio S1-64")):
-        if name in claim.numbers:
-            assert claim.numbers[name] == pytest.approx(cost[side, "cpu"] / cost[side, "gpu"], rel=1e-12)
-    assert "ratio" in claim.numbers
+        cpu, gpu = (least(curtains(side), 1e-3, backend=backend) for backend in ("cpu", "gpu"))
+        assert claim.numbers[name] == pytest.approx(cpu / gpu, rel=1e-12)
+
+
+def test_families_and_the_rope_at_equal_error() -> None:
+    cloth, rope = ([r for r in judged() if r.of(name)] for name in ("cloth-wind", "rope-stiff"))
+    best = least(cloth, 0.1)
+    families = {
+        "explicit": [r for r in cloth if r.method.get("solver", "mass-spring") == "mass-spring"
+                     and not r.method["integrator"].startswith("implicit")],
+        "position-based": [r for r in cloth if r.method.get("solver") == "xpbd"],
+        "implicit": [r for r in cloth if r.method.get("integrator", "").startswith("implicit")],
+    }  # fmt: skip
+    ratios = {name: least(mine, 0.1) / best for name, mine in families.items()}
+    assert told("families").numbers == pytest.approx({n: r for n, r in ratios.items() if r < math.inf}, rel=1e-12)
+    ratio = least(rope, 0.1, backend="cpu") / least(rope, 0.1, backend="gpu")
+    assert told("rope").numbers == {"ratio": pytest.approx(ratio, rel=1e-12)}
+
+
+def test_orders_are_slopes() -> None:
+    """Of the CPU's runs in float64 whose error is ten times the reference's own."""
+    unresolved = {
+        text for text, value in store().query(
+            "SELECT description, value FROM measure JOIN configuration ON hash = configuration WHERE name = 'unresolved'"
+        ) if value
+    }  # fmt: skip
+    for name, order in told("orders").numbers.items():
+        mine = [
+            r for r in curtains(32) if (r.what["backend"], r.what["precision"]) == ("cpu", "float64")
+            and r.method.get("integrator") == name and r.method.get("solver", "mass-spring") == "mass-spring"
+            and canonical(r.what) not in unresolved and r.error > 0
+        ]  # fmt: skip
+        x, y = (np.log([pick(r) for r in mine]) for pick in (lambda r: r.method["dt"], lambda r: r.error))
+        assert order == pytest.approx(np.polyfit(x, y, 1)[0], rel=1e-9)
+
+
+def test_the_table_of_the_first_page() -> None:
+    """Step size, time and processor of every row that names a scene of the catalogue, from the cheapest run behind it."""
+    (table,) = answer_tables(results())
+    scenes = {"S4": "cloth-wind", "S5": "cloth-drop", "S6-still": "rope-stiff-still", "S6": "rope-stiff"}
+    label, looked_at = "", 0
+    for row in table["rows"]:
+        label = row[0].rpartition("(")[2].rstrip(")") if row[0] else label
+        side = {"S1-16": 16, "S1": 32, "S1-64": 64}.get(label)
+        mine = curtains(side) if side else [r for r in judged() if r.of(scenes[label])]
+        target = float(row[2])
+        able = sorted((r for r in mine if r.error <= target), key=lambda r: r.seconds)
+        if row[4] == DASH:
+            assert not able and row[3].startswith("not reached")
+            continue
+        best = able[0]
+        assert row[4:7] == [
+            f"{1000 * best.method['dt']:.3g}{words.SPACE}ms",
+            best.what["precision"],
+            best.what["backend"].upper(),
+        ]
+        assert row[7] == words.seconds(best.seconds, 2)
+        looked_at += 1
+    assert looked_at >= 18
+
+
+def test_who_is_soonest_by_size() -> None:
+    for masses, found in regimes.sizes(next(s for s in results().sources if len(regimes.sizes(s)) > 1)).items():
+        side = math.isqrt(masses)
+        for target in (1e-1, 1e-3, 1e-5):
+            (way,) = equal_error(found, [target])
+            cpu, gpu = (least(curtains(side), target, backend=backend) for backend in ("cpu", "gpu"))
+            assert way.speed_up == pytest.approx(cpu / gpu, rel=1e-12)
 
 
 def test_no_printed_sentence_rests_on_nothing_but_marked_times_silently() -> None:
