@@ -9,7 +9,6 @@ method. Kept in the store, resumable.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -17,12 +16,16 @@ from bench.experiments import bar_body, bar_strip, body_laws
 from bench.experiments.bar_body import bar, stand, sway
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
-from bench.experiments.sweep import backends_here, source_hash
-from bench.measure.experiment import Experiment, FindingsSummary, Measures, described
-from bench.measure.machine import enter_machine
-from bench.measure.progress import progress_bar
+from bench.measure.experiment import (
+    Experiment,
+    Measures,
+    Summary,
+    backends_here,
+    described,
+    measure_items,
+    source_hash,
+)
 from bench.store.database import Store
-from bench.store.versions import code_version
 from model.core.digest import source_digest
 from model.scene.scene import Scene
 
@@ -53,36 +56,15 @@ def run_bar(
     backends: Sequence[str] | None = None,
     progress: bool = True,
     command: str = "softlab bar",
-) -> FindingsSummary:
+) -> Summary:
     """Measure what the store lacks.
 
     `quick`: few values of each. `backends`: None: all that are here. Ctrl-C ends cleanly (`interrupted`).
     Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
     """
-    begin = time.perf_counter()
-    chosen = backends_here(backends)
-    summary = FindingsSummary(enter_machine(store), "bar")
-    try:
-        everything = [one for backend in chosen for one in experiments(backend, quick)]
-        missing = [e for e in everything if not store.has_measure(e.description, summary.machine, e.sources, e.name)]
-        summary.held = len(everything) - len(missing)
-        if missing:
-            summary.run = store.start_run(summary.machine, command, code_version())
-            _measure(store, summary, missing, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
-
-
-def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Experiment], show: bool) -> None:
-    with progress_bar(show) as bar_shown:
-        task = bar_shown.add_task("bar", total=len(missing))
-        for experiment in missing:
-            bar_shown.update(task, description=str(experiment))
-            experiment.run(store, summary.run)
-            summary.measured += 1
-            bar_shown.advance(task)
+    chosen, summary = backends_here(backends), Summary.begun(store, "bar")
+    everything = [one for backend in chosen for one in experiments(backend, quick)]
+    return measure_items(store, summary, everything, progress, command)
 
 
 def experiments(backend: str, quick: bool = False) -> list[Experiment]:

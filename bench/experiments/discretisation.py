@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from app.driver import open_simulation
-from bench.experiments.sweep import source_hash
-from bench.measure.experiment import Experiment, Measures, described
+from bench.measure.experiment import Experiment, Measures, described, source_hash
 from model.core.build import rest_positions
 from model.core.simulation import State
 from model.scene.scene import Scene

@@ -8,7 +8,6 @@ bench/experiments/accuracy/experiment.py's runs.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,20 @@ from bench.experiments import discretisation
 from bench.experiments.accuracy.experiment import STEP_SIZES, references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.points import END, SCENES
-from bench.experiments.sweep import backends_here, source_hash
-from bench.measure.experiment import Experiment, FindingsSummary, Measures, described
-from bench.measure.findings_timing import StepTimes, time_steps
-from bench.measure.machine import enter_machine
-from bench.measure.progress import progress_bar
+from bench.measure.experiment import (
+    Experiment,
+    Item,
+    Measures,
+    Summary,
+    backends_here,
+    described,
+    measure_items,
+    source_hash,
+)
+from bench.measure.findings_timing import StepTimes, Timed
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.store.database import Store
-from bench.store.versions import code_version
 from model.core.build import build
 from model.core.digest import source_digest
 from model.core.errors import Diverged
@@ -59,49 +63,16 @@ def run_findings(
     backends: Sequence[str] | None = None,
     progress: bool = True,
     command: str = "softlab accuracy",
-) -> FindingsSummary:
+) -> Summary:
     """Measure what the store lacks of the experiments.
 
     `quick`: `exact` math is not timed at the largest size, with fewer repeats. `backends`: None: all that are here.
     Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
     """
-    begin = time.perf_counter()
-    chosen = backends_here(backends)
-    summary = FindingsSummary(enter_machine(store))
-    timed = StepTimes(store, summary.machine, quick)
-    try:
-        everything = [*_damping(store), *(e for backend in chosen for e in _experiments(store, backend))]
-        pairs = [pair for backend in chosen for pair in exact_pairs(backend, quick)]
-        missing = [e for e in everything if not store.has_measure(e.description, summary.machine, e.sources, e.name)]
-        untimed = [pair for pair in pairs if not timed.holds(pair)]
-        summary.held = len(everything) - len(missing) + len(pairs) - len(untimed)
-        if missing or untimed:
-            summary.run = store.start_run(summary.machine, command, code_version())
-            _measure(store, summary, missing, untimed, timed, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
-
-
-def _measure(
-    store: Store,
-    summary: FindingsSummary,
-    missing: Sequence[Experiment],
-    untimed: Sequence[Sequence[Any]],
-    timed: StepTimes,
-    show: bool,
-) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task("findings", total=len(missing) + 10 * len(untimed))
-        for experiment in missing:
-            bar.update(task, description=f"finding: {experiment}", advance=1)
-            experiment.run(store, summary.run)
-            summary.measured += 1
-        for pair in untimed:
-            bar.update(task, description=f"finding: {EXACT}", advance=10)
-            time_steps(timed, summary.run, pair)
-            summary.measured += 1
+    chosen, summary = backends_here(backends), Summary.begun(store, "findings")
+    items: list[Item] = [*_damping(store), *(e for backend in chosen for e in _experiments(store, backend))]
+    items += [StepTimes(EXACT, pair, quick) for backend in chosen for pair in exact_pairs(backend, quick)]
+    return measure_items(store, summary, items, progress, command, "finding: ")
 
 
 def _sources(backend: str | None) -> str:
@@ -256,7 +227,7 @@ def _dissipation(backend: str) -> list[Experiment]:
 # ---------------------------------------------------------------------- what exact math costs
 
 
-def exact_pairs(backend: str, quick: bool) -> list[list[tuple[Scene, dict[str, Any], str]]]:
+def exact_pairs(backend: str, quick: bool) -> list[list[Timed]]:
     """S1 with EXACT_METHOD at several sizes: (scene, description, sources) in `fast` and in `exact` math, of both
     precisions, to be timed side by side."""
     pairs = []
@@ -265,7 +236,7 @@ def exact_pairs(backend: str, quick: bool) -> list[list[tuple[Scene, dict[str, A
         scene = base.replace({"grid.rows": n, "grid.columns": n})
         pairs.append(
             [
-                (scene, described(scene, backend, EXACT, precision=precision, math=math), _sources(backend))
+                Timed(scene, described(scene, backend, EXACT, precision=precision, math=math), _sources(backend))
                 for precision in PRECISIONS
                 for math in ("fast", "exact")
             ]

@@ -14,9 +14,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from app.driver import open_simulation
-from bench.experiments.sweep import backends_here
 from bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
-from bench.measure.experiment import FindingsSummary, Group, cost_sources, described, measure_groups
+from bench.measure.experiment import Group, Summary, backends_here, cost_sources, described, measure_groups
 from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.store.database import Store
 from model.core import simulation as contract
@@ -40,7 +39,7 @@ def run_costs(
     backends: Sequence[str] | None = None,
     progress: bool = True,
     command: str = "softlab accuracy",
-) -> FindingsSummary:
+) -> Summary:
     """Measure what the store lacks of the costs.
 
     `quick`: no grid wider than QUICK_MOST, fewer and shorter samples. `backends`: None: all that are here.

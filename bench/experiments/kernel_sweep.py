@@ -10,21 +10,20 @@ Beside the times, in the first precision asked for: joules, where the machine co
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib import import_module
 
-from bench.experiments.sweep import Shape, Sweep, Work, backends_here, choose_effort, host_of, shapes, source_hash
+from bench.experiments.sweep import Shape, Sweep, choose_effort, shapes
 from bench.measure.cases import Case, SweepSummary
 from bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
+from bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, source_hash
 from bench.measure.kernel_runner import NO_JOULES, KernelRunner
 from bench.measure.limits import enter_limits
-from bench.measure.machine import enter_machine, gpu_simulated
+from bench.measure.machine import gpu_simulated
 from bench.measure.starts import measure_starts
 from bench.store.database import Store
 from bench.store.results import configuration
-from bench.store.versions import code_version
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 
@@ -100,7 +99,6 @@ def run_kernel_sweep(
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
-    begin = time.perf_counter()
     effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again)
     base = scene if isinstance(scene, Scene) else load_scene(scene)
     chosen = backends_here(backends)
@@ -109,35 +107,36 @@ def run_kernel_sweep(
         if name.partition(":")[0] not in known:  # `resident:64x8x8h4` names a tile, too
             raise SceneError("--kernel", name, f"must be one of {', '.join(dict.fromkeys(known))}")
     planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
-    revision = code_version()
-    summary = SweepSummary(enter_machine(store), "")
+    summary = SweepSummary.begun(store, "sweep")
     counters = {name: energy_counter(name) for name in chosen if energy and not (name == "gpu" and gpu_simulated())}
     if any(counters.values()):
         effort = replace(effort, energy_seconds=LOOP_SECONDS)
-    sweep = _KernelSweep(store, effort, summary, begin, chosen)
-    work: Work = []
+    sweep = _KernelSweep(store, effort, summary, chosen, KernelRunner)
+    if starts and not gpu_simulated() and not isinstance(scene, Scene):
+        sweep.starting = [(base, name) for name in chosen]
+    grids = []
     for rows, columns in planned:
         sized = base.replace({"grid.rows": rows, "grid.columns": columns})
-        cases = [
-            c for name in chosen for c in kernel_cases(sized, [name], precisions, bool(counters.get(name)), kernels)
-        ]
-        work.append((sized, cases))
-    try:
+        grids.append(
+            [c for name in chosen for c in kernel_cases(sized, [name], precisions, bool(counters.get(name)), kernels)]
+        )
+    with ending_cleanly(summary):
         enter_limits(store, summary.machine)
-        if pending := sweep.pending(work):
-            summary.run = store.start_run(summary.machine, command, revision)
-            if starts and not gpu_simulated() and not isinstance(scene, Scene):
-                for name in chosen:
-                    measure_starts(store, summary.run, summary.machine, base, name, source_hash(name))
-            sweep.run(pending, progress, KernelRunner)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
+        sweep.run(grids, progress, command)
     return summary
 
 
 class _KernelSweep(Sweep):
-    """A sweep in which a configuration without its joules is not complete either."""
+    """A sweep in which a configuration without its joules is not complete either. `starting`: what is to be started in a
+    process of its own, (scene, backend), before the first grid."""
+
+    starting: Sequence[tuple[Scene, str]] = ()
+
+    def _measure(self, cases: Sequence[Case], tell: Tell) -> None:
+        for scene, backend in self.starting:
+            measure_starts(self.store, self.summary.run, self.summary.machine, scene, backend, source_hash(backend))
+        self.starting = ()
+        super()._measure(cases, tell)
 
     def _missing(self, case: Case) -> int:
         missing = super()._missing(case)

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.experiments.sweep import backends_here
 from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
+from bench.measure.experiment import backends_here
 from bench.store.database import Store, canonical
 from bench.store.published import PUBLISHED
 from bench.store.results import Measure

@@ -12,23 +12,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
 from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
+from bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
 from bench.measure.group import GroupRunner
-from bench.measure.machine import enter_machine, gpu_or_reason, gpu_simulated
-from bench.measure.progress import progress_bar
-from bench.measure.timing import MEASUREMENT
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, timings
-from bench.store.versions import code_version, digest_of
-from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
-from model.core.errors import BackendUnavailable, SceneError
+from cpu_backend.core.threads import thread_count
+from model.core.errors import SceneError
 from model.core.memory import available_bytes, readable
 from model.scene.scene import Scene, load_scene
 
 Shape = tuple[int, int]  # rows, columns, in masses
-Work = list[tuple[Scene, list[Case]]]  # the grids, with the configurations of each
 
 SQUARES = tuple(16 << k for k in range(11))  # 16 ... 16384
 QUICK_SQUARES = (16, 32, 64, 128, 256, 512)
@@ -41,18 +38,6 @@ STRETCHED = (64, 256, 1024, 4096)  # squares that are also measured at 4:1 and 1
 THREADS = ("1x", "2x", "4x")
 QUICK = Effort(3, 0.02, 3.0, 75.0)
 FULL = Effort(5, 0.1, 30.0, None)
-
-
-def source_hash(backend: str) -> str:
-    """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
-    return f"{digest_of(backend)}-{MEASUREMENT}"
-
-
-def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
-    """What the description of a configuration tells of the host that ran it: `threads` as asked for; of a GPU nothing."""
-    if backend != "cpu":
-        return {}
-    return {"threads": thread_count(threads), "layer": threading_layer(), "wait_policy": wait_policy()}
 
 
 def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shape]:
@@ -70,23 +55,6 @@ def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shap
     return sorted(set(chosen), key=lambda shape: (shape[0] * shape[1], abs(shape[0] - shape[1]), shape))
 
 
-def backends_here(wanted: Sequence[str] | None) -> list[str]:
-    """The backends to measure: those asked for, else all that this machine has (a simulated GPU only when asked for).
-
-    Raises SceneError for an unknown one, BackendUnavailable for one that was asked for and is not here.
-    """
-    available, text = gpu_or_reason()
-    if wanted is None:
-        return ["cpu", "gpu"] if available and not gpu_simulated() else ["cpu"]
-    for name in wanted:
-        if name not in ("cpu", "gpu"):
-            raise SceneError("--backend", name, "must be one of cpu, gpu")
-        if name == "gpu" and not available:
-            missing, _, remedy = text.partition("; ")
-            raise BackendUnavailable(missing, remedy or "run without --backend gpu")
-    return list(dict.fromkeys(wanted))
-
-
 def cases_of(
     scene: Scene,
     backends: Sequence[str],
@@ -99,19 +67,12 @@ def cases_of(
     for precision in precisions:
         for backend in backends:
             for word in threads if backend == "cpu" else [None]:
+                host = host_of(backend, word or "1x")
+                text = None if word is None else str(word)
                 for drawn in graphics:
-                    count = None if word is None else thread_count(word)
-                    description = configuration(
-                        scene,
-                        backend=backend,
-                        threads=count,
-                        layer=threading_layer() if backend == "cpu" else None,
-                        wait_policy=wait_policy() if backend == "cpu" else None,
-                        precision=precision,
-                        graphics=drawn,
-                    )
-                    text = None if word is None else str(word)
-                    case = Case(scene, backend, text, count, precision, drawn, description, source_hash(backend))
+                    description = configuration(scene, backend=backend, precision=precision, graphics=drawn, **host)
+                    count, sources = host.get("threads"), source_hash(backend)
+                    case = Case(scene, backend, text, count, precision, drawn, description, sources)
                     cases.setdefault(configuration_hash(description), case)
     return list(cases.values())
 
@@ -179,41 +140,37 @@ def run_sweep(
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
-    begin = time.perf_counter()
     base = scene if isinstance(scene, Scene) else load_scene(scene)
     effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again)
     chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
     for word in threads:
         thread_count(word)  # refuse an impossible word before anything is measured
-    revision = code_version()  # before any thread runs
-    summary = SweepSummary(enter_machine(store), "")
-    sweep = Sweep(store, effort, summary, begin, chosen_backends)
-    work: Work = []
+    sweep = Sweep(store, effort, SweepSummary.begun(store, "sweep"), chosen_backends)
+    grids = []
     for rows, columns in chosen_shapes:
         sized = base.replace({"grid.rows": rows, "grid.columns": columns})
         if quick and sizes is None:
-            work.append((sized, _quick_cases(sized, chosen_backends, threads, precisions, graphics)))
+            grids.append(_quick_cases(sized, chosen_backends, threads, precisions, graphics))
         else:
             drawn = (False, True) if graphics else (False,)
-            work.append((sized, cases_of(sized, chosen_backends, threads, precisions, drawn)))
-    try:
-        if pending := sweep.pending(work):
-            summary.run = store.start_run(summary.machine, command, revision)
-            sweep.run(pending, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
+            grids.append(cases_of(sized, chosen_backends, threads, precisions, drawn))
+    return sweep.run(grids, progress, command)
 
 
 class Sweep:
-    """One sweep under way: what is known of costs, what is left of the time."""
+    """One sweep under way, each grid measured by a runner of the class: what is known of costs, what is left of the time."""
 
-    def __init__(self, store: Store, effort: Effort, summary: SweepSummary, begin: float, backends: Sequence[str]):
-        self.store, self.effort, self.summary, self.begin = store, effort, summary, begin
-        self.backends = backends
-        self.no_graphics: str | None = None
+    def __init__(
+        self,
+        store: Store,
+        effort: Effort,
+        summary: SweepSummary,
+        backends: Sequence[str],
+        runner_class: type[GroupRunner] = GroupRunner,
+    ):
+        self.store, self.effort, self.summary = store, effort, summary
         self.costs: Costs = {}
+        self.runner = runner_class(store, effort, summary, backends, self.costs)
         for timing in timings(store, summary.machine):
             if timing.peer is not None:
                 continue
@@ -221,36 +178,18 @@ class Sweep:
             kind = (timing.backend, timing.threads, timing.precision, asked, timing.graphics)
             self.costs[kind] = (timing.particles, timing.median, 0.0)
 
-    def pending(self, work: Work) -> Work:
-        """What of the work the store lacks."""
-        pending: Work = []
-        for scene, cases in work:
-            missing = [case for case in cases if self._missing(case) > 0]
-            self.summary.held += len(cases) - len(missing)
-            if missing:
-                pending.append((scene, missing))
-        return pending
+    def run(self, grids: Sequence[Sequence[Case]], progress: bool, command: str) -> SweepSummary:
+        """Measure what the store lacks of the grids, one after another."""
+        how: dict[str, Any] = {"progress": progress, "command": command, "worth": self._weight}
+        return resume(self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure, **how)
 
-    def run(self, pending: Work, show: bool, runner_class: type[GroupRunner] = GroupRunner) -> None:
-        """Measure the grids one after another, each with a runner of the class."""
-        if any(case.graphics for _, cases in pending for case in cases):
-            self._look_for_opengl()
-        with progress_bar(show) as bar:
-            weights = {id(case): self._weight(case) for _, cases in pending for case in cases}
-            task = bar.add_task("sweep", total=sum(weights.values()) or 1)
-            runner = runner_class(
-                self.store,
-                self.effort,
-                self.summary,
-                self.backends,
-                self.costs,
-                lambda text: bar.update(task, description=text),
-            )
-            for scene, cases in pending:
-                bar.update(task, description=f"{scene.grid.rows} x {scene.grid.columns} masses")
-                for group in self._groups(self._affordable(cases)):
-                    runner.measure(group)
-                bar.advance(task, sum(weights[id(case)] for case in cases))
+    def _measure(self, cases: Sequence[Case], tell: Tell) -> None:
+        grid = cases[0].scene.grid
+        tell(f"{grid.rows} x {grid.columns} masses", 0)
+        self.runner.tell = lambda text: tell(text, 0)
+        for group in self._groups(self._affordable(cases)):
+            self.runner.measure(group)
+        tell(f"{grid.rows} x {grid.columns} masses", sum(map(self._weight, cases)))
 
     def _missing(self, case: Case) -> int:
         held = self.store.sample_count(case.description, self.summary.machine, case.sources)
@@ -259,14 +198,15 @@ class Sweep:
     def _skip(self, case: Case, reason: str) -> None:
         record_skip(self.store, self.summary, case, reason)
 
-    def _look_for_opengl(self) -> None:
+    @cached_property
+    def _no_graphics(self) -> str | None:
+        """Why nothing can be drawn off-screen; None where it can."""
         try:
             from app.output.offscreen import opengl_available
         except ImportError as error:
-            self.no_graphics = f"off-screen drawing cannot be loaded ({error})"
-            return
+            return f"off-screen drawing cannot be loaded ({error})"
         works, text = opengl_available(text=False)  # frames are timed without a legend
-        self.no_graphics = None if works else text
+        return None if works else text
 
     def _weight(self, case: Case) -> float:
         """Seconds that a case may take, roughly: for the bar's time left."""
@@ -283,15 +223,16 @@ class Sweep:
         sample = max(self.effort.min_seconds, case.least_steps * seconds * ratio)
         return (self._missing(case) + 2) * (sample + restore * ratio)
 
-    def _affordable(self, cases: list[Case]) -> list[Case]:
+    def _affordable(self, cases: Sequence[Case]) -> list[Case]:
         """The cases that may be started; the others are recorded as skipped."""
         kept = []
         effort = self.effort
-        left = effort.total_seconds - (time.perf_counter() - self.begin) if effort.total_seconds else float("inf")
+        spent = time.perf_counter() - self.summary.begin
+        left = effort.total_seconds - spent if effort.total_seconds else float("inf")
         for case in cases:
             needed = self.estimate(case)
-            if case.graphics and self.no_graphics:
-                self._skip(case, f"no off-screen drawing: {self.no_graphics}")
+            if case.graphics and self._no_graphics:
+                self._skip(case, f"no off-screen drawing: {self._no_graphics}")
             elif needed is not None and needed > effort.max_seconds:
                 self._skip(case, f"estimated to take {needed:.0f} s, over --max-seconds {effort.max_seconds:g}")
             elif (needed or 0.0) > left or left <= 0:

@@ -15,8 +15,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from bench.experiments.sweep import backends_here
 from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
+from bench.measure.experiment import backends_here
 from bench.store.database import Store
 from bench.store.results import Measure, measures
 from model.core.errors import SceneError

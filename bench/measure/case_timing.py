@@ -4,20 +4,17 @@ bench/measure/timing.py."""
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
 from app.driver import open_simulation
-from bench.experiments.sweep import host_of, source_hash
-from bench.measure.machine import enter_machine, gpu_simulated
-from bench.measure.progress import progress_bar
+from bench.measure import experiment
+from bench.measure.experiment import Tell, host_of, resume, source_hash, stored_samples
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.store.database import Store
 from bench.store.results import configuration
-from bench.store.versions import code_version
 from model.core.errors import Diverged, SceneError
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
@@ -46,23 +43,14 @@ def make_case(scene: Scene, backend: str, precision: str, label: str) -> Case:
 
 
 @dataclass
-class Summary:
-    """What was done: configurations timed now, and found in the store; those that could not run."""
+class Summary(experiment.Summary):
+    """What was done; `skipped`: configurations that could not run."""
 
-    name: str
-    machine: str
-    run: str = ""
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
     skipped: list[str] = field(default_factory=list)
-    interrupted: bool = False
 
     def __str__(self) -> str:
-        text = f"{self.name}: {self.measured} timed, {self.held} held in the store, {self.seconds:.0f} s"
-        for reason in self.skipped:
-            text += f"\n  left out: {reason}"
-        return text + ("\n  interrupted: the same command resumes" if self.interrupted else "")
+        told = [f"{self.name}: {self.counts('timed')}", *(f"left out: {reason}" for reason in self.skipped)]
+        return "\n  ".join(told) + self.ending("\n  ")
 
 
 Measured = Iterable[tuple[str, float | None, str, str | None]]  # name, value, unit, reason
@@ -82,23 +70,17 @@ class Timing:
     def run(self, store: Store, groups: Sequence[Sequence[Case]], *, progress: bool, command: str) -> Summary:
         """Time what the store lacks of the cases, those of a group in turn. Ctrl-C ends cleanly. Raises BackendUnavailable,
         InputError (the store)."""
-        begin, summary = time.perf_counter(), Summary(self.name, enter_machine(store))
-        missing = [[case for case in group if not self._held(store, case, summary.machine)] for group in groups]
-        missing = [group for group in missing if group]
-        summary.held = sum(map(len, groups)) - sum(map(len, missing))
-        try:
-            if missing:
-                summary.run = store.start_run(summary.machine, command, code_version())
-                with progress_bar(progress) as bar:
-                    task = bar.add_task(self.name, total=sum(map(len, missing)))
-                    for group in missing:
-                        bar.update(task, description=str(group[0]))
-                        self._time(store, summary, group)
-                        bar.advance(task, len(group))
-        except KeyboardInterrupt:
-            summary.interrupted = True
-        summary.seconds = time.perf_counter() - begin
-        return summary
+        summary = Summary.begun(store, self.name)
+
+        def measure(group: Sequence[Case], tell: Tell) -> None:
+            tell(str(group[0]), 0)
+            self._time(store, summary, group)
+            tell(str(group[0]), len(group))
+
+        def held(case: Case) -> bool:
+            return self._held(store, case, summary.machine)
+
+        return resume(store, summary, groups, held, measure, progress=progress, command=command)
 
     def _held(self, store: Store, case: Case, machine: str) -> bool:
         key = case.description, machine, case.sources
@@ -120,20 +102,15 @@ class Timing:
                     continue
                 subjects.append(subject)
             taken: dict[int, list[float]] = {}
-            for subject, sample in interleaved(subjects, [self.repeats] * len(subjects), Neighbours()):
+            samples = interleaved(subjects, [self.repeats] * len(subjects), Neighbours())
+            for subject, sample in stored_samples(store, summary.run, self.name, samples):
                 case = subject.name
-                marks = [
-                    sample.suspect,
-                    "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None,
-                ]
-                key, suspect = (summary.run, case.description, case.sources), "; ".join(filter(None, marks)) or None
-                store.add_sample(*key, sample.seconds, sample.steps, stage=self.name, suspect=suspect)
                 times = taken.setdefault(id(subject), [])
                 times.append(sample.seconds / sample.steps)
                 if len(times) == self.repeats:
                     found = self.measured(case, statistics.median(times), subject.simulation.kernel)
                     for name, value, unit, reason in found:
-                        store.add_measure(*key, name, value, unit, reason)
+                        store.add_measure(summary.run, case.description, case.sources, name, value, unit, reason)
                     summary.measured += 1
 
 

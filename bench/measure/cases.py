@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from app.driver import open_simulation
+from bench.measure.experiment import Summary
 from bench.measure.timing import DRAW_EVERY
 from bench.store.database import Store
 from bench.store.results import ITEM_BYTES
@@ -36,23 +37,15 @@ class Effort:
 
 
 @dataclass
-class SweepSummary:
-    """What a sweep did. `machine`, `run`: their keys in the store. `measured`, `held`: configurations timed now, and
-    found complete in the store; `samples` new ones, `suspect` of them; `skipped`: (configuration in words, reason);
-    `wrong`: (configuration, failed check); `seconds` of wall time, `compile_seconds` of them to compile or load
-    kernels; `interrupted`: by Ctrl-C. `run` is empty where there was nothing to measure."""
+class SweepSummary(Summary):
+    """What a sweep did: `samples` new ones, `suspect` of them; `skipped`: (configuration in words, reason); `wrong`:
+    (configuration, failed check); `compile_seconds`: of `seconds` to compile or load kernels."""
 
-    machine: str
-    run: str
-    measured: int = 0
-    held: int = 0
     samples: int = 0
     suspect: int = 0
     skipped: list[tuple[str, str]] = field(default_factory=list)
     wrong: list[tuple[str, str]] = field(default_factory=list)
-    seconds: float = 0.0
     compile_seconds: float = 0.0
-    interrupted: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,43 +1,243 @@
-"""What experiments are made of: what one measures and stores, those that are sampled in turn, and what was done."""
+"""The frame of every experiment: by what the store knows a configuration, how what it lacks is measured, and what was done.
+
+An experiment is groups of cases (what of a group is sampled in turn), and a function that measures a group. `resume` owns the
+rest: what the store holds already, the run, the bar, Ctrl-C. Samples go into the store through `stored_samples`, numbers
+through `keep`.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, Self, TypeVar
 
-from bench.experiments.sweep import host_of, source_hash
 from bench.measure import costs_timing
 from bench.measure.costs_timing import RATIO, Measures, Record
-from bench.measure.machine import enter_machine
+from bench.measure.machine import enter_machine, gpu_or_reason, gpu_simulated
 from bench.measure.progress import progress_bar
+from bench.measure.timing import MEASUREMENT, Sample, Subject
 from bench.store.database import Store
 from bench.store.results import configuration
-from bench.store.versions import code_version
+from bench.store.versions import code_version, digest_of
+from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from model.core.digest import source_digest
+from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
 
 COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
+SIMULATED = "CUDA simulator, no GPU"  # a mark of a sample
+
+
+# ---------------------------------------------------------------------- what is measured, and where
+
+
+def source_hash(backend: str) -> str:
+    """The hash of what a backend's measurements depend on: its sources, the formulas, and what a sample means."""
+    return f"{digest_of(backend)}-{MEASUREMENT}"
+
+
+def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
+    """What the description of a configuration tells of the host that ran it: `threads` as asked for; of a GPU nothing."""
+    if backend != "cpu":
+        return {}
+    return {"threads": thread_count(threads), "layer": threading_layer(), "wait_policy": wait_policy()}
+
+
+def backends_here(wanted: Sequence[str] | None) -> list[str]:
+    """The backends to measure: those asked for, else all that this machine has (a simulated GPU only when asked for).
+
+    Raises SceneError for an unknown one, BackendUnavailable for one that was asked for and is not here.
+    """
+    available, text = gpu_or_reason()
+    if wanted is None:
+        return ["cpu", "gpu"] if available and not gpu_simulated() else ["cpu"]
+    for name in wanted:
+        if name not in ("cpu", "gpu"):
+            raise SceneError("--backend", name, "must be one of cpu, gpu")
+        if name == "gpu" and not available:
+            missing, _, remedy = text.partition("; ")
+            raise BackendUnavailable(missing, remedy or "run without --backend gpu")
+    return list(dict.fromkeys(wanted))
+
+
+def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
+    """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
+    known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
+    return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
+
+
+class Case(Protocol):
+    """One configuration: its description and the hash of what it depends on, by which the store knows it."""
+
+    @property
+    def description(self) -> dict[str, Any]: ...
+    @property
+    def sources(self) -> str: ...
+
+
+# ---------------------------------------------------------------------- what was done
 
 
 @dataclass
-class FindingsSummary:
-    """What `run_findings`, or `run_costs`, did: measures made now, and found in the store; `seconds`; `interrupted` by
-    Ctrl-C; `what` they are called."""
+class Summary:
+    """What an experiment, `name`, did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); cases `measured`
+    now, and `held` in the store from before; `seconds` of wall time since `begin` (of time.perf_counter); `interrupted` by
+    Ctrl-C."""
 
     machine: str
-    what: str = "findings"
     run: str = ""
+    name: str = ""
     measured: int = 0
     held: int = 0
     seconds: float = 0.0
     interrupted: bool = False
+    begin: float = field(default_factory=time.perf_counter, repr=False, compare=False)
+
+    @classmethod
+    def begun(cls, store: Store, name: str) -> Self:
+        """Of an experiment that begins now on this machine, which is entered into the store. Raises InputError."""
+        begin = time.perf_counter()
+        return cls(enter_machine(store), name=name, begin=begin)
+
+    def stop(self) -> None:
+        """The end, so far."""
+        self.seconds = time.perf_counter() - self.begin
+
+    def counts(self, done: str = "measured") -> str:
+        """`3 measured, 2 held in the store, 7 s`."""
+        return f"{self.measured} {done}, {self.held} held in the store, {self.seconds:.0f} s"
+
+    def ending(self, before: str = "; ") -> str:
+        """What is said of Ctrl-C, if that was the end."""
+        return f"{before}interrupted: the same command resumes" if self.interrupted else ""
 
     def __str__(self) -> str:
-        text = f"{self.what}: {self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
-        return text + ("; interrupted: the same command resumes" if self.interrupted else "")
+        return f"{self.name}: {self.counts()}{self.ending()}"
+
+
+FindingsSummary = Summary  # what files call it whose text is a part of a resume key
+
+One = TypeVar("One")
+Made = TypeVar("Made", bound=Summary)
+Tell = Callable[[str, float], None]  # what is being done, and how much of the bar has been done since
+
+
+@contextmanager
+def ending_cleanly(summary: Summary) -> Iterator[None]:
+    """Ctrl-C ends what is inside, not the program: it is told in the summary, and so is the time."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        summary.interrupted = True
+    finally:
+        summary.stop()
+
+
+def resume(
+    store: Store,
+    summary: Made,
+    groups: Sequence[Sequence[One]],
+    held: Callable[[One], bool],
+    measure: Callable[[Sequence[One], Tell], None],
+    *,
+    progress: bool,
+    command: str,
+    worth: Callable[[One], float] = lambda case: 1,
+    whole: bool = False,
+) -> Made:
+    """Measure what the store lacks of the groups, one after another, in a run of its own, and say what was done. Ctrl-C ends
+    cleanly. Raises InputError (the store) and what `measure` raises.
+
+    `held(case)`: the store has it; `measure(group, tell)`: the cases of a group that it lacks, or (`whole`) all of a group
+    that it does not have all of; `worth(case)`: its share of the bar, which `progress` shows.
+    """
+    revision = code_version()
+    with ending_cleanly(summary):
+        missing = [[case for case in group if not held(case)] for group in groups]
+        missing = [
+            list(group) if whole and lacking else lacking for group, lacking in zip(groups, missing, strict=True)
+        ]
+        missing = [group for group in missing if group]
+        summary.held = sum(map(len, groups)) - sum(map(len, missing))
+        if missing:
+            summary.run = store.start_run(summary.machine, command, revision)
+            with progress_bar(progress) as bar:
+                total = sum(worth(case) for group in missing for case in group)
+                task = bar.add_task(summary.name, total=total or 1)
+                for group in missing:
+                    measure(group, lambda text, done: bar.update(task, description=text, advance=done))
+    return summary
+
+
+# ---------------------------------------------------------------------- what goes into the store
+
+
+def keep(
+    store: Store,
+    run: str,
+    description: Mapping[str, Any],
+    sources: str,
+    numbers: Mapping[str, tuple[float | None, str, str | None]],
+) -> None:
+    """Put the numbers of a configuration, name -> value, unit, reason, into the store, all or none."""
+    with store.transaction():
+        for name, (value, unit, reason) in numbers.items():
+            store.add_measure(run, description, sources, name, value, unit, reason)
+
+
+def stored_samples(
+    store: Store,
+    run: str,
+    stage: str,
+    samples: Iterable[tuple[Subject, Sample]],
+    case_of: Callable[[Any], Case] = lambda name: name,
+    warning: Callable[[Any], str | None] = lambda name: None,
+) -> Iterator[tuple[Subject, Sample]]:
+    """The samples as they are taken, each in the store with all its marks before the next one is.
+
+    `case_of`, `warning`: the case of a subject's name, and what its samples are marked with besides.
+    """
+    for subject, sample in samples:
+        case = case_of(subject.name)
+        simulated = SIMULATED if case.description["backend"] == "gpu" and gpu_simulated() else None
+        suspect = "; ".join(filter(None, (sample.suspect, warning(subject.name), simulated))) or None
+        store.add_sample(
+            run, case.description, case.sources, sample.seconds, sample.steps, stage=stage, suspect=suspect
+        )
+        yield subject, replace(sample, suspect=suspect)
+
+
+# ---------------------------------------------------------------------- experiments of single items
+
+
+class Item(Protocol):
+    """What is measured at one go; `worth`: its share of the bar."""
+
+    @property
+    def worth(self) -> int: ...
+    def held(self, store: Store, machine: str) -> bool: ...
+    def run(self, store: Store, run: str) -> None: ...
+
+
+def measure_items(
+    store: Store, summary: Summary, items: Sequence[Item], progress: bool, command: str, doing: str = ""
+) -> Summary:
+    """Measure what the store lacks of the items, one after another; `doing`: what the bar says before each."""
+
+    def measure(group: Sequence[Item], tell: Tell) -> None:
+        for item in group:
+            tell(f"{doing}{item}", 0)
+            item.run(store, summary.run)
+            summary.measured += 1
+            tell(f"{doing}{item}", item.worth)
+
+    return resume(
+        store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
+        progress=progress, command=command, worth=lambda item: item.worth,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -48,25 +248,17 @@ class Experiment:
     description: dict[str, Any]
     sources: str
     measure: Callable[[], Measures]
+    worth: int = 1
 
     def __str__(self) -> str:
         return str(self.description["finding"])
 
+    def held(self, store: Store, machine: str) -> bool:
+        return store.has_measure(self.description, machine, self.sources, self.name)
+
     def run(self, store: Store, run: str) -> None:
         """Measure it, and put its numbers into the store, all or none."""
-        numbers = self.measure()
-        with store.transaction():
-            for name, (value, unit, reason) in numbers.items():
-                store.add_measure(run, self.description, self.sources, name, value, unit, reason)
-
-
-def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
-    """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
-    known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
-    return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
-
-
-# ---------------------------------------------------------------------- what is sampled in turn
+        keep(store, run, self.description, self.sources, self.measure())
 
 
 @dataclass(frozen=True)
@@ -78,6 +270,19 @@ class Group:
     descriptions: tuple[dict[str, Any], ...]
     sources: str
     measure: Callable[[Record], list[Measures]]
+    worth: int = 1
+
+    def __str__(self) -> str:
+        return self.name
+
+    def held(self, store: Store, machine: str) -> bool:
+        return store.has_measure(self.descriptions[-1], machine, self.sources, RATIO)
+
+    def run(self, store: Store, run: str) -> None:
+        found = self.measure(Record(store, run, self.sources))
+        with store.transaction():
+            for description, numbers in zip(self.descriptions, found, strict=True):
+                keep(store, run, description, self.sources, numbers)
 
 
 def cost_sources(backend: str, *files: str) -> str:
@@ -86,34 +291,7 @@ def cost_sources(backend: str, *files: str) -> str:
     return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"
 
 
-def measure_groups(store: Store, what: str, everything: Sequence[Group], show: bool, command: str) -> FindingsSummary:
+def measure_groups(store: Store, what: str, everything: Sequence[Group], show: bool, command: str) -> Summary:
     """Measure what the store lacks of the groups, one after another, and say what was done. `what` they are called;
     `show`: a progress bar. Ctrl-C ends cleanly."""
-    begin = time.perf_counter()
-    summary = FindingsSummary(enter_machine(store), what)
-    try:
-        missing = [
-            g for g in everything if not store.has_measure(g.descriptions[-1], summary.machine, g.sources, RATIO)
-        ]
-        summary.held = len(everything) - len(missing)
-        if missing:
-            summary.run = store.start_run(summary.machine, command, code_version())
-            _measure(store, summary, missing, show)
-    except KeyboardInterrupt:
-        summary.interrupted = True
-    summary.seconds = time.perf_counter() - begin
-    return summary
-
-
-def _measure(store: Store, summary: FindingsSummary, missing: Sequence[Group], show: bool) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task(summary.what, total=len(missing))
-        for group in missing:
-            bar.update(task, description=f"{summary.what}: {group.name}")
-            found = group.measure(Record(store, summary.run, group.sources))
-            with store.transaction():
-                for description, numbers in zip(group.descriptions, found, strict=True):
-                    for name, (value, unit, reason) in numbers.items():
-                        store.add_measure(summary.run, description, group.sources, name, value, unit, reason)
-            summary.measured += 1
-            bar.advance(task)
+    return measure_items(store, Summary.begun(store, what), everything, show, command, f"{what}: ")

@@ -4,50 +4,59 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from app.driver import open_simulation
-from bench.measure.machine import gpu_simulated
+from bench.measure.experiment import stored_samples
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.store.database import Store
 from model.scene.scene import Scene
 
 STAGE = "findings"  # of the samples in the store
 
-Timed = tuple[Scene, dict[str, Any], str]  # scene, description, sources
+
+class Timed(NamedTuple):
+    """One configuration, and how the store knows it."""
+
+    scene: Scene
+    description: dict[str, Any]
+    sources: str
 
 
+@dataclass(frozen=True)
 class StepTimes:
-    """How often, and where to. `quick`: fewer and shorter samples."""
+    """Configurations that are sampled in turn (A B A B ...), each from the start of its scene. `name`: what they are called;
+    `quick`: fewer and shorter samples."""
 
-    def __init__(self, store: Store, machine: str, quick: bool):
-        self.store, self.machine = store, machine
-        self.repeats, self.seconds, self.most = (3, 0.02, 0.5) if quick else (5, 0.1, 3.0)
+    name: str
+    group: Sequence[Timed]
+    quick: bool
+    worth: int = 10
 
-    def holds(self, group: Sequence[Timed]) -> bool:
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def repeats(self) -> int:
+        return 3 if self.quick else 5
+
+    def held(self, store: Store, machine: str) -> bool:
         """Whether the store has all samples of the group."""
-        return all(
-            self.store.sample_count(description, self.machine, sources, STAGE) >= self.repeats
-            for _, description, sources in group
-        )
+        return all(store.sample_count(c.description, machine, c.sources, STAGE) >= self.repeats for c in self.group)
 
-
-def time_steps(times: StepTimes, run: str, group: Sequence[Timed]) -> None:
-    """Sample the group in turn (A B A B ...), from the start of its scene, into the store."""
-    with ExitStack() as stack:
-        subjects = []
-        for scene, description, sources in group:
-            simulation = open_simulation(
-                scene, description["backend"], precision=description["precision"], math=description["math"]
-            )
-            subject = Subject(stack.enter_context(simulation), (description, sources))
-            warm_up(subject)
-            choose_steps(subject, times.seconds, times.most)
-            subjects.append(subject)
-        for subject, sample in interleaved(subjects, [times.repeats] * len(subjects), Neighbours()):
-            description, sources = subject.name
-            simulated = "CUDA simulator, no GPU" if description["backend"] == "gpu" and gpu_simulated() else None
-            suspect = "; ".join(filter(None, (sample.suspect, simulated))) or None
-            times.store.add_sample(
-                run, description, sources, sample.seconds, sample.steps, stage=STAGE, suspect=suspect
-            )
+    def run(self, store: Store, run: str) -> None:
+        """Sample the group into the store."""
+        seconds, most = (0.02, 0.5) if self.quick else (0.1, 3.0)
+        with ExitStack() as stack:
+            subjects = []
+            for case in self.group:
+                options = {name: case.description[name] for name in ("precision", "math")}
+                simulation = open_simulation(case.scene, case.description["backend"], **options)
+                subject = Subject(stack.enter_context(simulation), case)
+                warm_up(subject)
+                choose_steps(subject, seconds, most)
+                subjects.append(subject)
+            samples = interleaved(subjects, [self.repeats] * len(subjects), Neighbours())
+            for _ in stored_samples(store, run, STAGE, samples):
+                pass

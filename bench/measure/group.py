@@ -16,6 +16,7 @@ from typing import Any
 from app.driver import open_simulation
 from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
 from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
+from bench.measure.experiment import stored_samples
 from bench.measure.machine import gpu_or_reason, gpu_simulated
 from bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
 from bench.store.database import Store
@@ -42,7 +43,7 @@ class GroupRunner:
         summary: SweepSummary,
         backends: Sequence[str],
         costs: Costs,
-        tell: Callable[[str], None],
+        tell: Callable[[str], None] = lambda text: None,
     ):
         self.store, self.effort, self.summary = store, effort, summary
         self.backends, self.costs, self.tell = backends, costs, tell
@@ -230,17 +231,14 @@ class GroupRunner:
             for s in subjects
         ]
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
-        for subject, sample in self._interleaved(subjects, wanted):
-            case = subject.name
-            marks = [sample.suspect, warnings.get(case.simulation_kind)]
-            if case.backend == "gpu" and gpu_simulated():
-                marks.append("CUDA simulator, no GPU")
-            suspect = "; ".join(filter(None, marks)) or None
-            store.add_sample(summary.run, case.description, case.sources, sample.seconds, sample.steps, suspect=suspect)
+        samples = self._interleaved(subjects, wanted)
+        for subject, sample in stored_samples(
+            store, summary.run, "step", samples, warning=lambda case: warnings.get(case.simulation_kind)
+        ):
             taken[id(subject)].append(sample.seconds / sample.steps)
             summary.samples += 1
-            summary.suspect += suspect is not None
-            self.tell(f"{case}: {statistics.median(taken[id(subject)]) * 1e6:.3g} us a step")
+            summary.suspect += sample.suspect is not None
+            self.tell(f"{subject.name}: {statistics.median(taken[id(subject)]) * 1e6:.3g} us a step")
         for subject in subjects:
             if taken[id(subject)]:
                 summary.measured += 1

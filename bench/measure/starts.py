@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 
-from bench.experiments.sweep import host_of
+from bench.measure.experiment import host_of
 from bench.store.database import Store
 from bench.store.results import configuration
 from model.core.digest import ROOT

@@ -92,7 +92,8 @@ class Timing:
     """All repeats of one configuration, stage and machine, of the newest sources that were measured.
 
     `seconds_per_step`: one per sample [s]; of stages without steps (compile) the plain seconds. `median`, `low`, `high`
-    (least and most) [s] a step; `spread`: (75th - 25th percentile) / median. `suspect`: reasons, empty where there are
+    (least and most) [s] a step; `spread`: (75th - 25th percentile) / median; `sessions`: the runs that samples are of.
+    `suspect`: reasons, empty where there are
     none. `error` in units of the spacing, None with `error_reason`; with a value, `error_reason` tells how it was had.
     `kernel`: the one that ran; `chosen`: by the backend itself, not forced. `thread_word`: 1x, 2x, 4x of the machine's
     cores or the number; None on the GPU. `bytes_per_step`: what one fused pass over the state moves. `joules_per_step`:
@@ -132,6 +133,7 @@ class Timing:
     error_reason: str | None
     bytes_per_step: float | None
     joules_per_step: float | None
+    sessions: int = 1
 
 
 @dataclass(frozen=True)
@@ -197,7 +199,7 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
     are ENOUGH others.
     """
     rows = store.query(
-        "SELECT run.machine, sample.configuration, stage, sources, seconds, steps, joules, suspect "
+        "SELECT run.machine, sample.configuration, stage, sources, run.key, seconds, steps, joules, suspect "
         "FROM sample JOIN run ON run.key = sample.run "
         "WHERE (:machine IS NULL OR run.machine = :machine) AND (:stage IS NULL OR stage = :stage) "
         "ORDER BY run.started, run.rowid, sample.rowid",
@@ -232,14 +234,14 @@ def _timing(
     kernel: Measure | None,
 ) -> Timing:
     owner, key, stage, sources = identity
-    per_step = [seconds / (steps or 1) for seconds, steps, _, _ in samples]
+    per_step = [seconds / (steps or 1) for _, seconds, steps, _, _ in samples]
     median = float(np.median(per_step))
     quarter, three_quarters = np.percentile(per_step, (25, 75))
     spread = float((three_quarters - quarter) / median) if median > 0 else 0.0
     suspect = list(dict.fromkeys(reason for *_, reason in samples if reason))
     if spread > SPREAD_LIMIT and stage != "compile":
         suspect.append(f"spread {spread:.0%}")
-    joules = [joule / (steps or 1) for _, steps, joule, _ in samples if joule is not None]
+    joules = [joule / (steps or 1) for _, _, steps, joule, _ in samples if joule is not None]
     scene = description["scene"]
     grid, method, bytes_per_particle = _facts(canonical(scene), description["precision"])
     current = error is not None and error.sources == sources
@@ -260,7 +262,7 @@ def _timing(
         integrator=name_of(method) if "solver" in method else method["integrator"],
         dt=method["dt"],
         stage=stage,
-        steps=samples[-1][1],
+        steps=samples[-1][2],
         seconds_per_step=per_step,
         median=median,
         low=min(per_step),
@@ -272,6 +274,7 @@ def _timing(
         error_reason=error.reason if error and current else "not checked with these sources",
         bytes_per_step=bytes_per_particle and bytes_per_particle * grid["rows"] * grid["columns"],
         joules_per_step=float(np.median(joules)) if joules else None,
+        sessions=len({run for run, *_ in samples}),
     )
 
 

@@ -11,7 +11,6 @@ A kernel that never returns cannot be stopped from inside its process; everythin
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,12 +21,10 @@ import numpy as np
 from bench.experiments import body_laws, body_scenes, clusters_by_hand, rotations
 from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
 from bench.experiments.advise.choice import chosen
-from bench.experiments.sweep import backends_here, host_of, source_hash
-from bench.measure.machine import enter_machine
+from bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, keep, resume, source_hash
 from bench.measure.progress import progress_bar
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, measures
-from bench.store.versions import code_version
 from bench.stress import bodies as hard_bodies
 from bench.stress import body_cases as hard_body_cases
 from bench.stress import cases as hard_cases
@@ -191,62 +188,53 @@ def run_hard(
 
     Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
     """
-    begin = time.perf_counter()
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
     names = chosen(integrators or (QUICK if quick else None), (*METHODS, MATCHING), "--integrator", rows=True)
     accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
-    here, revision = backends_here(backends), code_version()
+    here, summary = backends_here(backends), HardSummary.begun(store, "hard cases")
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
-    summary = HardSummary(enter_machine(store))
-    missing = [w for w in everything if not store.has_measure(w.description, summary.machine, w.sources, VERDICT)]
-    summary.held = len(everything) - len(missing)
     ends: list[tuple[_Work, Outcome]] = []
-    try:
-        if missing:
-            summary.run = store.start_run(summary.machine, command, revision)
-            _judge_all(store, summary, missing, here[0], ends, progress)
-        if pictures and store.path != ":memory:":
+
+    def held(work: _Work) -> bool:
+        return store.has_measure(work.description, summary.machine, work.sources, VERDICT)
+
+    def measure(group: Sequence[_Work], tell: Tell) -> None:
+        for work in group:
+            tell(str(work), 0)
+            _judge(store, summary, work, here[0], ends)
+            tell(str(work), 1)
+
+    resume(store, summary, [[work] for work in everything], held, measure, progress=progress, command=command)
+    with ending_cleanly(summary):
+        if pictures and store.path != ":memory:" and not summary.interrupted:
             _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
     summary.rows = _rows(store, summary.machine, everything)
-    summary.seconds = time.perf_counter() - begin
+    summary.stop()
     return summary
 
 
-def _judge_all(
-    store: Store, summary: HardSummary, missing: list[_Work], first: str, ends: list[Any], show: bool
-) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task("hard cases", total=len(missing))
-        for work in missing:
-            bar.update(task, description=str(work))
-            outcome = judge_case(work.case, work.method, work.backend, work.precision)
-            drawn = outcome.end is not None and (
-                outcome.verdict in ("fail", "known")
-                or (work.backend == first and work.precision == "float64" and work.method in DRAWN)
-            )
-            _keep(store, summary.run, work, outcome, drawn)
-            if drawn:
-                ends.append((work, outcome))
-            summary.measured += 1
-            bar.advance(task)
-
-
-def _keep(store: Store, run: str, work: _Work, outcome: Outcome, drawn: bool) -> None:
-    """Checks, shape and verdict into the store, all or none."""
-
-    def add(name: str, value: float | None, unit: str, reason: str | None) -> None:
-        store.add_measure(run, work.description, work.sources, name, value, unit, reason)
-
-    with store.transaction():
-        for place, check in enumerate(outcome.checks):
-            value = None if np.isnan(check.value) else check.value
-            add(f"{CHECK}{place:02d} {check.name}", value, check.unit, check.bound_text)
-        if drawn:
-            scene, _ = case_scene(work.case, work.method)
-            add(SHAPE, None, "m", _shape(scene, outcome.end))
-        add(VERDICT, CODES[outcome.verdict], "", outcome.diagnosis)
+def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: list[tuple[_Work, Outcome]]) -> None:
+    """Checks, shape and verdict of one run into the store, all or none; what is to be drawn, to `ends`."""
+    outcome = judge_case(work.case, work.method, work.backend, work.precision)
+    drawn = outcome.end is not None and (
+        outcome.verdict in ("fail", "known")
+        or (work.backend == first and work.precision == "float64" and work.method in DRAWN)
+    )
+    numbers: dict[str, tuple[float | None, str, str | None]] = {
+        f"{CHECK}{place:02d} {check.name}": (
+            None if np.isnan(check.value) else check.value,
+            check.unit,
+            check.bound_text,
+        )
+        for place, check in enumerate(outcome.checks)
+    }
+    if drawn:
+        scene, _ = case_scene(work.case, work.method)
+        numbers[SHAPE] = None, "m", _shape(scene, outcome.end)
+        ends.append((work, outcome))
+    numbers[VERDICT] = CODES[outcome.verdict], "", outcome.diagnosis
+    keep(store, summary.run, work.description, work.sources, numbers)
+    summary.measured += 1
 
 
 def _shape(scene: Scene, end: Any) -> str:

@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from bench.experiments.accuracy.methods import MATCHING, METHODS, name_of
+from bench.measure.experiment import Summary
 from bench.store.results import Measure
 from bench.stress.cases import CASES, NOT_YET
 
@@ -94,17 +95,11 @@ class HardRow:
 
 
 @dataclass
-class HardSummary:
-    """What `run_hard` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `rows`: all verdicts,
-    those `held` in the store from before included; `pictures`: how many were drawn, `no_pictures`: why none."""
+class HardSummary(Summary):
+    """What `run_hard` did. `rows`: all verdicts, those `held` in the store from before included; `pictures`: how many were
+    drawn, `no_pictures`: why none."""
 
-    machine: str
-    run: str = ""
     rows: list[HardRow] = field(default_factory=list)
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    interrupted: bool = False
     pictures: int = 0
     no_pictures: str = ""
 
@@ -252,9 +247,7 @@ def print_hard(console: Console, summary: HardSummary) -> None:
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
     console.print(
         f"hard cases: {len(rows)} runs: {counts['pass']} passed, {counts['refused']} refused with a diagnosis, "
-        f"{counts['known']} failed by their method, {counts['fail']} failed; {summary.measured} run now, "
-        f"{summary.held} held in the store, {summary.seconds:.0f} s"
-        + ("; interrupted: the same command resumes" if summary.interrupted else "")
+        f"{counts['known']} failed by their method, {counts['fail']} failed; {summary.counts('run now')}{summary.ending()}"
     )
     if summary.no_pictures:
         console.print(f"no pictures: {summary.no_pictures}", markup=False, soft_wrap=True)

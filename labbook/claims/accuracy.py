@@ -14,6 +14,7 @@ from labbook.words import number, seconds
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching
+from plots.core.apart import small
 from plots.core.data import Results, Source
 from plots.figures.work_precision import accurate_source
 
@@ -131,6 +132,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     if other is None:
         return Claim(f"{text}; no other integrator reaches it at these step sizes.", numbers, True)
     clear = best.high is not None and other.low is not None and best.high < other.low
+    clear = clear and not small((other.seconds or 0.0) / (best.seconds or 1.0))
     numbers["next"] = other.seconds or 0.0
     after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}"
     text += f"; {after}." if clear else f"; {after}, no difference beyond the spread."
@@ -154,8 +156,10 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
         ratio, name = row.speed_up, "" if label == SCENE else f" {label}"
         numbers[f"ratio{name}"] = ratio
         bounds = (row.cpu.low, row.cpu.high, row.gpu.low, row.gpu.high)
-        clear = None not in bounds and (
-            (row.cpu.low or 0) > (row.gpu.high or 0) or (row.cpu.high or 0) < (row.gpu.low or 0)
+        clear = (
+            None not in bounds
+            and not small(ratio)
+            and ((row.cpu.low or 0) > (row.gpu.high or 0) or (row.cpu.high or 0) < (row.gpu.low or 0))
         )
         told = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than the spread"
         if row.speed_up_copied is not None:

@@ -1,6 +1,6 @@
 """What the lab book may say: every claim is a function of the results that returns a sentence made from the data.
 
-A claim is `supported` when the repeats of what it compares do not overlap (or a number it needs is there at all).
+A claim is `supported` when what it compares is apart (plots/core/apart.py), or a number it needs is there at all.
 Otherwise its sentence is neutral: no difference beyond the spread, or not measured. Timings whose answer was wrong take
 no part; suspect ones only where there are no others, and then the sentence says so. Every sentence names the machine that
 its numbers are from. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from bench.store.results import Timing
 from labbook import words
 from labbook.words import masses, percent, seconds, times
+from plots.core.apart import apart
 from plots.core.bandwidth import copy_bandwidth, fraction
 from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
 from plots.core.pairs import float64_pairs
@@ -71,11 +72,6 @@ def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...
     return (clean, "") if clean else (list(found), SUSPECT if found else "")
 
 
-def clearly(a: Timing, b: Timing) -> int:
-    """-1 where every repeat of a is faster than every repeat of b, 1 where slower, 0 where they overlap."""
-    return -1 if a.high < b.low else 1 if a.low > b.high else 0
-
-
 def sound(times_: list[Timing]) -> list[Timing]:
     """Those whose answer was right."""
     return [timing for timing in times_ if not is_wrong(timing)]
@@ -103,7 +99,7 @@ def threads_at(results: Results, end: int) -> Claim:
     parts, numbers, supported = [], {}, True
     for word, (both, suspect) in found.items():
         base, more = next(pair for pair in both if pair[0].particles == size)
-        verdict = clearly(more, base)
+        verdict = apart(more, base)
         ratio = more.median / base.median
         numbers[word] = ratio
         supported = supported and verdict != 0
@@ -124,8 +120,8 @@ def threads_best(results: Results) -> Claim:
     sizes = sorted({base.particles for both, _ in found.values() for base, _ in both})
     if source is None or not sizes:
         return Claim("Whether more threads than cores ever help was not measured.")
-    faster = {base.particles for both, _ in found.values() for base, more in both if clearly(more, base) < 0}
-    slower = {base.particles for both, _ in found.values() for base, more in both if clearly(more, base) > 0} - faster
+    faster = {base.particles for both, _ in found.values() for base, more in both if apart(more, base) < 0}
+    slower = {base.particles for both, _ in found.values() for base, more in both if apart(more, base) > 0} - faster
     numbers = {"sizes": len(sizes), "faster": len(faster), "slower": len(slower)}
     suspect = max((marked for _, marked in found.values()), default="")
     start, of = on(source, "cpu"), f"of the {len(sizes)} square sizes{suspect}"
@@ -204,7 +200,7 @@ def _float64_cost(source: Source | None, backend: str, word: str | None) -> Clai
     single, double = both[-1]
     ratio = double.median / single.median
     start = f"{on(source, backend)}, at"
-    if clearly(double, single) == 0:
+    if apart(double, single) == 0:
         text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than the spread{suspect}."
         return Claim(text, {"ratio": ratio}, False)
     text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32{suspect}."
@@ -261,7 +257,7 @@ def gpu_growth(results: Results) -> Claim:
         f"{on_gpu(source)}, between the two largest squares, {masses(left.particles)} and {masses(right.particles)}, "
         f"{times(more)} the masses take {times(longer)} the time."
     )
-    return Claim(text, {"masses": more, "time": longer}, clearly(right, left) > 0)
+    return Claim(text, {"masses": more, "time": longer}, apart(right, left) > 0)
 
 
 def launch_cost(results: Results) -> Claim:

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, clearly, cpu_source, named, on, on_gpu, trusted
+from labbook.claims.claim import SUSPECT, Claim, cpu_source, named, on, on_gpu, trusted
 from labbook.words import masses, percent, times
+from plots.core.apart import apart
 from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.core.pairs import shape_ratios
 from plots.figures.crossover import Pair, crossing, pairs
@@ -75,7 +76,7 @@ def drawing(results: Results) -> Claim:
         without, drawn = both[-1]
         numbers[backend] = drawn.median / without.median
         label = f"on the {named(source, backend)}"
-        if clearly(drawn, without) > 0:
+        if apart(drawn, without) > 0:
             parts.append(
                 f"{label} a step with drawing takes {times(drawn.median / without.median)} as long as without, at "
                 f"{masses(without.particles)}{suspect}"

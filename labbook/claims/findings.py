@@ -13,6 +13,7 @@ from labbook.claims.claim import Claim, on_gpu
 from labbook.words import number, percent, seconds
 from model.core.integrators import INTEGRATORS
 from plots.core.accuracy_points import observed_order
+from plots.core.apart import apart
 from plots.core.data import Results
 from plots.findings.dissipation import NOTHING, theory
 from plots.findings.points import Row, exact_pairs, of_finding, source_with
@@ -145,7 +146,7 @@ def exact_cost(results: Results) -> Claim:
         ratio = exact.median / fast.median
         numbers[backend] = ratio
         where = f"the {name}" if backend == "cpu" else on_gpu(source).removeprefix("On ")
-        if exact.low > fast.high:
+        if apart(exact, fast) > 0:
             supported = True
             parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")
         else:

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 from bench.measure.starts import COLD, WARM
 from labbook import words
-from labbook.claims.claim import Claim, clearly, on, sound, trusted
+from labbook.claims.claim import Claim, on, sound, trusted
 from labbook.words import masses, number, percent, seconds, times
+from plots.core.apart import apart
 from plots.core.bandwidth import from_memory
 from plots.core.data import Results, Source
 from plots.core.ladder import defaults, fastest, machine_of
@@ -40,7 +41,7 @@ def rung(results: Results, kernel: str) -> Claim:
     if not both:
         return Claim(f"The {NAMES[backend]}'s kernels {kernel} and {below} were not timed at one size.")
     where = on(source, backend)
-    gains = [(under.median / t.median, t, under) for t, under in both if clearly(t, under) < 0]
+    gains = [(under.median / t.median, t, under) for t, under in both if apart(t, under) < 0]
     if not gains:
         text = f"{where}, {kernel} is at none of the {len(both)} sizes faster than {below} beyond the spread{suspect}."
         return Claim(text, {"sizes": len(both)}, False)
@@ -74,7 +75,7 @@ def choice(results: Results, backend: str) -> Claim:
         return Claim(f"Whether the {NAMES[backend]} chooses its fastest kernel was not measured.")
     pairs, suspect = trusted([(chosen[t.particles], t) for t in best])
     best = [t for _, t in pairs]
-    slower = [(mine.median / t.median, t) for mine, t in pairs if clearly(mine, t) > 0]
+    slower = [(mine.median / t.median, t) for mine, t in pairs if apart(mine, t) > 0]
     good = len(best) - len(slower)
     text = (
         f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond the spread, at "
@@ -181,7 +182,7 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     ratio = packed.median / base.median
     at = f"{on(source, 'cpu')}, at {masses(packed.particles)} and with 4x threads, a step of {kernel} takes"
     numbers = {"ratio": ratio, "masses": packed.particles}
-    verdict = clearly(packed, base)
+    verdict = apart(packed, base)
     if verdict == 0:
         return Claim(f"{at} {seconds(packed.median)}, no other than {name} beyond the spread{suspect}.", numbers, False)
     factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"

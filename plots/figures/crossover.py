@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from bench.store.results import Timing
+from plots.core.apart import apart
 from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.core.style import BLACK, GREEN, GREY, HEIGHT, PURPLE, Drawing, log_axes, new_figure, plain_ticks
 
@@ -16,7 +17,7 @@ TITLE = "Where the GPU overtakes"
 @dataclass(frozen=True)
 class Pair:
     """The fastest CPU timing and the GPU's, of one size. `ratio`: CPU time over GPU time; `low`, `high`: the least and
-    the greatest that the repeats allow; `clear`: the repeats do not overlap."""
+    the greatest that the repeats allow; `clear`: they are apart."""
 
     cpu: Timing
     gpu: Timing
@@ -35,7 +36,7 @@ class Pair:
 
     @property
     def clear(self) -> bool:
-        return self.low > 1 or self.high < 1
+        return apart(self.cpu, self.gpu) != 0
 
 
 def pairs(source: Source, precision: str = "float32", *, graphics: bool = False) -> list[Pair]:

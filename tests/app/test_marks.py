@@ -13,7 +13,7 @@ import pytest
 from bench.experiments.accuracy import experiment as accuracy
 from bench.experiments.advise import ablate
 from bench.experiments.advise import search as advise_search
-from bench.measure import case_timing, costs_timing, findings_timing
+from bench.measure import case_timing, costs_timing, experiment, findings_timing
 from bench.measure import group as measure_group
 from bench.measure.timing import Sample
 from bench.peers import sweep as peer_sweep  # fmt: skip
@@ -85,8 +85,7 @@ def by_cases(store: Store, run: str, backend: str) -> None:
 
 
 def by_findings(store: Store, run: str, backend: str) -> None:
-    times = SimpleNamespace(store=store, repeats=1, seconds=0.1, most=1.0)
-    findings_timing.time_steps(times, run, [(SCENE, described(backend), "s")])  # type: ignore[arg-type]
+    findings_timing.StepTimes("exact", [findings_timing.Timed(SCENE, described(backend), "s")], True).run(store, run)
 
 
 def by_costs(store: Store, run: str, backend: str) -> None:
@@ -109,7 +108,8 @@ def test_marks_reach_the_store(module: Any, backend: str, monkeypatch: pytest.Mo
             yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
 
     monkeypatch.setattr(module, "interleaved", taken)
-    monkeypatch.setattr(module, "gpu_simulated", lambda: True, raising=module is not peer_sweep)
+    for asking in (experiment, costs_timing):
+        monkeypatch.setattr(asking, "gpu_simulated", lambda: True)
     monkeypatch.setattr(module, "warm_up", NOTHING, raising=False)
     monkeypatch.setattr(module, "choose_steps", NOTHING, raising=False)
     monkeypatch.setattr(module, "open_simulation", lambda *_, **__: case_of(backend).open(), raising=False)

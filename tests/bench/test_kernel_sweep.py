@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bench.experiments import kernel_sweep, sweep
+from bench.experiments import kernel_sweep
 from bench.experiments.kernel_sweep import kernel_cases, kernels_of, run_kernel_sweep
 from bench.experiments.sweep import run_sweep
-from bench.measure import kernel_runner, limits, starts
+from bench.measure import experiment, kernel_runner, limits, starts
 from bench.measure.cases import SweepSummary
 from bench.measure.energy import Energy, energy_counter, measure_energy, nvml_counter, rapl_counter
 from bench.measure.timing import Subject
@@ -41,8 +41,7 @@ def known_machine(monkeypatch: pytest.MonkeyPatch) -> None:
         store.add_machine("m1", "Some CPU, 2 cores; no GPU", RECORD)
         return "m1"
 
-    for module in (kernel_sweep, sweep):
-        monkeypatch.setattr(module, "enter_machine", enter)
+    monkeypatch.setattr(experiment, "enter_machine", enter)
     monkeypatch.setattr(kernel_sweep, "MAX_CROWDED", 0)
 
 
@@ -109,8 +108,7 @@ def test_a_kernel_that_breaks_is_skipped_with_its_reason(monkeypatch: pytest.Mon
             assert "stages" in name and "ILLEGAL_ADDRESS" in reason, where
             (skipped,) = measures(store, "skipped")
             assert skipped.description["kernel"] == "stages"
-        for module in (kernel_sweep, sweep):
-            monkeypatch.setattr(module, "enter_machine", lambda s: s.add_machine("m1", "Some CPU", RECORD) or "m1")
+        monkeypatch.setattr(experiment, "enter_machine", lambda s: s.add_machine("m1", "Some CPU", RECORD) or "m1")
         monkeypatch.setattr(kernel_sweep, "MAX_CROWDED", 0)
 
 

@@ -14,6 +14,7 @@ import pytest
 
 from bench.experiments import sweep
 from bench.experiments.sweep import backends_here, run_sweep, shapes, source_hash
+from bench.measure import experiment
 from bench.measure.group import GroupRunner
 from bench.store.database import Store
 from bench.store.results import measures, timings
@@ -40,7 +41,7 @@ def known_machine(monkeypatch: pytest.MonkeyPatch) -> None:
         store.add_machine("m1", "Some CPU, 2 cores; no GPU", RECORD)
         return "m1"
 
-    monkeypatch.setattr(sweep, "enter_machine", enter)
+    monkeypatch.setattr(experiment, "enter_machine", enter)
 
 
 def samples_of(store: Store) -> list[tuple[Any, ...]]:
@@ -155,11 +156,12 @@ def test_control_c_keeps_what_is_finished(monkeypatch: pytest.MonkeyPatch) -> No
 KILLED = """
 import sys
 from bench.experiments import sweep
+from bench.measure import experiment
 from bench.store.database import Store
 def enter(store):
     store.add_machine("m1", "Some CPU, 2 cores; no GPU", {"cpu": "Some CPU", "cores": 2})
     return "m1"
-sweep.enter_machine = enter
+experiment.enter_machine = enter
 with Store(sys.argv[1]) as store:
     sweep.run_sweep(store, sizes=[8, 9, 10], backends=["cpu"], threads=("1x",), precisions=("float32",), graphics=False,
                     progress=False, min_seconds=1e-3, repeats=40, again=False)

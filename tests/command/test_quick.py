@@ -29,18 +29,17 @@ def kernel_of(scene: Scene, live: Iterable[str] = ()) -> tuple[Any, ...]:
     return method.solver, method.name, method.iterations > 1, plan.dimensions, plan.parts, method.region
 
 
-def known_machine(monkeypatch: pytest.MonkeyPatch, *modules: Any) -> Store:
+def known_machine(monkeypatch: pytest.MonkeyPatch) -> Store:
     store = Store(":memory:")
     store.add_machine(MACHINE, "label", {})
-    for module in modules:
-        monkeypatch.setattr(module, "enter_machine", lambda store: MACHINE)
+    monkeypatch.setattr("bench.measure.experiment.enter_machine", lambda store: MACHINE)
     return store
 
 
 def test_hard_has_every_case_of_forces_in_one_precision_and_eight_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
-    monkeypatch.setattr(hard, "_judge_all", lambda store, summary, missing, *_: asked.extend(missing))
-    with known_machine(monkeypatch, hard) as store:
+    monkeypatch.setattr(hard, "_judge", lambda store, summary, work, *_: asked.append(work))
+    with known_machine(monkeypatch) as store:
         hard.run_hard(store, quick=True, backends=["cpu"], pictures=False, progress=False)
         quick = list(asked)
         asked.clear()

@@ -58,13 +58,20 @@ FIGURES: tuple[Mistake, ...] = (
 HAND = "test_claims_by_hand.py"
 CLAIMS: tuple[Mistake, ...] = (
     *in_file(
+        "plots/core/apart.py", "plots/test_apart.py",
+        {
+            "overlapping repeats are a difference": ("return -1 if high < 1 else 1 if low > 1 else 0", "return -1 if a.median < b.median else 1"),
+            "a session bears any ratio": ("< 1 + SMALL", "< 1"),
+            "few repeats are as good as many": ("if timing.count < FEW else 0.0", "if timing.count < 0 else 0.0"),
+        },
+    ),
+    *in_file(
         "labbook/claims/claim.py", HAND,
         {
             "wrong answers take part": ("return [timing for timing in times_ if not is_wrong(timing)]", "return list(times_)"),
             "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
             "the bandwidth of the smallest grid": ("largest = [t for (t,) in found][-1:]", "largest = [t for (t,) in found][:1]"),
             "float64 told of the smallest grid": ("single, double = both[-1]", "single, double = both[0]"),
-            "overlapping repeats are a difference": ("return -1 if a.high < b.low else 1 if a.low > b.high else 0", "return -1 if a.median < b.median else 1"),
             "the GPU is flat as far as it was measured": ("if timing.median > FLAT * curve[0].median:", "if timing.median < FLAT * curve[0].median:"),
         },
     ),
@@ -127,9 +134,9 @@ RESULTS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "bench/measure/group.py", "test_marks.py",
-        {"a sample's marks are dropped on the way to the store": ("marks = [sample.suspect, warnings.get(case.simulation_kind)]", "marks = [warnings.get(case.simulation_kind)]"),
-         "a wrong answer's mark is dropped": ("marks = [sample.suspect, warnings.get(case.simulation_kind)]", "marks = [sample.suspect]")},
+        "bench/measure/experiment.py", "test_marks.py",
+        {"a sample's marks are dropped on the way to the store": ("(sample.suspect, warning(subject.name), simulated)", "(warning(subject.name), simulated)"),
+         "a wrong answer's mark is dropped": ("(sample.suspect, warning(subject.name), simulated)", "(sample.suspect, simulated)")},
     ),
     *in_file(
         "bench/measure/costs_timing.py", "test_marks.py",
@@ -137,7 +144,7 @@ RESULTS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "bench/experiments/accuracy/experiment.py", "test_marks.py",
-        {"marks of accuracy runs are dropped": ('marks = [sample.suspect, "CUDA simulator', 'marks = [None, "CUDA simulator')},
+        {"samples of accuracy runs are not stored": ("in stored_samples(store, summary.run, STAGE, samples):", "in samples:")},
     ),
     *in_file(
         "bench/experiments/accuracy/judgement.py", "test_judgement.py",

@@ -10,7 +10,7 @@ from typing import Any
 from app.driver import open_simulation
 from bench.experiments.accuracy.methods import OF_CLOTHS, QUICK_FLOAT32, WRONG, XPBD, changes, fits, position_based
 from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, end_of
-from bench.experiments.sweep import host_of, source_hash
+from bench.measure.experiment import host_of, source_hash
 from bench.reference import cache
 from bench.store.results import configuration
 from model.core.digest import source_digest

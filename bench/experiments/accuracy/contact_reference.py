@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from app.driver import open_simulation
-from bench.experiments.sweep import source_hash
+from bench.measure.experiment import source_hash
 from bench.reference import cache
 from model.core.disk_cache import read_arrays, write_arrays
 from model.core.families import stability_limit

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,15 +51,12 @@ from bench.experiments.accuracy.points import (
 from bench.experiments.accuracy.references import converged_for, growth_for, motion_of
 from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from bench.experiments.advise.choice import chosen
-from bench.experiments.sweep import backends_here
+from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
 from bench.measure.growth import Growth
-from bench.measure.machine import enter_machine, gpu_simulated
-from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference import cache
 from bench.store.database import Store, configuration_hash
 from bench.store.results import measures
-from bench.store.versions import code_version
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
 
@@ -122,52 +119,35 @@ def run_accuracy(
 
     Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
-    begin = time.perf_counter()
     effort = QUICK if quick else FULL
     names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
     accurate = chosen(precisions, list(PRECISIONS), "--precision") if precisions else None
-    here, revision = backends_here(backends), code_version()
-    summary = AccuracySummary(enter_machine(store))
-    labels = scenes or (*SCENES, *([] if quick else CLOTHS))
-    everything = cases(labels, here, not quick, names, accurate)
-    missing = [case for case in everything if not _held(store, case, summary.machine, effort)]
-    summary.held = len(everything) - len(missing)
-    try:
-        if missing:
-            summary.run = store.start_run(summary.machine, command, revision)
-            _measure_all(store, summary, missing, effort, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
+    here, summary = backends_here(backends), AccuracySummary.begun(store, "accuracy")
+    everything = cases(scenes or (*SCENES, *([] if quick else CLOTHS)), here, not quick, names, accurate)
+    groups: dict[tuple[str, str], list[Case]] = {}
+    for case in everything:
+        groups.setdefault((case.label, case.backend), []).append(case)
+
+    def held(case: Case) -> bool:
+        key = case.description, summary.machine, case.sources
+        wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
+        told = all(store.has_measure(*key, name) for name in wanted)
+        return told and store.sample_count(*key, STAGE) >= effort.repeats
+
+    def measure(group: Sequence[Case], tell: Tell) -> None:
+        _Group(store, summary, effort, tell).measure(group)
+
+    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2}
+    resume(store, summary, list(groups.values()), held, measure, **how)
     summary.points = _points(store, summary.machine, everything)
-    summary.seconds = time.perf_counter() - begin
+    summary.stop()
     return summary
-
-
-def _held(store: Store, case: Case, machine: str, effort: Effort) -> bool:
-    key = case.description, machine, case.sources
-    wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
-    told = all(store.has_measure(*key, name) for name in wanted)
-    return told and store.sample_count(*key, STAGE) >= effort.repeats
-
-
-def _measure_all(store: Store, summary: AccuracySummary, missing: list[Case], effort: Effort, show: bool) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task("accuracy", total=2 * len(missing))
-
-        def tell(text: str, advance: int) -> None:
-            bar.update(task, description=text, advance=advance)
-
-        groups: dict[tuple[str, str], list[Case]] = {}
-        for case in missing:
-            groups.setdefault((case.label, case.backend), []).append(case)
-        for group in groups.values():
-            _Group(store, summary, effort, tell).measure(group)
 
 
 class _Group:
     """The cases of one scene and backend: judged one after another, then sampled in turn."""
 
-    def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Callable[[str, int], None]):
+    def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Tell):
         self.store, self.summary, self.effort, self.tell = store, summary, effort, tell
         self.folder = references(store)
         self.iterated = Iterated(self.folder)
@@ -212,9 +192,7 @@ class _Group:
                 numbers[SOLVER] = (math.inf, "spacing", str(broken))
         if copying is not None:
             numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
-        with self.store.transaction():
-            for name, (value, unit, reason) in numbers.items():
-                self.store.add_measure(self.summary.run, case.description, case.sources, name, value, unit, reason)
+        keep(self.store, self.summary.run, case.description, case.sources, numbers)
         return broken
 
     def _prepare(self, subject: Subject, broken: Diverged | None) -> None:
@@ -231,17 +209,14 @@ class _Group:
     def _sample(self, subjects: Sequence[Subject]) -> None:
         store, summary, repeats = self.store, self.summary, self.effort.repeats
         costs: dict[int, list[float]] = {}
-        for subject, sample in interleaved(subjects, [repeats] * len(subjects), Neighbours()):
+        samples = interleaved(subjects, [repeats] * len(subjects), Neighbours())
+        for subject, sample in stored_samples(store, summary.run, STAGE, samples):
             case = subject.name
-            marks = [sample.suspect, "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None]
-            suspect = "; ".join(filter(None, marks)) or None
-            run, sources = summary.run, case.sources
-            store.add_sample(run, case.description, sources, sample.seconds, sample.steps, stage=STAGE, suspect=suspect)
             taken = costs.setdefault(id(subject), [])
             taken.append(sample.seconds / (sample.steps * case.scene.method.dt))
             if len(taken) == repeats:  # last, so that a case with a cost is complete
-                cost = statistics.median(taken)
-                store.add_measure(run, case.description, sources, COST, cost, "s/s", f"median of {repeats}")
+                cost = statistics.median(taken), "s/s", f"median of {repeats}"
+                keep(store, summary.run, case.description, case.sources, {COST: cost})
                 summary.measured += 1
                 self.tell(f"{case}: timed", 1)
 

@@ -26,6 +26,7 @@ from bench.experiments.accuracy.judgement import (
     UNRESOLVED,
 )
 from bench.experiments.accuracy.methods import WRONG, efforts, name_of
+from bench.measure.experiment import Summary
 from model.core.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
@@ -167,17 +168,10 @@ def pareto_front(points: Iterable[Candidate]) -> list[Candidate]:
 
 
 @dataclass
-class AccuracySummary:
-    """What `run_accuracy` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `points`: all of
-    the grid of cases, those `held` in the store from before included; `seconds` of wall time; `interrupted`: Ctrl-C."""
+class AccuracySummary(Summary):
+    """What `run_accuracy` did. `points`: all of the grid of cases, those `held` in the store from before included."""
 
-    machine: str
-    run: str = ""
     points: list[AccuracyPoint] = field(default_factory=list)
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    interrupted: bool = False
 
     def __str__(self) -> str:
         lines = []
@@ -185,11 +179,7 @@ class AccuracySummary:
             mine = [p for p in self.points if p.scene == label]
             if mine:
                 lines += summary_lines(label, mine)
-        lines.append(
-            f"{self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
-            + ("; interrupted: the same command resumes" if self.interrupted else "")
-        )
-        return "\n".join(lines)
+        return "\n".join([*lines, self.counts() + self.ending()])
 
 
 def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:

@@ -18,7 +18,7 @@ from app.driver import open_simulation
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER, Numbers
 from bench.experiments.accuracy.methods import why_unknown
-from bench.experiments.sweep import source_hash
+from bench.measure.experiment import source_hash
 from bench.reference import xpbd
 from bench.reference.steps import masses
 from model.core.disk_cache import read_arrays, write_arrays

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 import statistics
-import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,16 +39,13 @@ from bench.experiments.advise.ablation import FULL, Ablation, ablations, random_
 from bench.experiments.advise.ablation_results import CHANGE, PREFIX, SECONDS, SUSPECT, AblationSummary, tables_of
 from bench.experiments.advise.experiment import REFERENCE_SECONDS
 from bench.experiments.held_force import held_converged, held_seconds
-from bench.experiments.sweep import backends_here
+from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
 from bench.measure.growth import Growth
-from bench.measure.machine import enter_machine, gpu_simulated
-from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference import cache
 from bench.reference.cache import Converged
 from bench.store.database import Store, configuration_hash
 from bench.store.results import measures
-from bench.store.versions import code_version
 from model.core.build import pinned_indices
 from model.core.errors import Diverged, SceneError
 from model.core.families import stability_limit
@@ -61,8 +58,6 @@ REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.03, 1.0
 MAX_ROUNDS, DISTURBED = 3, 1.5  # of samples, while a median is over so many times the least
 FOR_STATISTICS = 1e-3  # spacings: of a chaotic motion, whose reference would take minutes to be any better
 RUN_SECONDS = 60.0  # the most that one run up to the time of judgement may take, estimated
-
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -91,38 +86,25 @@ def ablate(
     take too long, a manufactured scene, constraints that Newton's law does not tell the motion of), BackendUnavailable,
     InputError (the store), Diverged (the full scene).
     """
-    begin = clock.perf_counter()
     wanted = END if time is None else time
-    steps = _check(scene, wanted)
-    chosen = backends_here(backends)
-    summary = AblationSummary(enter_machine(store))
-    work = _Work(store, scene, steps, summary, command)
+    steps, chosen = _check(scene, wanted), backends_here(backends)
+    summary = AblationSummary.begun(store, "ablate")
+    work = _Work(store, scene, steps, summary)
     groups = [work.variants(backend) for backend in chosen]
-    try:
-        missing = [group for group in groups if not work.complete(group)]
-        summary.held = sum(len(group) for group in groups if group not in missing)
-        if missing:
-            _measure(work, missing, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
+
+    def held(variant: Variant) -> bool:
+        return store.has_measure(variant.case.description, summary.machine, variant.case.sources, SECONDS)
+
+    def measure(group: Sequence[Variant], tell: Tell) -> None:
+        work.measure(group, tell)
+
+    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
+    resume(store, summary, groups, held, measure, whole=True, **how)  # whole: times count only side by side
     known = {configuration_hash(variant.case.description) for group in groups for variant in group}
     summary.tables = tables_of(m for m in measures(store, machine=summary.machine) if m.configuration in known)
     summary.notes += _notes(scene, wanted, work.end, summary)
-    summary.seconds = clock.perf_counter() - begin
+    summary.stop()
     return summary
-
-
-def _measure(work: _Work, groups: Sequence[Sequence[Variant]], show: bool) -> None:
-    with progress_bar(show) as bar:
-        row = bar.add_task("converged reference", total=2 * sum(map(len, groups)) + 1)
-
-        def tell(text: str) -> None:
-            bar.update(row, description=text, advance=1)
-
-        work.prepare()
-        tell("ablations")
-        for group in groups:
-            work.measure(group, tell)
 
 
 def _check(scene: Scene, end: float) -> int:
@@ -181,11 +163,9 @@ def _notes(scene: Scene, wanted: float, end: float, summary: AblationSummary) ->
 class _Work:
     """The measuring of one scene. `end` [s]: when it is judged."""
 
-    def __init__(self, store: Store, scene: Scene, steps: int, summary: AblationSummary, command: str):
-        self.store, self.scene, self.steps, self.summary, self.command = store, scene, steps, summary, command
+    def __init__(self, store: Store, scene: Scene, steps: int, summary: AblationSummary):
+        self.store, self.scene, self.steps, self.summary = store, scene, steps, summary
         self.end = steps * scene.method.dt
-        self.newton: Converged
-        self.growth: Growth
         self._full: State
 
     def variants(self, backend: str) -> list[Variant]:
@@ -203,49 +183,37 @@ class _Work:
             found.append(Variant(ablation, case, round(self.end / scene.method.dt)))
         return found
 
-    def complete(self, group: Sequence[Variant]) -> bool:
-        """Whether the store holds all of a group: its times count only side by side."""
-        machine = self.summary.machine
-        return all(
-            self.store.has_measure(variant.case.description, machine, variant.case.sources, SECONDS)
-            for variant in group
-        )
-
-    def prepare(self) -> None:
-        """Reference, growth, and the run in the store."""
+    @cached_property
+    def right(self) -> tuple[Converged, Growth]:
+        """The reference, and how much a disturbance grows."""
         folder, motion = references(self.store), newton(self.scene)
-        self.growth = growth_of(motion, self.end, folder)
+        growth = growth_of(motion, self.end, folder)
         if random_force(motion):
-            self.newton = held_converged(motion, self.steps, folder)
-        elif not self.growth.chaotic:
-            self.newton = converged_of(motion, self.end, folder)
-        elif by_numpy(motion, self.end):
-            self.newton = cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS)
-        else:
-            self.newton = own_converged(motion, self.end, FOR_STATISTICS)
-        self.summary.run = self.store.start_run(self.summary.machine, self.command, code_version())
+            return held_converged(motion, self.steps, folder), growth
+        if not growth.chaotic:
+            return converged_of(motion, self.end, folder), growth
+        if by_numpy(motion, self.end):
+            return cache.kept(motion, self.end, folder, tolerance=FOR_STATISTICS), growth
+        return own_converged(motion, self.end, FOR_STATISTICS), growth
 
     def measure(self, group: Sequence[Variant], tell: Tell) -> None:
         """Judge each of a group, then sample those that held in turn. Raises Diverged where the full scene does."""
         with ExitStack() as stack:
             subjects = []
             for variant in group:
-                tell(f"{variant.ablation.name}, {variant.case.backend}")
+                tell(f"{variant.ablation.name}, {variant.case.backend}", 1)
                 subject = Subject(stack.enter_context(variant.case.open()), variant)
                 if self._judge(subject):
                     self._choose_steps(subject)
                     subjects.append(subject)
                 else:
                     self._add(variant, {SECONDS: (None, "s/s", "diverged")})
-                    tell(f"{variant.ablation.name} diverged")
+                    tell(f"{variant.ablation.name} diverged", 1)
             self._time(subjects, tell)
         self.summary.measured += len(group)
 
-    def _add(self, variant: Variant, numbers: dict[str, tuple[Any, str, str | None]]) -> None:
-        case = variant.case
-        with self.store.transaction():
-            for name, (value, unit, reason) in numbers.items():
-                self.store.add_measure(self.summary.run, case.description, case.sources, name, value, unit, reason)
+    def _add(self, variant: Variant, numbers: Mapping[str, tuple[float | None, str, str | None]]) -> None:
+        keep(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
 
     def _judge(self, subject: Subject) -> bool:
         """Run to the end and store errors and change; whether it held."""
@@ -261,7 +229,7 @@ class _Work:
         if variant.ablation is FULL:
             assert isinstance(outcome, State)
             self._full = outcome
-        judged = judge(self.scene, outcome, self.newton, self.growth)  # by the energy of the full scene
+        judged = judge(self.scene, outcome, *self.right)  # by the energy of the full scene
         numbers: dict[str, tuple[Any, str, str | None]] = {
             PREFIX + name.removeprefix("accuracy_"): told for name, told in judged.items()
         }
@@ -291,16 +259,10 @@ class _Work:
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
         for _ in range(MAX_ROUNDS):
-            for subject, sample in interleaved(subjects, [REPEATS] * len(subjects), watch):
-                case = subject.name.case
-                simulated = "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None
-                suspect = "; ".join(filter(None, (sample.suspect, simulated))) or None
-                marks[id(subject)] += [suspect] if suspect else []
-                taken[id(subject)].append(sample.seconds / (sample.steps * case.scene.method.dt))
-                self.store.add_sample(
-                    self.summary.run, case.description, case.sources, sample.seconds, sample.steps, stage=STAGE,
-                    suspect=suspect,
-                )  # fmt: skip
+            samples = interleaved(subjects, [REPEATS] * len(subjects), watch)
+            for subject, sample in stored_samples(self.store, self.summary.run, STAGE, samples, lambda v: v.case):
+                marks[id(subject)] += [sample.suspect] if sample.suspect else []
+                taken[id(subject)].append(sample.seconds / (sample.steps * subject.name.case.scene.method.dt))
             if all(statistics.median(times) <= DISTURBED * min(times) for times in taken.values()):
                 break
         for subject in subjects:
@@ -309,4 +271,4 @@ class _Work:
             reasons += [f"the median is {spread:.2g} times the least"] if spread > DISTURBED else []
             told = (min(times), "s/s", f"least of {len(times)}")
             self._add(subject.name, {SUSPECT: (float(bool(reasons)), "", "; ".join(reasons) or None), SECONDS: told})
-            tell(f"{subject.name.ablation.name}: timed")
+            tell(f"{subject.name.ablation.name}: timed", 1)

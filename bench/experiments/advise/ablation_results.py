@@ -16,6 +16,7 @@ from bench.experiments.accuracy.methods import name_of
 from bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
 from bench.experiments.advise.advice import NOISE
 from bench.experiments.advise.search import FLOOR
+from bench.measure.experiment import Summary
 from bench.measure.growth import MAX_GROWTH
 from bench.reference.cache import TOLERANCE
 from bench.store.results import Measure
@@ -176,18 +177,11 @@ def _listed(names: Sequence[str]) -> str:
 
 
 @dataclass
-class AblationSummary:
-    """What `ablate` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `tables`: one a backend;
-    `notes`: what to know beside them; `interrupted`: Ctrl-C."""
+class AblationSummary(Summary):
+    """What `ablate` did. `tables`: one a backend; `notes`: what to know beside them."""
 
-    machine: str
-    run: str = ""
     tables: list[Ablated] = field(default_factory=list)
-    measured: int = 0
-    held: int = 0
     notes: list[str] = field(default_factory=list)
-    seconds: float = 0.0
-    interrupted: bool = False
 
 
 def tables_of(measures: Iterable[Measure]) -> list[Ablated]:
@@ -249,10 +243,7 @@ def print_ablation(console: Console, summary: AblationSummary) -> None:
         console.print(found.sentence(), markup=False, soft_wrap=True)
     for note in summary.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
-    console.print(
-        f"{summary.measured} measured, {summary.held} held in the store, {summary.seconds:.0f} s"
-        + ("; interrupted: the same command resumes" if summary.interrupted else "")
-    )
+    console.print(summary.counts() + summary.ending())
 
 
 def _printed(found: Ablated, wide: bool) -> Table:

@@ -16,7 +16,7 @@ from bench.experiments.accuracy.own_reference import converged_of, growth_of
 from bench.experiments.advise.advice import NOISE, Advice, Choice
 from bench.experiments.advise.experiment import ADVISED, iterations_of
 from bench.experiments.advise.search import MIN_STEPS, Kind, Search, Task
-from bench.experiments.sweep import backends_here
+from bench.measure.experiment import backends_here
 from bench.measure.progress import progress_bar
 from bench.store.database import Store
 from model.core.simulation import PRECISIONS

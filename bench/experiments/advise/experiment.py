@@ -23,7 +23,7 @@ from bench.experiments.accuracy.own_reference import by_numpy, converged_of, gro
 from bench.experiments.accuracy.points import END
 from bench.experiments.advise.advice import Advice
 from bench.experiments.advise.search import Kind, Search, Task, disturbed
-from bench.experiments.sweep import backends_here
+from bench.measure.experiment import backends_here
 from bench.measure.growth import MAX_GROWTH, Growth
 from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar

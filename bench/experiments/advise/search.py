@@ -16,8 +16,8 @@ from bench.experiments.accuracy.judgement import ERROR, judge
 from bench.experiments.accuracy.methods import changes, order_of, sweeps
 from bench.experiments.accuracy.points import COPY, method_words
 from bench.experiments.advise.advice import Choice
+from bench.measure.experiment import keep, stored_samples
 from bench.measure.growth import Growth
-from bench.measure.machine import gpu_simulated
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference.cache import Converged
 from bench.reference.mass_spring import start
@@ -220,9 +220,7 @@ class Search:
             numbers = judge(case.scene, outcome, self.task.newton, self.task.growth)
             if not isinstance(outcome, Diverged):
                 numbers[COPY] = (copy_seconds(simulation), "s", "the whole state")
-        with self.store.transaction():
-            for name, (value, unit, reason) in numbers.items():
-                self.store.add_measure(self.task.run, case.description, case.sources, name, value, unit, reason)
+        keep(self.store, self.task.run, case.description, case.sources, numbers)
         return numbers[ERROR][0]
 
     # ------------------------------------------------------------------ timing
@@ -282,13 +280,9 @@ class Search:
                 kernel = subject.simulation.kernel
                 self.store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
                 subjects.append(subject)
-            for subject, sample in interleaved(subjects, [REPEATS] * len(subjects), Neighbours()):
-                case = subject.name
-                simulated = "CUDA simulator, no GPU" if case.backend == "gpu" and gpu_simulated() else None
-                suspect = "; ".join(filter(None, (sample.suspect, simulated))) or None
-                self.store.add_sample(
-                    run, case.description, case.sources, sample.seconds, sample.steps, stage=STAGE, suspect=suspect
-                )
+            samples = interleaved(subjects, [REPEATS] * len(subjects), Neighbours())
+            for _ in stored_samples(self.store, run, STAGE, samples):
+                pass
 
     # ------------------------------------------------------------------ words
 

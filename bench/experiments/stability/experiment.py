@@ -12,8 +12,7 @@ One opened simulation does all points of an integrator, backend and precision: w
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -34,12 +33,10 @@ from bench.experiments.stability.points import (
     stability_of,
 )
 from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
-from bench.experiments.sweep import backends_here, source_hash
-from bench.measure.machine import enter_machine, gpu_simulated
-from bench.measure.progress import progress_bar
+from bench.measure.experiment import Tell, backends_here, keep, resume, source_hash
+from bench.measure.machine import gpu_simulated
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, measures
-from bench.store.versions import code_version
 from model.core.integrators import INTEGRATORS, damping_rate
 from model.core.simulation import PRECISIONS, Simulation
 from model.core.stability_limit import scene_frequency
@@ -179,43 +176,29 @@ def run_stability(
 
     Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
     """
-    begin = time.perf_counter()
-    names = chosen(integrators, list(INTEGRATORS), "--integrator")
-    here, revision = backends_here(backends), code_version()
-    summary = StabilitySummary(enter_machine(store))
+    names, here = chosen(integrators, list(INTEGRATORS), "--integrator"), backends_here(backends)
+    summary = StabilitySummary.begun(store, "stability")
     everything = cases(QUICK if quick else FULL, here, names)
-    missing = [c for c in everything if not store.has_measure(c.description, summary.machine, c.sources, c.done)]
-    summary.held = len(everything) - len(missing)
-    try:
-        if missing:
-            summary.run = store.start_run(summary.machine, command, revision)
-            _run_all(store, summary, missing, progress)
-    except KeyboardInterrupt:
-        summary.interrupted = True
+    groups: dict[tuple[Any, ...], list[Case]] = {}
+    for case in everything:
+        groups.setdefault(case.simulation_kind, []).append(case)
+
+    def held(case: Case) -> bool:
+        return store.has_measure(case.description, summary.machine, case.sources, case.done)
+
+    def measure(group: Sequence[Case], tell: Tell) -> None:
+        _measure(store, summary, group, tell)
+
+    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: case.worth}
+    resume(store, summary, list(groups.values()), held, measure, **how)
     keys = {configuration_hash(case.description) for case in everything}
     mine = [m for m in measures(store, machine=summary.machine) if m.configuration in keys]
     summary.points, summary.edges = stability_of(mine)
-    summary.seconds = time.perf_counter() - begin
+    summary.stop()
     return summary
 
 
-def _run_all(store: Store, summary: StabilitySummary, missing: list[Case], show: bool) -> None:
-    with progress_bar(show) as bar:
-        task = bar.add_task("stability", total=sum(case.worth for case in missing))
-
-        def tell(text: str, advance: int) -> None:
-            bar.update(task, description=text, advance=advance)
-
-        groups: dict[tuple[Any, ...], list[Case]] = {}
-        for case in missing:
-            groups.setdefault(case.simulation_kind, []).append(case)
-        for group in groups.values():
-            _run_group(store, summary, group, tell)
-
-
-def _run_group(
-    store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Callable[[str, int], None]
-) -> None:
+def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Tell) -> None:
     """The cases of one opened simulation, each stored when it is done."""
     with ExitStack() as stack:
         tell(f"{group[0]}: opening", 0)
@@ -223,9 +206,7 @@ def _run_group(
         for case in group:
             tell(str(case), 0)
             numbers = _edge_numbers(simulation, case) if case.edge else _map_numbers(simulation, case)
-            with store.transaction():
-                for name, (value, unit, reason) in numbers.items():
-                    store.add_measure(summary.run, case.description, case.sources, name, value, unit, reason)
+            keep(store, summary.run, case.description, case.sources, numbers)
             summary.measured += 1
             tell(str(case), case.worth)
 

@@ -10,6 +10,7 @@ from math import inf, isfinite
 from typing import Any
 
 from bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
+from bench.measure.experiment import Summary
 from bench.store.results import Measure, canonical
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
@@ -140,18 +141,11 @@ def disagreements(points: Sequence[MapPoint], between: str = "backend") -> tuple
 
 
 @dataclass
-class StabilitySummary:
-    """What `run_stability` did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); `points`, `edges`: of
-    all cases, those `held` in the store from before included; `measured` now; `seconds` of wall time; `interrupted`."""
+class StabilitySummary(Summary):
+    """What `run_stability` did. `points`, `edges`: of all cases, those `held` in the store from before included."""
 
-    machine: str
-    run: str = ""
     points: list[MapPoint] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
-    measured: int = 0
-    held: int = 0
-    seconds: float = 0.0
-    interrupted: bool = False
 
     def rows(self) -> list[list[str]]:
         """A line for each integrator, backend and precision, as cells: see HEAD."""
@@ -173,11 +167,7 @@ class StabilitySummary:
         lines.append(f"outcomes after {END:g} s of an 8 x 8 grid; edges by bisection on a linear chain, and off theory")
         if shared:
             lines.append(f"backends differ on what diverged at {differing} of {shared} points")
-        lines.append(
-            f"{self.measured} measured, {self.held} held in the store, {self.seconds:.0f} s"
-            + ("; interrupted: the same command resumes" if self.interrupted else "")
-        )
-        return "\n".join(lines)
+        return "\n".join([*lines, self.counts() + self.ending()])
 
 
 HEAD = (
