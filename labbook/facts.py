@@ -28,6 +28,7 @@ from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.core.plan import mass_spring_plan
 from model.scene.scene import load_scene
+from plots.core.apart import SMALL
 
 
 def constant(module: str, name: str) -> Any:
@@ -71,6 +72,7 @@ def facts() -> dict[str, str]:
         "sample-seconds-quick": seconds(QUICK.min_seconds, 2),
         "shortest-sample": seconds(SHORTEST_SAMPLE, 1),
         "spread-limit": percent(SPREAD_LIMIT),
+        "small-difference": percent(SMALL),
         "busy": f"{BUSY_NEIGHBOUR:g}",
         "dt": seconds(scene.method.dt, 2),
         "dt-limit": seconds(stability_limit(scene), 4),
