@@ -40,8 +40,8 @@ from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
 from plots.core.data import Origin, Results, is_suspect
 from plots.core.draw import FigureFiles, draw_figures
+from plots.core.files import without_footer
 from plots.core.read import load
-from plots.core.style import without_footer
 
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"

@@ -18,8 +18,9 @@ from typing import Any
 
 from model.core.errors import InputError
 from plots.core.data import Origin, Results
+from plots.core.files import SUFFIXES, save
 from plots.core.read import load
-from plots.core.style import SUFFIXES, Drawing, save, settings
+from plots.core.style import Drawing, settings
 from plots.figures import (
     ablation,
     bar,

@@ -7,18 +7,14 @@ belongs to no curve. matplotlib is imported where it is used, with its object in
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.store.results import Timing
-from model.core.files import replacing
-from plots.core import kept
 from plots.core.data import Results, Source, is_suspect, is_wrong
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
@@ -27,14 +23,9 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
 GREY = "#8A8A8A"
 WIDTH = 6.3  # inch: the text's width on A4
 HEIGHT = 3.0  # inch
-PNG_DPI = 160
-SUFFIXES = ("svg", "png")  # for books and for screens
 MAX_PANELS = 3
 FOOTER_SIZE = 6  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
-RAISED = str.maketrans(
-    "-\N{MINUS SIGN}0123456789", "\u207b\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
-)
 
 SETTINGS: dict[str, Any] = {
     "font.size": 9,
@@ -228,90 +219,3 @@ def threading_note(sources: Sequence[Source]) -> str:
     """Threading layer and wait policy in words, for captions of CPU times."""
     known = {source.threading for source in sources if source.threading[0]}
     return "; ".join(f"threading layer {layer}, wait policy {policy}" for layer, policy in sorted(known, key=str))
-
-
-def lay_out(figure: Any) -> None:
-    """Find the places of all parts, once and for good: half of what a figure costs, which else every format takes anew.
-
-    Powers of ten are written as text (10²), not as formulas, which would be parsed label by label.
-    """
-    from matplotlib.ticker import LogFormatterSciNotation
-
-    class Powers(LogFormatterSciNotation):
-        def __call__(self, x: float, pos: Any = None) -> str:
-            return plain_power(super().__call__(x, pos))
-
-    engine = figure.get_layout_engine()
-    if engine is None:
-        return
-    for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)):
-        if type(axis.get_major_formatter()) is LogFormatterSciNotation:
-            axis.set_major_formatter(Powers())
-        if type(axis.get_minor_formatter()) is LogFormatterSciNotation:
-            axis.set_minor_formatter(Powers())
-    figure.set_dpi(PNG_DPI)
-    engine.execute(figure)
-    figure.set_layout_engine(None)
-
-
-def plain_power(formula: str) -> str:
-    """`$\\mathdefault{2\\times10^{-3}}$`, as matplotlib labels an axis, as text."""
-    found = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", formula)
-    if found is None:
-        return formula
-    return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), found[1]).replace(
-        r"\times", "\N{MULTIPLICATION SIGN}"
-    )
-
-
-def save(
-    drawing: Drawing,
-    folder: Path,
-    name: str,
-    *,
-    footer: bool = False,
-    suffixes: Sequence[str] = SUFFIXES,
-) -> list[Path]:
-    """Write NAME.svg and NAME.png into an existing folder, whole or not at all. Raises InputError.
-
-    `footer`: with machine, commit and date in a strip above the figure (see `without_footer`).
-    """
-    from matplotlib.transforms import Bbox
-
-    figure = drawing.figure
-    key = kept.key_of(figure, drawing.title, drawing.caption, footer)
-    width, height = figure.get_size_inches()
-    above = 0.0
-    if footer:
-        text = "\n".join(drawing.provenance)
-        figure.text(0.995, 1.0, text, fontsize=FOOTER_SIZE, color="#555555", ha="right", va="bottom")
-        above = drawing.footer_height / 72
-    written = []
-    for suffix in suffixes:
-        path = folder / f"{name}.{suffix}"
-        metadata: dict[str, Any] = {"Title": drawing.title}
-        metadata |= {"pdf": {"Subject": drawing.caption, "CreationDate": None}}.get(
-            suffix, {"Description": drawing.caption}
-        )
-        if suffix == "svg":
-            metadata["Date"] = None  # a date would make equal figures differ
-        with replacing(path) as temporary:
-            if not kept.fetch(key, suffix, temporary):
-                lay_out(figure)
-                figure.savefig(
-                    temporary, format=suffix, dpi=PNG_DPI, metadata=metadata,
-                    bbox_inches=Bbox.from_bounds(0, 0, width, height + above),
-                )  # fmt: skip
-                kept.keep(key, suffix, temporary)
-        written.append(path)
-    return written
-
-
-def without_footer(svg: str, height: float) -> str:
-    """A figure as `save` wrote it, .svg, less the strip of so many points above it: what is out of view is not shown."""
-
-    def lower(found: re.Match[str]) -> str:
-        width, tall = float(found[1]), float(found[2]) - height
-        return f'width="{width:g}pt" height="{tall:g}pt" viewBox="0 {height:g} {width:g} {tall:g}"'
-
-    return re.sub(r'width="([0-9.]+)pt" height="([0-9.]+)pt" viewBox="0 0 [0-9. ]+"', lower, svg, count=1)

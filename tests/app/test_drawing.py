@@ -13,8 +13,9 @@ from bench.store.database import Store
 from plots.core import kept
 from plots.core.data import Results
 from plots.core.draw import FIGURES, draw_figures
+from plots.core.files import lay_out, plain_power, save, without_footer
 from plots.core.read import load
-from plots.core.style import Drawing, lay_out, new_figure, plain_power, save, settings, without_footer
+from plots.core.style import Drawing, new_figure, settings
 
 
 @pytest.fixture(autouse=True)

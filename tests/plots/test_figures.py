@@ -84,7 +84,7 @@ def test_figures_are_files_of_vectors_and_of_pixels(
 
 def test_equal_results_give_equal_bytes(cpu: Store, tmp_path: Path) -> None:
     with settings():
-        from plots.core.style import save
+        from plots.core.files import save
 
         for name in ("a", "b"):
             (tmp_path / name).mkdir()
