@@ -18,11 +18,9 @@ from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, meth
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
 from bench.measure.experiment import (
     Experiment,
+    Items,
     Measures,
-    Summary,
-    backends_here,
     described,
-    measure_items,
     source_hash,
 )
 from bench.store.database import Store
@@ -49,22 +47,12 @@ LAWS = {SPIN: KEPT, FLIGHT: KEPT, DROP: ENERGY}
 LAW_SUBSTEPS = (1, 4, 16)
 
 
-def run_bar(
-    store: Store,
-    *,
-    quick: bool = False,
-    backends: Sequence[str] | None = None,
-    progress: bool = True,
-    command: str = "softlab bar",
-) -> Summary:
-    """Measure what the store lacks.
+def items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
+    """All; `quick`: few values of each."""
+    return [one for backend in backends for one in experiments(backend, quick)]
 
-    `quick`: few values of each. `backends`: None: all that are here. Ctrl-C ends cleanly (`interrupted`).
-    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
-    """
-    chosen, summary = backends_here(backends), Summary.begun(store, "bar")
-    everything = [one for backend in chosen for one in experiments(backend, quick)]
-    return measure_items(store, summary, everything, progress, command)
+
+run_bar = Items("bar", items, "softlab bar")
 
 
 def experiments(backend: str, quick: bool = False) -> list[Experiment]:

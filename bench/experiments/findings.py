@@ -19,17 +19,8 @@ from bench.experiments import discretisation
 from bench.experiments.accuracy.experiment import STEP_SIZES, references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.points import END, SCENES
-from bench.measure.experiment import (
-    Experiment,
-    Item,
-    Measures,
-    Summary,
-    backends_here,
-    described,
-    measure_items,
-    source_hash,
-)
-from bench.measure.findings_timing import StepTimes, Timed
+from bench.measure.case_timing import Case, StepTimes
+from bench.measure.experiment import Experiment, Item, Items, Measures, described, source_hash
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.store.database import Store
@@ -56,23 +47,13 @@ EXACT_SIZES = (32, 256, 1024)
 EXACT_METHOD = "velocity-verlet"
 
 
-def run_findings(
-    store: Store,
-    *,
-    quick: bool = False,
-    backends: Sequence[str] | None = None,
-    progress: bool = True,
-    command: str = "softlab accuracy",
-) -> Summary:
-    """Measure what the store lacks of the experiments.
+def items(store: Store, backends: Sequence[str], quick: bool) -> list[Item]:
+    """All; `quick`: `exact` math is not timed at the largest size, with fewer repeats."""
+    found: list[Item] = [*_damping(store), *(e for backend in backends for e in _experiments(store, backend))]
+    return found + [StepTimes(EXACT, pair, quick) for backend in backends for pair in exact_pairs(backend, quick)]
 
-    `quick`: `exact` math is not timed at the largest size, with fewer repeats. `backends`: None: all that are here.
-    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
-    """
-    chosen, summary = backends_here(backends), Summary.begun(store, "findings")
-    items: list[Item] = [*_damping(store), *(e for backend in chosen for e in _experiments(store, backend))]
-    items += [StepTimes(EXACT, pair, quick) for backend in chosen for pair in exact_pairs(backend, quick)]
-    return measure_items(store, summary, items, progress, command, "finding: ")
+
+run_findings = Items("findings", items, "softlab accuracy", "finding: ")
 
 
 def _sources(backend: str | None) -> str:
@@ -227,18 +208,16 @@ def _dissipation(backend: str) -> list[Experiment]:
 # ---------------------------------------------------------------------- what exact math costs
 
 
-def exact_pairs(backend: str, quick: bool) -> list[list[Timed]]:
-    """S1 with EXACT_METHOD at several sizes: (scene, description, sources) in `fast` and in `exact` math, of both
-    precisions, to be timed side by side."""
+def exact_pairs(backend: str, quick: bool) -> list[list[Case]]:
+    """S1 with EXACT_METHOD at several sizes, in `fast` and in `exact` math, of both precisions, to be timed side by side."""
     pairs = []
     base = load_scene(SCENES["S1"]).replace({"method.integrator": EXACT_METHOD})
     for n in EXACT_SIZES[:-1] if quick else EXACT_SIZES:
         scene = base.replace({"grid.rows": n, "grid.columns": n})
-        pairs.append(
-            [
-                Timed(scene, described(scene, backend, EXACT, precision=precision, math=math), _sources(backend))
-                for precision in PRECISIONS
-                for math in ("fast", "exact")
-            ]
-        )
+        ways = [
+            described(scene, backend, EXACT, precision=precision, math=math)
+            for precision in PRECISIONS
+            for math in ("fast", "exact")
+        ]
+        pairs.append([Case(scene, backend, way, _sources(backend), EXACT) for way in ways])
     return pairs

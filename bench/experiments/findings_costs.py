@@ -15,7 +15,7 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, Summary, backends_here, cost_sources, described, measure_groups
+from bench.measure.experiment import Group, Items, cost_sources, described
 from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.store.database import Store
 from model.core import simulation as contract
@@ -32,29 +32,17 @@ LOOK_REPEATS = 15  # of a look by itself, of which the median counts
 NEVER = 2**62  # steps
 
 
-def run_costs(
-    store: Store,
-    *,
-    quick: bool = False,
-    backends: Sequence[str] | None = None,
-    progress: bool = True,
-    command: str = "softlab accuracy",
-) -> Summary:
-    """Measure what the store lacks of the costs.
-
-    `quick`: no grid wider than QUICK_MOST, fewer and shorter samples. `backends`: None: all that are here.
-    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
-    """
+def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
+    """All costs; `quick`: no grid wider than QUICK_MOST, fewer and shorter samples."""
     from bench.experiments.findings_determinism import determinism
     from bench.measure.vertex_timing import vertex_groups  # draws: not loaded before it is used
 
-    chosen = backends_here(backends)
-    effort = QUICK if quick else FULL
-    most = QUICK_MOST if quick else None
-    everything = [g for backend in chosen for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
-    if "gpu" in chosen:
-        everything += vertex_groups(effort, most)
-    return measure_groups(store, "costs", everything, progress, command)
+    effort, most = (QUICK, QUICK_MOST) if quick else (FULL, None)
+    found = [g for backend in backends for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
+    return found + (vertex_groups(effort, most) if "gpu" in backends else [])
+
+
+run_costs = Items("costs", groups, "softlab accuracy", "costs: ")
 
 
 # ---------------------------------------------------------------------- what looking for a diverged state costs

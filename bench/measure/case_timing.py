@@ -16,10 +16,11 @@ from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved,
 from bench.store.database import Store
 from bench.store.results import configuration
 from model.core.errors import Diverged, SceneError
-from model.core.simulation import PRECISIONS
+from model.core.simulation import PRECISIONS, Simulation
 from model.scene.scene import Scene
 
 SAMPLE_SECONDS, MAX_SAMPLE = 0.05, 3.0
+FINDINGS = "findings"  # stage of the samples behind findings
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,31 @@ class Case:
     def __str__(self) -> str:
         return f"{self.label}, {self.backend}"
 
+    @property
+    def precision(self) -> str:
+        return self.description["precision"]
+
+    @property
+    def math(self) -> str:
+        return self.description["math"]
+
+    def open(self) -> Simulation:
+        return open_simulation(self.scene, self.backend, precision=self.precision, math=self.math)
+
 
 def make_case(scene: Scene, backend: str, precision: str, label: str) -> Case:
     """One configuration, described as the store holds it."""
     description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
     return Case(scene, backend, description, source_hash(backend), label)
+
+
+def ready(stack: ExitStack, case: Case, seconds: float, most: float) -> Subject:
+    """The case, opened as long as the stack is, warmed up, its steps chosen for samples of `seconds` [s], at `most` [s].
+    Raises Diverged."""
+    subject = Subject(stack.enter_context(case.open()), case)
+    warm_up(subject)
+    choose_steps(subject, seconds, most)
+    return subject
 
 
 @dataclass
@@ -91,16 +112,10 @@ class Timing:
         with ExitStack() as stack:
             subjects = []
             for case in group:
-                precision = case.description["precision"]
-                simulation = stack.enter_context(open_simulation(case.scene, case.backend, precision=precision))
-                subject = Subject(simulation, case)
                 try:
-                    warm_up(subject)
-                    choose_steps(subject, SAMPLE_SECONDS, MAX_SAMPLE)
+                    subjects.append(ready(stack, case, SAMPLE_SECONDS, MAX_SAMPLE))
                 except Diverged as error:
                     summary.skipped.append(f"{case}: {error}")
-                    continue
-                subjects.append(subject)
             taken: dict[int, list[float]] = {}
             samples = interleaved(subjects, [self.repeats] * len(subjects), Neighbours())
             for subject, sample in stored_samples(store, summary.run, self.name, samples):
@@ -112,6 +127,36 @@ class Timing:
                     for name, value, unit, reason in found:
                         store.add_measure(summary.run, case.description, case.sources, name, value, unit, reason)
                     summary.measured += 1
+
+
+@dataclass(frozen=True)
+class StepTimes:
+    """Configurations of one scene behind a finding, sampled in turn (A B A B ...) from its start. `name`: what they are
+    called; `quick`: fewer and shorter samples."""
+
+    name: str
+    group: Sequence[Case]
+    quick: bool
+    worth: int = 10
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def repeats(self) -> int:
+        return 3 if self.quick else 5
+
+    def held(self, store: Store, machine: str) -> bool:
+        """Whether the store has all samples of the group."""
+        return all(store.sample_count(c.description, machine, c.sources, FINDINGS) >= self.repeats for c in self.group)
+
+    def run(self, store: Store, run: str) -> None:
+        """Sample the group into the store."""
+        with ExitStack() as stack:
+            subjects = [ready(stack, case, *((0.02, 0.5) if self.quick else (0.1, 3.0))) for case in self.group]
+            samples = interleaved(subjects, [self.repeats] * len(subjects), Neighbours())
+            for _ in stored_samples(store, run, FINDINGS, samples):
+                pass
 
 
 def check_precisions(precisions: Iterable[str]) -> None:

@@ -241,6 +241,34 @@ def measure_items(
 
 
 @dataclass(frozen=True)
+class Items:
+    """An experiment of single items. `of(store, backends, quick)`: all of them, or fewer, or measured in less time; `doing`:
+    what the bar says before each; `command`: that measures them."""
+
+    name: str
+    of: Callable[[Store, Sequence[str], bool], Sequence[Item]]
+    command: str
+    doing: str = ""
+
+    def __call__(
+        self,
+        store: Store,
+        *,
+        quick: bool = False,
+        backends: Sequence[str] | None = None,
+        progress: bool = True,
+        command: str = "",
+    ) -> Summary:
+        """Measure what the store lacks. `backends`: None: all that are here. Ctrl-C ends cleanly.
+
+        Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
+        """
+        here, summary = backends_here(backends), Summary.begun(store, self.name)
+        items = self.of(store, here, quick)
+        return measure_items(store, summary, items, progress, command or self.command, self.doing)
+
+
+@dataclass(frozen=True)
 class Experiment:
     """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
 

@@ -12,15 +12,15 @@ from typing import Any
 
 from bench.experiments import projections, throughput
 from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
+from bench.measure.case_timing import FINDINGS
 from bench.measure.energy import STAGE as ENERGY_STAGE
-from bench.measure.findings_timing import STAGE as FINDINGS_STAGE
 from bench.peers.results import ratios
 from bench.store.results import Store, Timing, canonical, machines, measures, open_readonly, timings
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: no time of a GPU at all
-STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS_STAGE)
+STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
 RATES = tuple((experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput))
 
 

@@ -13,7 +13,7 @@ import pytest
 from bench.experiments.accuracy import experiment as accuracy
 from bench.experiments.advise import ablate
 from bench.experiments.advise import search as advise_search
-from bench.measure import case_timing, costs_timing, experiment, findings_timing
+from bench.measure import case_timing, costs_timing, experiment
 from bench.measure import group as measure_group
 from bench.measure.timing import Sample
 from bench.peers import sweep as peer_sweep  # fmt: skip
@@ -85,7 +85,7 @@ def by_cases(store: Store, run: str, backend: str) -> None:
 
 
 def by_findings(store: Store, run: str, backend: str) -> None:
-    findings_timing.StepTimes("exact", [findings_timing.Timed(SCENE, described(backend), "s")], True).run(store, run)
+    case_timing.StepTimes("exact", [case_of(backend)], True).run(store, run)
 
 
 def by_costs(store: Store, run: str, backend: str) -> None:
@@ -95,14 +95,16 @@ def by_costs(store: Store, run: str, backend: str) -> None:
 
 
 WAYS = {
-    measure_group: by_group, peer_sweep: by_peers, accuracy: by_accuracy, advise_search: by_advice, ablate: by_ablation,
-    case_timing: by_cases, findings_timing: by_findings, costs_timing: by_costs,
+    by_group: measure_group, by_peers: peer_sweep, by_accuracy: accuracy, by_advice: advise_search, by_ablation: ablate,
+    by_cases: case_timing, by_findings: case_timing, by_costs: costs_timing,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("module", WAYS, ids=[module.__name__ for module in WAYS])
+@pytest.mark.parametrize("way", WAYS, ids=[way.__name__ for way in WAYS])
 @pytest.mark.parametrize("backend", ["cpu", "gpu"])
-def test_marks_reach_the_store(module: Any, backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_marks_reach_the_store(way: Any, backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = WAYS[way]
+
     def taken(subjects: Any, repeats: Any, _: Any = None, again: int = 0) -> Any:
         for subject in subjects:
             yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
@@ -110,12 +112,12 @@ def test_marks_reach_the_store(module: Any, backend: str, monkeypatch: pytest.Mo
     monkeypatch.setattr(module, "interleaved", taken)
     for asking in (experiment, costs_timing):
         monkeypatch.setattr(asking, "gpu_simulated", lambda: True)
-    monkeypatch.setattr(module, "warm_up", NOTHING, raising=False)
-    monkeypatch.setattr(module, "choose_steps", NOTHING, raising=False)
-    monkeypatch.setattr(module, "open_simulation", lambda *_, **__: case_of(backend).open(), raising=False)
+    for preparing in (module, case_timing):
+        monkeypatch.setattr(preparing, "warm_up", NOTHING, raising=False)
+        monkeypatch.setattr(preparing, "choose_steps", NOTHING, raising=False)
     with Store(":memory:") as store:
         store.add_machine("m", "Some CPU", {"cpu": "Some CPU", "cores": 2})
-        WAYS[module](store, store.start_run("m", "test"), backend)
+        way(store, store.start_run("m", "test"), backend)
         found = timings(store, stage=None)
         assert found
         for timing in found:

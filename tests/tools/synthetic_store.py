@@ -15,7 +15,7 @@ from bench.experiments.accuracy.points import COPY, GROWTH
 from bench.experiments.stability.experiment import analytic, chain
 from bench.experiments.stability.points import EDGE, LIMIT, OUTCOME, STEP
 from bench.experiments.stability.runs import linear
-from bench.measure.findings_timing import STAGE as FINDINGS_STAGE
+from bench.measure.case_timing import FINDINGS
 from bench.peers.registry import OURS, PEERS
 from bench.store.database import Store
 from bench.store.results import configuration
@@ -226,7 +226,7 @@ class Maker:
                     description = findings.described(scene, backend, findings.EXACT, math=math)
                     for factor in (1, 1 + self.wobble, 1 - self.wobble):
                         self.store.add_sample(
-                            self.run, description, "sources", 1000 * factor * seconds, 1000, stage=FINDINGS_STAGE
+                            self.run, description, "sources", 1000 * factor * seconds, 1000, stage=FINDINGS
                         )
 
     def hard_bodies(self, failing: str = "") -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.accuracy.methods import OF_CLOTHS, QUICK_FLOAT32, WRONG, XPBD, changes, fits, position_based
 from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, end_of
+from bench.measure import case_timing
 from bench.measure.experiment import host_of, source_hash
 from bench.reference import cache
 from bench.store.results import configuration
@@ -32,17 +32,8 @@ QUICK_XPBD, QUICK_ITERATIONS = XPBD[:1], ITERATIONS[:2]
 WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")  # of exact math and other sizes: what holds at these steps
 
 
-@dataclass(frozen=True)
-class Case:
-    """One configuration to judge, and the description and source hash by which the store knows it."""
-
-    label: str
-    scene: Scene
-    backend: str
-    precision: str
-    math: str
-    description: dict[str, Any]
-    sources: str
+class Case(case_timing.Case):
+    """One configuration to judge; `label`: of its scene."""
 
     @property
     def steps(self) -> int:
@@ -117,7 +108,7 @@ def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[s
 def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
     """One configuration, described as the store holds it."""
     description = configuration(scene, backend=backend, precision=precision, math=math, **host_of(backend))
-    return Case(label, scene, backend, precision, math, description, judged_sources(backend))
+    return Case(scene, backend, description, judged_sources(backend), label)
 
 
 def judged_sources(backend: str) -> str:

@@ -16,9 +16,10 @@ from bench.experiments.accuracy.judgement import ERROR, judge
 from bench.experiments.accuracy.methods import changes, order_of, sweeps
 from bench.experiments.accuracy.points import COPY, method_words
 from bench.experiments.advise.advice import Choice
+from bench.measure.case_timing import ready
 from bench.measure.experiment import keep, stored_samples
 from bench.measure.growth import Growth
-from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.measure.timing import Neighbours, interleaved
 from bench.reference.cache import Converged
 from bench.reference.mass_spring import start
 from bench.store.database import Store, configuration_hash
@@ -272,14 +273,10 @@ class Search:
         """Time the cases in turn (A B A B ...)."""
         run = self.task.run
         with ExitStack() as stack:
-            subjects = []
-            for case in cases:
-                subject = Subject(stack.enter_context(case.open()), case)
-                warm_up(subject)
-                choose_steps(subject, SAMPLE_SECONDS, MAX_SAMPLE)
+            subjects = [ready(stack, case, SAMPLE_SECONDS, MAX_SAMPLE) for case in cases]
+            for case, subject in zip(cases, subjects, strict=True):
                 kernel = subject.simulation.kernel
                 self.store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
-                subjects.append(subject)
             samples = interleaved(subjects, [REPEATS] * len(subjects), Neighbours())
             for _ in stored_samples(self.store, run, STAGE, samples):
                 pass
