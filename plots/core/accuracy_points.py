@@ -4,25 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from bench.experiments.accuracy.methods import efforts, name_of
-from bench.experiments.accuracy.points import (
-    CLOTHS,
-    COPY,
-    COST,
-    ERROR,
-    GROWTH,
-    HALF,
-    REFUSED,
-    SCENES,
-    SOLVER,
-    UNRESOLVED,
-    end_of,
-    method_words,
-)
+from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
+from bench.experiments.accuracy.points import CLOTHS, COPY, COST, SCENES, AccuracyPoint, method_words, point
 from bench.store.results import Measure
 from model.scene.scene import load_scene
 from plots.core.data import Source
@@ -32,36 +18,9 @@ CLOTH_SCENES = {label: load_scene(name).as_dict() for label, name in CLOTHS.item
 SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have it in their label
 
 
-@dataclass(frozen=True)
-class Point:
-    """One accuracy run. `scene`: S1 to S6, S6-still, or S1-16 at 16 x 16 masses; `integrator`: the method's name; `error` in
-    spacings against Newton's law, infinite when it diverged or was `refused` (chaotic by then); `half`: against the
-    half-acceleration equation, where that was asked; `seconds`: wall seconds a simulated second, None if untimed; `copied`:
-    with the state's copy to the host; `low`, `high`: the least and greatest of its repeats, where they are known; `growth`:
-    of a disturbance up to then. Of position-based methods alone: `iterations` of a substep, and `solver`, the error to the
-    same scheme with its iterations converged."""
-
-    scene: str
-    integrator: str
-    dt: float
-    precision: str
-    backend: str
-    error: float
-    half: float | None
-    seconds: float | None
-    low: float | None
-    high: float | None
-    resolved: bool
-    math: str = "fast"
-    copied: float | None = None
-    growth: float | None = None
-    refused: bool = False
-    iterations: int | None = None
-    solver: float | None = None
-
-    @property
-    def diverged(self) -> bool:
-        return not math.isfinite(self.error) and not self.refused
+class Point(AccuracyPoint):
+    """One accuracy run, as figures and sentences call it; timed where its times are of the version of the code that is told
+    of, then with `low` and `high`."""
 
     @property
     def name(self) -> str:
@@ -82,45 +41,24 @@ def _points(source: Source) -> list[Point]:
     for measure in source.measures:
         if measure.name in (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER):
             gathered.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [point for named in gathered.values() if ERROR in named and (point := _point(source, named))]
+    found = [entry for named in gathered.values() if ERROR in named and (entry := _point(source, named))]
     return sorted(found, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
 
 
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:
-    error = named[ERROR]
-    description = error.description
+    description = named[ERROR].description
     tables: dict[str, Any] = description["scene"]
     kinds = {table.get("kind", name): table for name, table in tables.items() if isinstance(table, dict)}
     label = _label(tables, kinds) if "end" not in description else None  # `softlab advise` judges at times of its own
-    if error.value is None or label is None:
+    found = point(label, description, named) if label else None
+    if found is None:
         return None
-    wanted = (HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER)
-    half, cost, unresolved, copy, growth, solver = (named.get(name) for name in wanted)
-    repeats = source.costs.get(error.configuration)
+    repeats = source.costs.get(named[ERROR].configuration)
     if repeats is None:  # timed with another version of the code, or not at all
-        cost = copy = None
-    dt = kinds["method"]["dt"]
-    return Point(
-        scene=label,
-        integrator=name_of(kinds["method"]),
-        dt=dt,
-        precision=description["precision"],
-        backend=description["backend"],
-        error=error.value,
-        half=half.value if half else None,
-        seconds=cost.value if cost else None,
-        low=repeats.low / dt if repeats else None,
-        high=repeats.high / dt if repeats else None,
-        resolved=not (unresolved and unresolved.value),
-        math=description["math"],
-        copied=cost.value + copy.value / end_of(label)
-        if cost and copy and cost.value and copy.value is not None
-        else None,
-        growth=growth.value if growth else None,
-        refused=(error.reason or "").startswith(REFUSED),
-        iterations=efforts(kinds["method"])[0],
-        solver=solver.value if solver else None,
-    )
+        times: dict[str, float | None] = {"seconds": None, "copy_seconds": None}
+    else:
+        times = {"low": repeats.low / found.dt, "high": repeats.high / found.dt}
+    return Point(**vars(found) | times)
 
 
 def _label(tables: dict[str, Any], kinds: dict[str, Any]) -> str | None:

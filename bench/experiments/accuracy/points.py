@@ -69,8 +69,9 @@ class AccuracyPoint:
     `error`, `largest`: root mean square and maximum over the free masses, in spacings, against Newton's law, infinite when
     it diverged or was refused; `half`: against half the acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to
     then; `energy` [J]; `strain`: the worst; how far they, the centre of mass [spacings] and the momentum [kg m/s] are off
-    the reference's; `seconds`: wall time per simulated second, None if not timed; `copy_seconds` [s]: of the state to the
-    host, once a run; `resolved`: the reference is good enough to tell; `note`: how, or why not.
+    the reference's; `seconds`: wall time per simulated second, None if not timed; `low`, `high`: the least and greatest of
+    its repeats, where they are looked up; `copy_seconds` [s]: of the state to the host, once a run; `resolved`: the
+    reference is good enough to tell; `note`: how, or why not.
 
     Of position-based methods alone: `iterations`, `substeps`; `solver` [spacings]: the error to the same scheme with its
     iterations converged; residuals of one substep more, `constraint` [m] and `balance` [kg m]
@@ -81,22 +82,24 @@ class AccuracyPoint:
     dt: float
     precision: str
     backend: str
-    threads: int | None
-    math: str
     error: float
-    largest: float | None
     half: float | None
-    growth: float | None
-    energy: float | None
-    energy_off: float | None
-    strain: float | None
-    strain_off: float | None
-    mean_off: float | None
-    momentum_off: float | None
     seconds: float | None
-    copy_seconds: float | None
+    low: float | None
+    high: float | None
     resolved: bool
-    note: str | None
+    math: str = "fast"
+    threads: int | None = None
+    largest: float | None = None
+    growth: float | None = None
+    energy: float | None = None
+    energy_off: float | None = None
+    strain: float | None = None
+    strain_off: float | None = None
+    mean_off: float | None = None
+    momentum_off: float | None = None
+    copy_seconds: float | None = None
+    note: str | None = None
     iterations: int | None = None
     substeps: int | None = None
     solver: float | None = None
@@ -250,6 +253,8 @@ def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) 
         mean_off=values.get(MEAN_OFF),
         momentum_off=values.get(MOMENTUM_OFF),
         seconds=values.get(COST),
+        low=None,
+        high=None,
         copy_seconds=values.get(COPY),
         resolved=not values.get(UNRESOLVED),
         note=named[ERROR].reason,
