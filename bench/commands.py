@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +26,17 @@ def _precisions(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
     from model.core.simulation import PRECISIONS, Options
 
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
+
+
+def _measure(path: Path, run: Callable[..., Any], show: Callable[..., None] | None = None, **how: Any) -> None:
+    """Run an experiment into the store, then tell what the store says of this machine (`show`) and what was measured."""
+    from bench.store.database import Store
+
+    with Store(path) as store:
+        summary = run(store, command=typed(), **how)
+        if show is not None:
+            show(out, store, summary.machine)
+        _tell(summary)
 
 
 def _tell(summary: Any) -> None:
@@ -142,14 +154,8 @@ def stability(
 ) -> None:
     """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
     from bench.experiments.stability.experiment import run_stability
-    from bench.store.database import Store
 
-    with Store(store) as opened:
-        summary = run_stability(
-            opened, quick=quick, integrators=integrator, backends=backend,
-            command=typed(),
-        )  # fmt: skip
-        _tell(summary)
+    _measure(store, run_stability, quick=quick, integrators=integrator, backends=backend)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
@@ -204,14 +210,9 @@ def projections(
 ) -> None:
     """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
     from bench.experiments.projections import run_projections
-    from bench.store.database import Store
 
-    with Store(store) as opened:
-        summary = run_projections(
-            opened, quick=quick, backends=backend, sizes=size, precisions=_precisions(precision, "float32"),
-            command=typed(),
-        )  # fmt: skip
-        _tell(summary)
+    chosen = _precisions(precision, "float32")
+    _measure(store, run_projections, quick=quick, backends=backend, sizes=size, precisions=chosen)
 
 
 @measuring.command(
@@ -231,15 +232,9 @@ def throughput(
 ) -> None:
     """Time bodies: how many particles a second, soft, rigid, in a heap that collides, the grid and a cube as jelly."""
     from bench.experiments.throughput import print_throughput, run_throughput
-    from bench.store.database import Store
 
-    with Store(store) as opened:
-        summary = run_throughput(
-            opened, quick=quick, backends=backend, kinds=kind, precisions=_precisions(precision, "float32"),
-            command=typed(),
-        )  # fmt: skip
-        print_throughput(out, opened, summary.machine)
-        _tell(summary)
+    chosen = _precisions(precision, "float32")
+    _measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab busy --quick   (softlab busy --scene soft-pile)")
@@ -250,12 +245,8 @@ def busy(
 ) -> None:
     """Time CPU threads beside another program: on one thread and on one a core, alone, beside a niced and a busy one."""
     from bench.experiments.busy import print_busy, run_busy
-    from bench.store.database import Store
 
-    with Store(store) as opened:
-        summary = run_busy(opened, quick=quick, scenes=scene or (), command=typed())
-        print_busy(out, opened, summary.machine)
-        _tell(summary)
+    _measure(store, run_busy, print_busy, quick=quick, scenes=scene or ())
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
@@ -272,12 +263,11 @@ def bar(
 ) -> None:
     """Three solvers, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
     from bench.experiments.bar import run_bar
-    from bench.store.database import Store
 
-    with Store(store) as opened:
-        summary = run_bar(opened, quick=quick, backends=backend, command=typed())
+    def drawn(*_: Any) -> None:
         out.print("softlab figures draws it, softlab labbook tells of it")
-        _tell(summary)
+
+    _measure(store, run_bar, drawn, quick=quick, backends=backend)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
