@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.experiment import END, RESOLVED, STEP_SIZES
+from bench.experiments.accuracy.cases import STEP_SIZES
+from bench.experiments.accuracy.judgement import RESOLVED
+from bench.experiments.accuracy.points import END
 from bench.experiments.checks import AMPLITUDE, CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS, OWN_SIZE_STEPS
 from bench.experiments.stability.experiment import LINKS
 from bench.experiments.stability.experiment import ROWS as STABILITY_ROWS

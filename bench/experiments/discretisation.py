@@ -8,9 +8,6 @@ exact value follows from the edges alone (see `exact_ratio`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 
 from app.driver import open_simulation
@@ -104,16 +101,3 @@ def experiments(backend: str) -> list[Experiment]:
         description = described(scene, backend, FINDING, precision="float64", diagonals=diagonals)
         found.append(Experiment(BIAS, description, f"{source_hash(backend)}-discretisation-1", measure))
     return found
-
-
-def pictures(folder: Path, backend: str = "cpu", tell: Callable[[str], None] = print) -> list[Path]:
-    """Both sheets at rest, as springs coloured by strain: sheet-one.png, sheet-alternating.png in `folder`."""
-    from app.output.offscreen import render_frame
-
-    written = []
-    for diagonals in WAYS:
-        state, scene = at_rest(diagonals, backend), sheet(diagonals)
-        path = render_frame(scene, state.position, folder / f"{scene.name}.png", lines=True)
-        tell(f"{scene.title}: {bias(state.position):.3g} spacings from its mirror image")
-        written.append(path)
-    return written

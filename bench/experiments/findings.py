@@ -16,7 +16,8 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments import discretisation
-from bench.experiments.accuracy.experiment import STEP_SIZES, references
+from bench.experiments.accuracy.cases import STEP_SIZES
+from bench.experiments.accuracy.experiment import references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.points import END, SCENES
 from bench.measure.case_timing import Case, StepTimes

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.advise.ablation_results import NEEDED, NOT_NEEDED
-from labbook.claims.claim import Claim
+from labbook.claims.claim import Claim, Claims
 from labbook.words import count
 from plots.core.data import Results
 from plots.figures.ablation import told_tables
@@ -35,4 +33,4 @@ def idle(results: Results) -> Claim:
     return Claim(text, {"rows": float(len(rows)), "spare": float(spare)}, True)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {"ablation-needs": needs, "ablation-idle": idle}
+CLAIMS: Claims = {"ablation-needs": needs, "ablation-idle": idle}

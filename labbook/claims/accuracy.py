@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.accuracy.equal_error import TARGETS
 from bench.experiments.accuracy.equal_error import equal_error as ways_to
 from bench.experiments.accuracy.points import SIZES
 from labbook import words
-from labbook.claims.claim import Claim, named, on_gpu
+from labbook.claims.claim import Claim, Claims, named, on_gpu
 from labbook.claims.comparison import NOT_COMPARED
 from labbook.words import number, seconds
 from model.core.integrators import INTEGRATORS
@@ -228,7 +226,7 @@ def _times_as_fast(ratio: float) -> str:
     return f"the {one} is {words.times(factor)} as fast as the {other}"
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "lab-newton": lab_newton,
     "lab-half": lab_half,
     "orders": orders,

@@ -3,8 +3,6 @@ labbook/claims/claim.py for the rules."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
 from bench.experiments.bar_body import CLUSTERS, REACH
 from bench.experiments.bar_strip import (
@@ -25,7 +23,7 @@ from bench.experiments.bar_strip import (
 )
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
 from labbook import words
-from labbook.claims.claim import Claim
+from labbook.claims.claim import Claim, Claims
 from labbook.words import number, percent, seconds
 from plots.core.bar_points import JELLY, Bar, bars, first_backend, series
 from plots.core.data import Results
@@ -304,7 +302,7 @@ def backends(results: Results) -> Claim:
     return Claim(text, {"off": off, "configurations": float(len(both))}, same)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "bar-springs": springs,
     "bar-iterations": iterations,
     "bar-windows": windows,

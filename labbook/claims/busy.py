@@ -3,11 +3,9 @@ rules."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.busy import ALONE, LIMIT, NICED, SAME, BusyPoint, points
 from labbook import words
-from labbook.claims.claim import Claim
+from labbook.claims.claim import Claim, Claims
 from plots.core.data import Results
 
 NAMES = {
@@ -41,4 +39,4 @@ def busy(results: Results) -> Claim:
     return Claim(text, numbers, supported)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {"busy": busy}
+CLAIMS: Claims = {"busy": busy}

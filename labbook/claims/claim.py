@@ -31,6 +31,9 @@ class Claim:
     supported: bool = False
 
 
+Claims = dict[str, Callable[[Results], Claim]]  # of a module, by name
+
+
 def cpu_source(results: Results) -> Source | None:
     """The machine whose CPU times the text quotes: the first featured one that has any, of forced kernels at least."""
     for held in ("timings", "kernels"):
@@ -160,7 +163,8 @@ def region_cost(results: Results) -> Claim:
 # ---------------------------------------------------------------------- one backend
 
 
-def _bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
+def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
+    """What share of the copy bandwidth a backend reaches at its largest grid."""
     name = "GPU" if backend == "gpu" else "CPU"
     found, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
     largest = [t for (t,) in found][-1:]
@@ -182,17 +186,8 @@ def _bandwidth_reached(source: Source | None, backend: str, word: str | None) ->
     return Claim(text, {"share": share, "masses": largest[0].particles}, True)
 
 
-def cpu_bandwidth(results: Results) -> Claim:
-    """What share of the copy bandwidth the CPU reaches at its largest grid."""
-    return _bandwidth_reached(cpu_source(results), "cpu", "1x")
-
-
-def gpu_bandwidth(results: Results) -> Claim:
-    """What share of the copy bandwidth the GPU reaches at its largest grid."""
-    return _bandwidth_reached(results.with_gpu(), "gpu", None)
-
-
-def _float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
+def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
+    """float64 against float32 on a backend's largest grid."""
     name = "GPU" if backend == "gpu" else "CPU"
     both, suspect = trusted(float64_pairs(source, backend, word)) if source else ([], "")
     if source is None or not both:
@@ -205,16 +200,6 @@ def _float64_cost(source: Source | None, backend: str, word: str | None) -> Clai
         return Claim(text, {"ratio": ratio}, False)
     text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32{suspect}."
     return Claim(text, {"ratio": ratio, "masses": single.particles}, True)
-
-
-def cpu_float64(results: Results) -> Claim:
-    """float64 against float32 on the CPU's largest grid."""
-    return _float64_cost(cpu_source(results), "cpu", "1x")
-
-
-def gpu_float64(results: Results) -> Claim:
-    """float64 against float32 on the GPU's largest grid."""
-    return _float64_cost(results.with_gpu(), "gpu", None)
 
 
 def _trusted_curve(source: Source | None) -> list[Timing]:
@@ -269,15 +254,15 @@ def launch_cost(results: Results) -> Claim:
     return Claim(f"{on_gpu(source)}, even an empty launch costs {seconds(cost, 2)}.", {"seconds": cost}, True)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "threads-small": lambda results: threads_at(results, 0),
     "threads-large": lambda results: threads_at(results, -1),
     "threads-best": threads_best,
     "region-cost": region_cost,
-    "cpu-bandwidth": cpu_bandwidth,
-    "gpu-bandwidth": gpu_bandwidth,
-    "cpu-float64": cpu_float64,
-    "gpu-float64": gpu_float64,
+    "cpu-bandwidth": lambda results: bandwidth_reached(cpu_source(results), "cpu", "1x"),
+    "gpu-bandwidth": lambda results: bandwidth_reached(results.with_gpu(), "gpu", None),
+    "cpu-float64": lambda results: float64_cost(cpu_source(results), "cpu", "1x"),
+    "gpu-float64": lambda results: float64_cost(results.with_gpu(), "gpu", None),
     "gpu-flat": gpu_flat,
     "gpu-growth": gpu_growth,
     "launch-cost": launch_cost,

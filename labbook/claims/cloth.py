@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.discretisation import BIAS, FINDING, RATIO, WAYS, exact_ratio
 from bench.experiments.projections import ProjectionPoint, beside_published
 from labbook import words
-from labbook.claims.claim import Claim, where
+from labbook.claims.claim import Claim, Claims, where
 from plots.core.data import Results
 from plots.figures.projections import panels
 
@@ -107,7 +105,7 @@ def discretisation(results: Results) -> Claim:
     return Claim("What the way of cutting a sheet into triangles does was not measured.")
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "projection-rates": rates,
     "projection-orderings": per_projection,
     "projection-published": published,

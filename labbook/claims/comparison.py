@@ -5,10 +5,8 @@ See labbook/claims/claim.py for the rules.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, cpu_source, named, on, on_gpu, trusted
+from labbook.claims.claim import SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted
 from labbook.words import masses, percent, times
 from plots.core.apart import apart
 from plots.core.data import Results, Source, is_suspect, is_wrong
@@ -149,7 +147,7 @@ def trust(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "overtakes": overtakes,
     "drawing": drawing,
     "overtakes-drawing": overtakes_drawing,

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.accuracy.methods import XPBD
 from bench.experiments.accuracy.points import method_words
 from bench.experiments.convergence import colours
 from labbook import words
-from labbook.claims.claim import Claim, named
+from labbook.claims.claim import Claim, Claims, named
 from labbook.words import number, seconds
 from plots.core.accuracy_points import Point, observed_order, points, reaching
 from plots.core.data import Results
@@ -169,7 +167,7 @@ def orderings(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "xpbd-iterations": iterations_or_substeps,
     "xpbd-wrong": wrong_ordering,
     "xpbd-integrators": against_integrators,

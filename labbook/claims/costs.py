@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.findings_costs import LOOKS
 from bench.experiments.findings_determinism import DETERMINISM, RUNS
 from labbook import words
-from labbook.claims.claim import Claim, on_gpu
+from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import percent
 from plots.core.costs_points import Cost, costs, look_costs, source_of
 from plots.core.data import Results, Source
@@ -106,4 +104,4 @@ def _coloured(ways: dict[str, Cost], numbers: dict[str, float]) -> str:
     return f"; in four colours, which repeats, it {_compared(ways['colours'])}"
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {"looks-cost": looks_cost, "determinism-cost": determinism_cost}
+CLAIMS: Claims = {"looks-cost": looks_cost, "determinism-cost": determinism_cost}

@@ -4,12 +4,12 @@ rules."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR
 from labbook import words
 from labbook.claims.accuracy import NEAR, SCENE, found_points
-from labbook.claims.claim import Claim, on_gpu
+from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import number, percent, seconds
 from model.core.integrators import INTEGRATORS
 from plots.core.accuracy_points import observed_order
@@ -167,7 +167,7 @@ def growth(results: Results) -> Claim:
     return Claim(f"{text}; errors are to be read with that in mind.", {"growth": known[0]}, False)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "verlet-damping": verlet_damping,
     "cloth-limit": cloth_limit,
     "float32-least": floor,

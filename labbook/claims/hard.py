@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from bench.stress.laws import SLOW_DOWN
 from bench.stress.results import CODES, HardRow, disagreements, rounding_differences
 from labbook import words
-from labbook.claims.claim import Claim
+from labbook.claims.claim import Claim, Claims
 from labbook.words import count, number
 from plots.core.data import Results
 from plots.figures.hard import hard_rows
@@ -24,11 +23,6 @@ def found_rows(results: Results) -> list[HardRow]:
 
 def told(row: HardRow, name: str) -> float | None:
     return next((check.value for check in row.checks if check.name == name), None)
-
-
-def verdicts(results: Results) -> Claim:
-    """How many runs came to which verdict."""
-    return count_verdicts(found_rows(results))
 
 
 def count_verdicts(rows: Sequence[HardRow]) -> Claim:
@@ -48,11 +42,6 @@ def count_verdicts(rows: Sequence[HardRow]) -> Claim:
     else:
         text += "none failed otherwise."
     return Claim(text, {**{k: float(v) for k, v in counts.items()}, "runs": float(len(rows))}, not counts["fail"])
-
-
-def backends(results: Results) -> Claim:
-    """Whether both backends come to the same verdicts."""
-    return compare_backends(found_rows(results))
 
 
 def compare_backends(rows: Sequence[HardRow]) -> Claim:
@@ -147,14 +136,9 @@ def denormal(results: Results) -> Claim:
     return Claim(text, ratios, True)
 
 
-def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> dict[str, Any]:
-    """A table of words as the template prints it."""
-    return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": len(head)}
-
-
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
-    "hard-verdicts": verdicts,
-    "hard-backends": backends,
+CLAIMS: Claims = {
+    "hard-verdicts": lambda results: count_verdicts(found_rows(results)),
+    "hard-backends": lambda results: compare_backends(found_rows(results)),
     "hard-known": known,
     "hard-far": far,
     "hard-collapsed": collapsed,

@@ -3,14 +3,12 @@ rules."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.body_laws import SECONDS, SPIN
 from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
 from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
 from bench.stress.results import HardRow
 from labbook import words
-from labbook.claims.claim import Claim
+from labbook.claims.claim import Claim, Claims
 from labbook.claims.hard import compare_backends, count_verdicts, told
 from labbook.words import count, number, percent, seconds
 from plots.core.data import Results
@@ -27,11 +25,6 @@ def verdicts(results: Results) -> Claim:
     """How many runs came to which verdict."""
     rows = _rows(results)
     return count_verdicts(rows) if rows else Claim("The hard cases of bodies were not run.")
-
-
-def backends(results: Results) -> Claim:
-    """Whether both backends come to the same verdicts."""
-    return compare_backends(_rows(results))
 
 
 def _one(rows: list[HardRow], case: str, precision: str = "float64") -> HardRow | None:
@@ -123,9 +116,9 @@ def load(results: Results) -> Claim:
     )  # fmt: skip
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "hard-bodies": verdicts,
-    "hard-body-backends": backends,
+    "hard-body-backends": lambda results: compare_backends(_rows(results)),
     "hard-body-spin": spin,
     "hard-body-shapes": shapes,
     "hard-body-apart": apart,

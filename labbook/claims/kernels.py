@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from bench.measure.starts import COLD, WARM
 from labbook import words
-from labbook.claims.claim import Claim, on, sound, trusted
+from labbook.claims.claim import Claim, Claims, on, sound, trusted
 from labbook.words import masses, number, percent, seconds, times
 from plots.core.apart import apart
 from plots.core.bandwidth import from_memory
@@ -219,7 +219,7 @@ def _rung_claim(kernel: str) -> Callable[[Results], Claim]:
     return lambda results: rung(results, kernel)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     **{f"rung-{kernel}": _rung_claim(kernel) for kernel in BELOW},
     "choice-cpu": lambda results: choice(results, "cpu"),
     "choice-gpu": lambda results: choice(results, "gpu"),

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import isfinite
 
 from bench.experiments.stability.points import Edge, MapPoint, disagreements
 from labbook import words
-from labbook.claims.claim import Claim
+from labbook.claims.claim import Claim, Claims
 from labbook.words import percent, seconds, times
 from plots.core.data import Results
 from plots.figures.stability import stability_runs
@@ -99,16 +98,6 @@ def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Clai
     return Claim(f"Between {many}, none of {shared} points differs on what diverged.", numbers, True)
 
 
-def backends(results: Results) -> Claim:
-    """CPU against GPU."""
-    return agreement(results, "backend", ("on one backend", "backends"))
-
-
-def precisions(results: Results) -> Claim:
-    """float32 against float64."""
-    return agreement(results, "precision", ("in one precision", "precisions"))
-
-
 def trap(results: Results) -> Claim:
     """The measured price of the plausible repair: taylor's edge against semi-implicit Euler's, damped."""
     chain = [e for e in found(results)[1] if e.place.chain and e.place.damping > 0]
@@ -137,12 +126,12 @@ def first_loss(results: Results) -> Claim:
     return Claim(text, {"median": middle, "last": steps[-1]}, True)
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "stability-edges": edges,
     "stability-under": under,
     "stability-over": over,
-    "stability-backends": backends,
-    "stability-precisions": precisions,
+    "stability-backends": lambda results: agreement(results, "backend", ("on one backend", "backends")),
+    "stability-precisions": lambda results: agreement(results, "precision", ("in one precision", "precisions")),
     "stability-trap": trap,
     "stability-first-loss": first_loss,
 }

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from bench.experiments.throughput import ThroughputPoint
 from labbook import words
-from labbook.claims.claim import Claim, where
+from labbook.claims.claim import Claim, Claims, where
 from plots.core.data import Results
 from plots.figures.throughput import panels
 
@@ -118,7 +116,7 @@ def cubes(results: Results) -> Claim:
     )  # fmt: skip
 
 
-CLAIMS: dict[str, Callable[[Results], Claim]] = {
+CLAIMS: Claims = {
     "throughput-heaps": heaps,
     "throughput-clusters": clusters,
     "throughput-contacts": contacts,

@@ -7,7 +7,7 @@ belongs to no curve. matplotlib is imported where it is used, with its object in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -104,21 +104,27 @@ def settings() -> Iterator[None]:
 
 
 def new_figure(columns: int = 1, height: float = HEIGHT, share_y: bool = True) -> tuple[Any, list[Any]]:
-    """A figure with its axes, on the Agg canvas."""
+    """A figure with its axes."""
     figure, (axes,) = new_grid(1, columns, height, share_y)
     return figure, axes
 
 
 def new_grid(rows: int, columns: int, height: float, share_y: bool = True) -> tuple[Any, list[list[Any]]]:
     """A figure with rows of axes; each row may share its y."""
+    figure = new_sheet(height)
+    return figure, [
+        list(row) for row in figure.subplots(rows, columns, sharey="row" if share_y else False, squeeze=False)
+    ]
+
+
+def new_sheet(height: float) -> Any:
+    """An empty figure of so many inches, on the Agg canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
-    return figure, [
-        list(row) for row in figure.subplots(rows, columns, sharey="row" if share_y else False, squeeze=False)
-    ]
+    return figure
 
 
 def panels(
@@ -195,17 +201,20 @@ def time_ticks(axis: Any) -> None:
     axis.set_major_formatter(EngFormatter(unit="s"))
 
 
-def legend_below(figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4) -> None:
-    """One legend under the panels, every label once, with what hollow marks and crosses mean where they occur."""
+def legend_below(
+    figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4, marks: Iterable[str] = ()
+) -> None:
+    """One legend under the panels, every label once, with what hollow marks and crosses mean where they occur: in `times`, or
+    as `marks`, "suspect" and "wrong answer", say."""
     from matplotlib.lines import Line2D
 
     handles: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    if any(is_suspect(timing) and not is_wrong(timing) for timing in times):
+    if "suspect" in marks or any(is_suspect(timing) and not is_wrong(timing) for timing in times):
         handles["suspect"] = Line2D([], [], color=GREY, marker="o", markerfacecolor="white", linestyle="")
-    if any(is_wrong(timing) for timing in times):
+    if "wrong answer" in marks or any(is_wrong(timing) for timing in times):
         handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
     if handles:
         longest = max(map(len, handles))

@@ -6,7 +6,7 @@ from typing import Any
 
 from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, Ablated, AblationRow, tables_of
 from plots.core.data import Results, Source
-from plots.core.style import BLUE, GREEN, GREY, SKY, VERMILLION, WIDTH, Drawing
+from plots.core.style import BLUE, GREEN, GREY, SKY, VERMILLION, Drawing, new_sheet
 
 TITLE = "What the scenes need"
 MOST = 4  # panels: scenes and backends, those measured last
@@ -33,7 +33,9 @@ def draw(results: Results) -> Drawing | str:
     source, tables = told_tables(results)
     if source is None:
         return "no scene was taken apart (softlab ablate)"
-    figure, axes = _figure(tables)
+    lines = [len(table.rows) + 2 for table in tables]
+    figure = new_sheet(LINE * sum(lines) + 0.9)
+    axes = figure.subplots(len(tables), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": lines})[:, 0]
     low = min(max(LEAST, row.change) for table in tables for row in table.rows) / 3
     high = max(row.change for table in tables for row in (*table.rows, table.full) if not row.broke)
     high = 10 * max(high, *(table.floor for table in tables))
@@ -47,17 +49,6 @@ def draw(results: Results) -> Drawing | str:
         "many times as fast the run becomes, timed side by side with the full scene; diverged runs stand at the edge."
     )
     return Drawing(figure, TITLE, caption, (source,))
-
-
-def _figure(tables: list[Ablated]) -> tuple[Any, list[Any]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    lines = [len(table.rows) + 2 for table in tables]
-    figure = Figure(figsize=(WIDTH, LINE * sum(lines) + 0.9), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(len(tables), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": lines})
-    return figure, list(axes[:, 0])
 
 
 def _panel(ax: Any, table: Ablated, low: float, high: float) -> None:

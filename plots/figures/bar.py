@@ -20,6 +20,7 @@ from plots.core.style import (
     Drawing,
     legend_below,
     new_figure,
+    new_sheet,
     plain_ticks,
 )
 
@@ -43,8 +44,7 @@ def draw(results: Results) -> Drawing | str:
     if not any(bar.solver in SOLVERS for bar in found):
         return MISSING
     found = first_backend(found)
-    figure, _ = new_figure(1, 5.2)
-    figure.clear()
+    figure = new_sheet(5.2)
     axes = figure.subplots(2, 2, sharex="col")
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():

@@ -10,7 +10,7 @@ import numpy as np
 from app.render.camera3d import Camera3D
 from bench.stress.results import BODIES, HardRow, rows_of, table_of
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, WIDTH, Drawing
+from plots.core.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Drawing, new_sheet
 
 STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"
@@ -58,7 +58,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
     if not rows:
         return "the hard cases were not run"
     names, lines = table_of(rows)
-    figure = new_sheet(LINE * (len(lines) + 3))
+    figure = new_sheet(max(PANEL, LINE * (len(lines) + 3)))
     ax = figure.subplots()
     ax.set_axis_off()
     ax.set_xlim(-0.02, len(names))
@@ -79,16 +79,6 @@ def draw_verdicts(results: Results) -> Drawing | str:
         "was done. Fails: implied by the method, with what it costs in the text. A failure in capitals is a bug of this lab."
     )
     return Drawing(figure, VERDICTS_TITLE, caption, sources)
-
-
-def new_sheet(height: float) -> Any:
-    """An empty figure of so many inches."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, max(height, PANEL)), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _shown(rows: Sequence[HardRow]) -> list[HardRow]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from bench.stress.results import BODIES, HardRow, Told, rows_of
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLACK, BLUE, ORANGE, SKY, VERMILLION, Drawing, legend_below
-from plots.figures.hard import new_sheet
+from plots.core.style import BLACK, BLUE, ORANGE, SKY, VERMILLION, Drawing, legend_below, new_sheet
+from plots.figures.hard import PANEL
 
 TITLE = "Bodies against their bounds"
 MISSING = "the hard cases of bodies were not run"
@@ -52,7 +52,7 @@ def draw(results: Results) -> Drawing | str:
         return MISSING
     names = list(dict.fromkeys(row.case for row, _ in judged))
     titles = {row.case: row.title for row, _ in judged}
-    figure = new_sheet(ROW * (len(names) + 6))
+    figure = new_sheet(max(PANEL, ROW * (len(names) + 6)))
     ax = figure.subplots()
     for (backend, precision), (colour, marker) in LOOKS.items():
         mine = [

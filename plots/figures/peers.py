@@ -18,6 +18,7 @@ from plots.core.style import (
     VERMILLION,
     Curve,
     Drawing,
+    legend_below,
     log_axes,
     new_figure,
     plain_ticks,
@@ -58,7 +59,7 @@ def draw(results: Results) -> Drawing | str:
         plain_ticks(ax.yaxis)
         ax.set_title(_title(backend, source, found), fontsize=8)
     axes[0].set_ylabel("time of the peer / time of the lab")
-    _legend(figure, axes, marks)
+    legend_below(figure, axes, columns=3, marks=marks)
     caption = (
         f"Time of a step of other programs over the lab's own, same scene and step, {PRECISION}, square grids, measured in "
         "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
@@ -88,17 +89,3 @@ def _draw_peer(ax: Any, found: list[Ratio], curve: Curve) -> set[str]:
     ax.plot([r.particles for r in hollow], [r.ratio for r in hollow], curve.marker, **face, zorder=4)
     ax.plot([r.particles for r in wrong], [r.ratio for r in wrong], "x", color=BLACK, zorder=5)
     return {name for name, some in (("suspect", hollow), ("wrong answer", wrong)) if some}
-
-
-def _legend(figure: Any, axes: list[Any], marks: set[str]) -> None:
-    from matplotlib.lines import Line2D
-
-    handles: dict[str, Any] = {}
-    for ax in axes:
-        for handle, text in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(text, handle)
-    if "suspect" in marks:
-        handles["suspect"] = Line2D([], [], color=GREY, marker="o", markerfacecolor="white", linestyle="")
-    if "wrong answer" in marks:
-        handles["wrong answer"] = Line2D([], [], color=BLACK, marker="x", linestyle="")
-    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from bench.experiments.projections import ProjectionPoint, points
-from plots.core.data import Results, Source
+from plots.core.data import Results
 from plots.core.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 from plots.figures import backends
 from plots.figures.backends import name_of, sources_of
@@ -20,9 +21,7 @@ LOOKS = {
 LINES = {10: "-", 1: "--"}  # by iterations a substep
 
 
-def panels(results: Results) -> list[tuple[str, Source, list[ProjectionPoint]]]:
-    """(backend, source, points) of the backends that were timed."""
-    return backends.panels(results, points)
+panels = partial(backends.panels, points=points)  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:

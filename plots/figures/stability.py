@@ -12,7 +12,7 @@ from bench.experiments.stability.points import DAMPING, NAMES, STIFFNESS, Edge, 
 from bench.experiments.stability.runs import END, OUTCOMES
 from model.core.integrators import INTEGRATORS
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLACK, ORANGE, SKY, WIDTH, YELLOW, Drawing, plain_ticks
+from plots.core.style import BLACK, ORANGE, SKY, YELLOW, Drawing, new_sheet, plain_ticks
 
 TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
 TITLE_DAMPING = "Where each integrator breaks: damping"
@@ -53,9 +53,6 @@ def row_points(points: Sequence[MapPoint], axis: str) -> list[MapPoint]:
 
 
 def _draw(results: Results, axis: str) -> Drawing | str:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     points, edges, sources = stability_runs(results)
     if not sources:
         return "no stability runs were made"
@@ -63,8 +60,7 @@ def _draw(results: Results, axis: str) -> Drawing | str:
     mine = [p for p in row_points(points, axis) if (p.place.backend, p.place.precision) == pair]
     if pair is None or len({p.place.dt for p in mine}) < 2:
         return "the stability runs hold no map"
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_sheet(HEIGHT)
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     found = [e for e in edges if not e.place.chain and (e.place.backend, e.place.precision) == pair]
     marks = [

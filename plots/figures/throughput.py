@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from bench.experiments.throughput import ThroughputPoint, points
-from plots.core.data import Results, Source
+from functools import partial
+
+from bench.experiments.throughput import points
+from plots.core.data import Results
 from plots.core.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, Drawing, legend_below, log_axes, new_figure
 from plots.figures import backends
 from plots.figures.backends import name_of, sources_of
@@ -19,9 +21,7 @@ LOOKS = {
 LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's or a cube's clusters
 
 
-def panels(results: Results) -> list[tuple[str, Source, list[ThroughputPoint]]]:
-    """(backend, source, points) of the backends that were timed."""
-    return backends.panels(results, points)
+panels = partial(backends.panels, points=points)  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:

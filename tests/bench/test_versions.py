@@ -104,11 +104,11 @@ def test_a_stalled_sample_is_no_speed_up() -> None:
     for n, seconds, suspect in ((16, 5e-3, "load: busy"), (64, 2e-5, None)):
         maker.timing((n, n), 1e-5, **host, precision="float32")
         maker.timing((n, n), seconds, **host, precision="float64", suspect=suspect)
-    made = claims.cpu_float64(load(store))
+    made = claims.CLAIMS["cpu-float64"](load(store))
     assert made.numbers == {"ratio": pytest.approx(2), "masses": 64 * 64} and "suspect" not in made.sentence
     assert "Made-up CPU" in made.sentence
     only = Store(":memory:")
     maker = Maker(only, CPU_RECORD, "c")
     for precision, seconds in (("float32", 1e-5), ("float64", 5e-3)):
         maker.timing((16, 16), seconds, **host, precision=precision, suspect="load: busy")
-    assert "marked as suspect" in claims.cpu_float64(load(only)).sentence
+    assert "marked as suspect" in claims.CLAIMS["cpu-float64"](load(only)).sentence

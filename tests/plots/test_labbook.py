@@ -96,7 +96,7 @@ def test_claims_turn_neutral_where_the_spread_overlaps() -> None:
         made = claims.threads_at(results, end)
         assert not made.supported and "beyond the spread" in made.sentence
     assert not claims.threads_best(results).supported
-    assert "no more than the spread" in claims.cpu_float64(results).sentence
+    assert "no more than the spread" in claims.CLAIMS["cpu-float64"](results).sentence
     assert "beyond the spread" in comparison_claims.shape(results).sentence
 
 

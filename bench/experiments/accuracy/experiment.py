@@ -27,20 +27,17 @@ import statistics
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.experiments.accuracy.cases import STEP_SIZES, Case, cases, make_case
-from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, RESOLVED, SOLVER, UNRESOLVED, judge
+from bench.experiments.accuracy.cases import Case, cases
+from bench.experiments.accuracy.judgement import GROWTH, SOLVER, judge
 from bench.experiments.accuracy.methods import METHODS, OF_CLOTHS
 from bench.experiments.accuracy.points import (
     AT_REST,
     CLOTHS,
     COPY,
     COST,
-    END,
     SCENES,
     AccuracyPoint,
     AccuracySummary,
@@ -51,6 +48,7 @@ from bench.experiments.accuracy.points import (
 from bench.experiments.accuracy.references import converged_for, growth_for, motion_of
 from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from bench.experiments.advise.choice import chosen
+from bench.measure.costs_timing import Effort
 from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
 from bench.measure.growth import Growth
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
@@ -60,40 +58,11 @@ from bench.store.results import measures
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
 
-__all__ = [
-    "COST",
-    "END",
-    "ERROR",
-    "HALF",
-    "RESOLVED",
-    "SCENES",
-    "STAGE",
-    "STEP_SIZES",
-    "UNRESOLVED",
-    "AccuracyPoint",
-    "AccuracySummary",
-    "Case",
-    "cases",
-    "distance",
-    "make_case",
-    "pareto_front",
-    "run_accuracy",
-]
+__all__ = ["pareto_front", "run_accuracy"]
 
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
 COPIES = 3  # of the state to the host, of which the median counts
 STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
-
-
-@dataclass(frozen=True)
-class Effort:
-    """`repeats` samples of `min_seconds` [s]; `max_seconds`: the most of one sample."""
-
-    repeats: int
-    min_seconds: float
-    max_seconds: float
-
-
 QUICK = Effort(3, 0.015, 0.5)
 FULL = Effort(7, 0.1, 5.0)
 
@@ -204,7 +173,7 @@ class _Group:
         if subject.simulation.scene.method.dt > subject.simulation.limit:
             subject.steps = subject.name.steps
         else:
-            choose_steps(subject, self.effort.min_seconds, self.effort.max_seconds)
+            choose_steps(subject, self.effort.seconds, self.effort.most)
 
     def _sample(self, subjects: Sequence[Subject]) -> None:
         store, summary, repeats = self.store, self.summary, self.effort.repeats

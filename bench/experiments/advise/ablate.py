@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.experiment import Case, make_case, references
+from bench.experiments.accuracy.cases import Case, make_case
+from bench.experiments.accuracy.experiment import references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.judgement import judge
 from bench.experiments.accuracy.methods import newton, sweeps

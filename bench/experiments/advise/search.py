@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.experiment import Case, copy_seconds, make_case
+from bench.experiments.accuracy.cases import Case, make_case
+from bench.experiments.accuracy.experiment import copy_seconds
 from bench.experiments.accuracy.judgement import ERROR, judge
 from bench.experiments.accuracy.methods import changes, order_of, sweeps
 from bench.experiments.accuracy.points import COPY, method_words
