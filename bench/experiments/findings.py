@@ -17,9 +17,9 @@ import numpy as np
 from app.driver import open_simulation
 from bench.experiments import discretisation
 from bench.experiments.accuracy.cases import STEP_SIZES
-from bench.experiments.accuracy.experiment import references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.points import END, SCENES
+from bench.experiments.accuracy.references import references
 from bench.measure.case_timing import Case, StepTimes
 from bench.measure.experiment import Experiment, Item, Items, Measures, described, source_hash
 from bench.reference import cache

@@ -9,12 +9,12 @@ import pytest
 from read_figures import LABELS, labels
 
 import softlab
+from bench.experiments.accuracy.references import held_converged
 from bench.experiments.advise import ablate as module
 from bench.experiments.advise import ablation
 from bench.experiments.advise.ablate import ablate
 from bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
 from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
-from bench.experiments.held_force import held_converged
 from bench.measure.growth import MAX_GROWTH
 from bench.measure.timing import Sample
 from bench.reference import cache

@@ -236,21 +236,21 @@ def test_the_cloth_belongs_to_the_full_mode(monkeypatch):
 def test_a_reference_of_contacts(tmp_path, monkeypatch):
     """S5 at 6 x 6, as wide as the ball's cap, to 0.3 s, just after the touch: the reference's own estimate is of first order
     in its steps, it agrees with bench/reference at the same steps to rounding, and the second time comes from the file."""
-    from bench.experiments.accuracy import contact_reference
+    from bench.experiments.accuracy import references
     from bench.reference import mass_spring
 
     scene = load_scene("cloth-drop").replace({"cloth.rows": 6, "cloth.columns": 6, "cloth.origin": [-0.1, 0.52, -0.1]})
-    monkeypatch.setattr(contact_reference, "FINER", 8)
-    made = contact_reference.contact_converged(scene, 0.1, tmp_path)
+    monkeypatch.setattr(references, "FINER", 8)
+    made = references.contact_converged(scene, 0.1, tmp_path)
     touching = np.linalg.norm(made.position, axis=1) < 0.51 + 1e-9
     assert touching.any() and not touching.all()
     limit = stability_limit(scene.replace({"method.integrator": "semi-implicit-euler"}))
     steps = 2 * math.ceil(8 * 0.1 / limit)
     numpy, _ = mass_spring.simulate(scene.replace({"method.dt": 0.1 / steps}), steps, integrator="semi-implicit-euler")
     assert np.abs(made.position - numpy).max() < 1e-12
-    again = contact_reference.contact_converged(scene, 0.1, tmp_path)
+    again = references.contact_converged(scene, 0.1, tmp_path)
     assert np.array_equal(again.position, made.position) and again.estimate == made.estimate
     assert len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(contact_reference, "FINER", 32)
-    finer = contact_reference.contact_converged(scene, 0.1, None)
+    monkeypatch.setattr(references, "FINER", 32)
+    finer = references.contact_converged(scene, 0.1, None)
     assert 2 < made.estimate / finer.estimate < 8

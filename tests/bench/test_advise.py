@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import softlab
 from app.command.scene_file import scene_toml, write_scene
-from bench.experiments.accuracy.own_reference import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
+from bench.experiments.accuracy.references import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
 from bench.experiments.advise import search as advise_search
 from bench.experiments.advise.check import brute_force, grid_steps
 from bench.experiments.advise.experiment import advise

@@ -27,7 +27,6 @@ import statistics
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 from bench.experiments.accuracy.cases import Case, cases
@@ -45,7 +44,7 @@ from bench.experiments.accuracy.points import (
     pareto_front,
     point,
 )
-from bench.experiments.accuracy.references import converged_for, growth_for, motion_of
+from bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from bench.experiments.advise.choice import chosen
 from bench.measure.costs_timing import Effort
@@ -188,11 +187,6 @@ class _Group:
                 keep(store, summary.run, case.description, case.sources, {COST: cost})
                 summary.measured += 1
                 self.tell(f"{case}: timed", 1)
-
-
-def references(store: Store) -> Path | None:
-    """The folder of the converged references that belong to a store; None for one in memory."""
-    return None if store.path == ":memory:" else Path(store.path).absolute().parent / "references"
 
 
 def copy_seconds(simulation: Simulation) -> float:

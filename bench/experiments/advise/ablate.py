@@ -22,24 +22,25 @@ from typing import Any
 import numpy as np
 
 from bench.experiments.accuracy.cases import Case, make_case
-from bench.experiments.accuracy.experiment import references
 from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.judgement import judge
 from bench.experiments.accuracy.methods import newton, sweeps
-from bench.experiments.accuracy.own_reference import (
+from bench.experiments.accuracy.points import END
+from bench.experiments.accuracy.references import (
     OWN_SECONDS,
     by_numpy,
     converged_of,
     growth_of,
+    held_converged,
+    held_seconds,
     numpy_seconds,
     own_converged,
     own_seconds,
+    references,
 )
-from bench.experiments.accuracy.points import END
 from bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
 from bench.experiments.advise.ablation_results import CHANGE, PREFIX, SECONDS, SUSPECT, AblationSummary, tables_of
 from bench.experiments.advise.experiment import REFERENCE_SECONDS
-from bench.experiments.held_force import held_converged, held_seconds
 from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
 from bench.measure.growth import Growth
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up

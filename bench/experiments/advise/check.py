@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
-from bench.experiments.accuracy.experiment import references
 from bench.experiments.accuracy.methods import newton
-from bench.experiments.accuracy.own_reference import converged_of, growth_of
+from bench.experiments.accuracy.references import converged_of, growth_of, references
 from bench.experiments.advise.advice import NOISE, Advice, Choice
 from bench.experiments.advise.experiment import ADVISED, iterations_of
 from bench.experiments.advise.search import MIN_STEPS, Kind, Search, Task

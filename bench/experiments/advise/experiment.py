@@ -16,11 +16,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
-from bench.experiments.accuracy.experiment import references
 from bench.experiments.accuracy.judgement import RESOLVED
 from bench.experiments.accuracy.methods import METHODS, XPBD, newton, order_of, position_based, sweeps
-from bench.experiments.accuracy.own_reference import by_numpy, converged_of, growth_of, numpy_seconds, own_seconds
 from bench.experiments.accuracy.points import END
+from bench.experiments.accuracy.references import (
+    by_numpy,
+    converged_of,
+    growth_of,
+    numpy_seconds,
+    own_seconds,
+    references,
+)
 from bench.experiments.advise.advice import Advice
 from bench.experiments.advise.search import Kind, Search, Task, disturbed
 from bench.measure.experiment import backends_here
