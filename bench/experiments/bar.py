@@ -10,6 +10,7 @@ method. Kept in the store, resumable.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from bench.experiments import bar_body, bar_strip, body_laws
@@ -99,10 +100,7 @@ def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
             if load == ACROSS and (quick or name == "xpbd, converged"):
                 continue
             scene = strip(links, method, load)
-
-            def measure(scene: Scene = scene, run: Callable[[Scene, str], Measures] = run) -> Measures:
-                return run(scene, backend)
-
+            measure = partial(run, scene, backend)
             found.append(_experiment(load, scene, backend, sources, STRIP, measure, load=load, **told))
     return found
 
@@ -122,13 +120,7 @@ def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
     for layers, overlap, substeps in bodies(quick):
         told = {"layers": layers, "overlap": overlap, "substeps": substeps}
         lying, standing = (bar(layers, overlap, substeps, up) for up in (False, True))
-
-        def swings(scene: Scene = lying, layers: int = layers, overlap: float = overlap) -> Measures:
-            return sway(scene, backend, layers, overlap)
-
-        def stands(scene: Scene = standing) -> Measures:
-            return stand(scene, backend)
-
+        swings, stands = partial(sway, lying, backend, layers, overlap), partial(stand, standing, backend)
         found.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, load=FREQUENCY, **told))
         found.append(_experiment(SAG, standing, backend, sources, BODY, stands, load=SAG, **told))
     return found
@@ -140,10 +132,7 @@ def _laws(backend: str, sources: str, quick: bool) -> list[Experiment]:
         for substeps in _kept(LAW_SUBSTEPS, quick):
             scene = law_scene(law, int(substeps))
             for precision in ("float64", "float32") if law == DROP and not quick else ("float64",):
-
-                def measure(scene: Scene = scene, law: str = law, precision: str = precision) -> Measures:
-                    return hold(law, scene, backend, precision)
-
+                measure = partial(hold, law, scene, backend, precision)
                 told = {"law": law, "substeps": int(substeps), "precision": precision}
                 found.append(_experiment(name, scene, backend, sources, LAW, measure, **told))
     return found

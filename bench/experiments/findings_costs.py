@@ -11,6 +11,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from app.driver import open_simulation
@@ -20,7 +21,7 @@ from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.store.database import Store
 from model.core import simulation as contract
 from model.core.simulation import PRECISIONS, Simulation
-from model.scene.scene import load_scene
+from model.scene.scene import Scene, load_scene
 
 LOOKS = "looks"  # value of `finding`
 SHARE = "cost_share"  # of LOOKS: time of a look over that of the steps between two
@@ -70,15 +71,14 @@ def looks(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
             ways = tuple(
                 described(scene, backend, LOOKS, precision=precision, looks=looking) for looking in (False, True)
             )
-
-            def measure(
-                record: Record, scene: Any = scene, precision: str = precision, ways: Any = ways
-            ) -> list[Measures]:
-                with open_simulation(scene, backend, precision=precision) as simulation:
-                    return _look_costs(record, simulation, ways, effort)
-
+            measure = partial(_measure, scene, ways, effort)
             found.append(Group(f"{LOOKS} {n} x {n} {precision} {backend}", ways, sources, measure))
     return found
+
+
+def _measure(scene: Scene, ways: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+    with open_simulation(scene, ways[0]["backend"], precision=ways[0]["precision"]) as simulation:
+        return _look_costs(record, simulation, ways, effort)
 
 
 def _look_costs(

@@ -33,6 +33,7 @@ from bench.experiments.stability.points import (
     stability_of,
 )
 from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
+from bench.measure import case_timing
 from bench.measure.experiment import Tell, backends_here, keep, resume, source_hash
 from bench.measure.machine import gpu_simulated
 from bench.store.database import Store, configuration_hash
@@ -76,15 +77,10 @@ FULL = Extent(
 
 
 @dataclass(frozen=True)
-class Case:
-    """One point of the map, or (`edge`) one edge to find, and how the store knows it."""
+class Case(case_timing.Case):
+    """One point of the map, or (`edge`) one edge to find."""
 
-    scene: Scene
-    backend: str
-    precision: str
-    edge: bool
-    description: dict[str, Any]
-    sources: str
+    edge: bool = False
 
     @property
     def done(self) -> str:
@@ -150,7 +146,7 @@ def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | 
                 for scene, edge in scenes:
                     threads = 1 if backend == "cpu" else None
                     description = configuration(scene, backend=backend, threads=threads, precision=precision)
-                    found.append(Case(scene, backend, precision, edge, description, sources))
+                    found.append(Case(scene, backend, description, sources, name, edge))
     return found
 
 
