@@ -208,6 +208,8 @@ def film(
     """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
     from labbook.jobs import make_film
 
+    if not store.exists() and store == DEFAULT_STORE:
+        errors.print("nothing was measured here yet: the film tells of the committed measurements alone")
     with compilations_told():
         make_film(out, store, mp4, quick=quick, voice=voice)
 

@@ -80,6 +80,8 @@ def speak(texts: Sequence[str], folder: Path) -> tuple[list[Path] | None, str]:
 
 def _spoken(voice: Voice, texts: Sequence[str], folder: Path) -> list[Path]:
     files = [folder / f"{number:03d}.wav" for number in range(len(texts))]
+    for file in files:  # what another voice left is not this one's
+        file.unlink(missing_ok=True)
     patience = STARTING + SECONDS_PER_CHARACTER * sum(map(len, texts))
     if voice.many:
         wanted = [

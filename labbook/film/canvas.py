@@ -26,7 +26,8 @@ Colour = tuple[int, int, int]
 @dataclass(frozen=True)
 class Format:
     """What kind of film. `least`, `most`: seconds it takes; `masses`: of the largest grid that is computed for it;
-    `everything`: also the shots that take long to compute; `rank`: sentences of a greater one are left out."""
+    `everything`: also the shots that take long to compute; `rank`: sentences of a greater one are left out; `curtain`: rows
+    and columns of the one that is judged (None: its own)."""
 
     width: int
     height: int
@@ -36,6 +37,7 @@ class Format:
     masses: int
     everything: bool = True
     rank: int = 9
+    curtain: int | None = None
 
 
 FULL = Format(1280, 720, 30, 110.0, 138.0, 1024**2)

@@ -16,16 +16,18 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from app.output.offscreen import OffscreenRenderer
 from app.output.video import CLIP, VideoWriter, ffmpeg_path
 from app.output.voice import speak
 from bench.measure.progress import progress_bar
 from gpu_backend.core.device import gpu_available, simulated
 from labbook.film.canvas import FULL, Format, Stage
 from labbook.film.script import script
-from labbook.film.sound import read_sound, spoken, write_track
+from labbook.film.sound import breaths, read_sound, spoken, write_track
 from labbook.film.timeline import Part, Shot, caption_at, fitted, reading_seconds, subtitles, timeline
 from model.core.errors import InputError
 from model.core.files import check_target, replacing
+from model.scene.scene import load_scene
 from plots.core.data import Results
 
 BEGUN, SPEECH = 0.02, 0.25  # of the bar: the script, and the narration, where there is a voice
@@ -55,6 +57,9 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
     if not results.sources:
         raise InputError("there are no measurements to tell of; measure first (softlab sweep)")
     ffmpeg_path()
+    OffscreenRenderer(
+        load_scene("lab-grid"), 16, 16, legend=False
+    ).close()  # what is missing is told before all the work
     stage = Stage(form)
     with tempfile.TemporaryDirectory(prefix="softlab-film-") as work, progress_bar(show) as bar:
         task = bar.add_task("film: script", total=1.0)
@@ -62,7 +67,8 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
         bar.update(task, description="film: narration", completed=BEGUN)
         sounds, rate, told = _narration(shots, form, Path(work)) if voice else ({}, 1, "none was asked for")
         lengths = Lengths({text: len(samples) / rate for text, samples in sounds.items()})
-        parts = timeline(fitted(shots, lengths, form), lengths, form.fps, stage.captions)
+        pauses = {text: breaths(samples, rate) for text, samples in sounds.items()}
+        parts = timeline(fitted(shots, lengths, form), lengths, form.fps, stage.captions, pauses)
         track = Path(work) / "narration.wav" if sounds else None
         if track is not None:
             write_track(track, parts, sounds, rate, form.fps)

@@ -97,9 +97,8 @@ def stored(results: Results, integrator: str, dt: float) -> Point | None:
     return min(mine, key=lambda p: p.precision, default=None)
 
 
-def draw_errors(results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+def draw_errors(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
     """A corner of the curtain by each method, over the reference; at the right, how the errors grow."""
-    made = judged()
     moving = max(2, round(count * (1 - STILL)))
     last = len(made.reference) - 1
     image, shown = None, -1
@@ -128,19 +127,19 @@ def _errors_at(made: Judged, results: Results, at: int, area: Area) -> Image.Ima
 
 
 def _overlay(made: Judged, name: str, at: int, width: int, height: int, colour: Colour) -> np.ndarray:
-    """(height, width, 3): the last CORNER rows and columns of masses, by the reference in grey and by a method over it."""
-    grid, fine = made.scene.grid, 2  # times as many pixels, for smooth edges
+    """(height, width, 3): the last CORNER rows and columns of masses, by the reference in grey, which stands
+    still, and by a method over it."""
+    grid, fine = made.scene.grid, 3  # times as many pixels, for smooth edges
     image = Image.new("RGB", (fine * width, fine * height), WHITE)
     draw = ImageDraw.Draw(image)
-    lowest = max(-float(states[-1][:, 1].min()) for states in (made.reference, *made.states.values()))
     scale = fine * width / CORNER / grid.spacing
-    right, bottom = (grid.columns - 0.6) * grid.spacing, lowest + 0.5 * grid.spacing
-    for position, ink, thick in ((made.reference[at], REFERENCE, 5), (made.states[name][at], colour, 2)):
-        places = position.reshape(grid.rows, grid.columns, 2) * (1, -1) - (right, bottom)
+    right, lowest = made.reference[at][-1] * (1, -1) + 0.5 * grid.spacing
+    for position, ink, thick in ((made.reference[at], REFERENCE, 0.06), (made.states[name][at], colour, 0.025)):
+        places = position.reshape(grid.rows, grid.columns, 2) * (1, -1) - (right, lowest)
         pixels = places * scale + (fine * width, fine * height)
         for lines in (pixels, pixels.swapaxes(0, 1)):
             for line in lines:
-                draw.line([*map(tuple, line.tolist())], fill=ink, width=max(1, round(thick * fine * width / 800)))
+                draw.line([*map(tuple, line.tolist())], fill=ink, width=max(1, round(thick * scale)))
     return np.asarray(image.resize((width, height), Image.Resampling.BOX))
 
 
@@ -149,7 +148,7 @@ def _draw_error(canvas: Canvas, results: Results, made: Judged, name: str, at: i
     canvas.text(x, y, f"error {number(made.errors[name][at], 2)} spacings", 24, colour, bold=True)
     point = stored(results, name, made.scene.method.dt)
     if point is not None and point.seconds is not None:
-        told = f"time {seconds(point.seconds, 2)} a simulated second (CPU, {point.precision}, store)"
+        told = f"time {seconds(point.seconds, 2)} a simulated second (CPU, {point.precision})"
         canvas.text(x, y + 38, canvas.shortened(told, 400, 16), 16, FAINT)
 
 

@@ -18,7 +18,7 @@ from model.scene.scene import Scene
 from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.figures.crossover import pairs
 
-MOST_LINES = 96  # of a grid that are drawn; of a finer one every n-th
+MOST_LINES = 64  # of a grid that are drawn; of a finer one every n-th
 FALL = 0.2  # of its height that a grid falls as fast as its dampers let it: what is to be seen of it
 LEAST_TIME = 10.0  # s simulated, of small grids
 STILL = 0.1  # of the frames at the end show the end
@@ -118,7 +118,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
     states = [_states(race.scene, backend, steps) for steps in done]
     drawn, every = thinned(race.scene)
     wide, tall = area.pixels(area.width / area.scale / 2 - 1.5 * MARGIN), area.pixels(area.height / area.scale - 152)
-    told = _told(race, every, backend)
+    told = _told(race, backend)
     with OffscreenRenderer(drawn, wide, tall, legend=False) as renderer:
         for ends in states:
             for position in (ends[0], ends[len(ends) // 2], ends[-1]):
@@ -126,7 +126,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
         pictures: list[np.ndarray | None] = [None, None]
         for frame in range(count):
             canvas = area.canvas()
-            _draw_clock(canvas, race, walls[frame], race.slowed(count, fps))
+            _draw_clock(canvas, race, every, walls[frame], race.slowed(count, fps))
             for side, runner in enumerate(race.runners):
                 picture, state = pictures[side], states[side][frame]
                 if picture is None or state is not states[side][frame - 1]:
@@ -139,17 +139,17 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
             yield canvas.image
 
 
-def _told(race: Race, every: int, backend: str) -> str:
+def _told(race: Race, backend: str) -> str:
     """What is not measured of the picture, and whose the measurements are."""
-    thin = f"Drawn: every {every}. row and column. " if every > 1 else ""
-    who = "a GPU" if backend == "gpu" else "the CPU, as there is no GPU here"
-    whose = "were measured on this machine" if race.own else "are the committed measurements"
-    return f"{thin}States: computed for the film by {who}, in exact math (the same bits on both). Times and errors {whose}."
+    who = "a GPU" if backend == "gpu" else "the CPU, as no GPU is here"
+    whose = "measured on this machine" if race.own else "the committed measurements"
+    return f"States: computed for the film by {who}, in exact math: both have the same bits. Times, errors: {whose}."
 
 
-def _draw_clock(canvas: Canvas, race: Race, wall: float, slowed: float) -> None:
+def _draw_clock(canvas: Canvas, race: Race, every: int, wall: float, slowed: float) -> None:
     grid = race.scene.grid
-    canvas.text(MARGIN, 14, f"{grid.rows} x {grid.columns} masses, float32", 21, anchor="lm")
+    thin = f", 1 line in {every} drawn" if every > 1 else ""
+    canvas.text(MARGIN, 14, f"{grid.rows} x {grid.columns} masses{thin}, float32", 20, anchor="lm")
     canvas.text(canvas.width / 2, 14, f"1 s of film = {seconds(slowed, 2)} of computing", 21, bold=True, anchor="mm")
     told = f"{1000 * wall:.3f}" if race.wall < 0.1 else f"{1000 * wall:.0f}"
     canvas.text(canvas.width - MARGIN, 14, f"clock {told} ms", 21, anchor="rm")

@@ -11,7 +11,7 @@ from labbook.build import CLAIMS
 from labbook.film import stills
 from labbook.film.bodies import SLOWED, draw_bodies
 from labbook.film.canvas import Format
-from labbook.film.judged import METHODS, SCENE, breaking, draw_breaking, draw_errors, judged
+from labbook.film.judged import METHODS, SCENE, Judged, breaking, draw_breaking, draw_errors, judged
 from labbook.film.race import Race, draw_race, races
 from labbook.film.timeline import Line, Shot
 from labbook.words import listed, masses, number, seconds, times
@@ -31,23 +31,24 @@ def claimed(results: Results, *names: str, rank: int = 1) -> list[Line]:
 
 def script(results: Results, form: Format, backend: str) -> list[Shot]:
     """The shots in order; `backend`: what computes states for the film."""
-    shots = [_title(results), *_races(results, form, backend)]
+    made = judged(form.curtain)
+    shots = [_title(results, made), *_races(results, form, backend)]
     threads = "CPU threads: once, twice, four times as many as cores"
     shots += _figure(results, form, "thread-scaling", threads, {"threads-small": 3, "threads-best": 1})
     shots += _figure(results, form, "graphics", "With and without graphics", {"overtakes-drawing": 2})
-    shots += [_errors(results)]
+    shots += [_errors(results, made)]
     shots += _figure(results, form, "regimes", "Who reaches an error soonest", {"fastest": 1, "float32-floor": 4})
-    shots += [*_breaking(results), *_bodies(results, form, backend), *_answers(results)]
+    shots += [*_breaking(results, form), *_bodies(results, form, backend), *_answers(results)]
     return [shot for shot in shots if shot.lines]
 
 
-def _title(results: Results) -> Shot:
+def _title(results: Results, made: Judged) -> Shot:
     measured = [source for source in results.featured if source.timings or source.measures]
     labels = listed(list(dict.fromkeys(source.machine.label.replace("; ", ", ") for source in measured)))
     own = any(source.own for source in measured)
     whose = "Its times were measured on" if own else "Its times are the committed ones of"
     lines = [Line(INTRODUCTION), Line(QUESTION, 1), *([Line(f"{whose}: {labels}.", 2)] if measured else [])]
-    return Shot("title", "", tuple(lines), partial(stills.draw_title, results), 4.0)
+    return Shot("title", "", tuple(lines), partial(stills.draw_title, made, results), 4.0)
 
 
 def _races(results: Results, form: Format, backend: str) -> list[Shot]:
@@ -83,19 +84,20 @@ def _figure(results: Results, form: Format, name: str, heading: str, ranks: dict
     return [Shot(name, heading, tuple(lines), partial(stills.draw_figure, results, name), 4.0)]
 
 
-def _errors(results: Results) -> Shot:
-    made = judged()
+def _errors(results: Results, made: Judged) -> Shot:
     worst, best = (number(made.errors[name][-1], 2) for name, _, _ in METHODS)
     text = (
         f"A time without its error says little. After {seconds(made.end, 2)} of the same curtain, the hand-out's step is "
         f"{worst} spacings off the reference; velocity-verlet, with the same step size, {best}."
     )
     lines = (Line(text), *claimed(results, "lab-newton"), *claimed(results, "lab-half", rank=3))
-    return Shot("errors", f"Speed against error: the lab curtain ({SCENE})", lines, partial(draw_errors, results), 8.0)
+    return Shot(
+        "errors", f"Speed against error: the lab curtain ({SCENE})", lines, partial(draw_errors, made, results), 8.0
+    )
 
 
-def _breaking(results: Results) -> list[Shot]:
-    made = breaking()
+def _breaking(results: Results, form: Format) -> list[Shot]:
+    made = breaking(form.curtain)
     if made is None:
         return []
     text = (

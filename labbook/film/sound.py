@@ -16,6 +16,7 @@ LOUDNESS = -20.0  # dB of full scale: root mean square while somebody speaks
 PEAK = -1.5  # dB of full scale, which nothing exceeds
 QUIET = 0.01  # of the peak: below it is silence before and after a sentence
 BREATH = 0.04  # s left of it
+SILENCE = 0.15  # s: so long nobody speaks where a breath is drawn
 UNITS = {
     "ms": "milliseconds", "\N{MICRO SIGN}s": "microseconds", "ns": "nanoseconds", "s": "seconds",
     "GB/s": "gigabytes a second", "%": "percent", "m": "metres", "MB": "megabytes", "GiB": "gibibytes",
@@ -58,6 +59,13 @@ def read_sound(file: Path) -> tuple[np.ndarray, int]:
         around = round(BREATH * rate)
         samples = samples[max(0, loud[0] - around) : loud[-1] + around]
     return samples, rate
+
+
+def breaths(samples: np.ndarray, rate: int) -> list[float]:
+    """The middles [s] of the silences in a sentence that are no shorter than SILENCE."""
+    loud = np.flatnonzero(np.abs(samples) > QUIET * float(np.abs(samples).max(initial=0.0)))
+    gaps = np.flatnonzero(np.diff(loud) >= SILENCE * rate)
+    return [float(loud[gap] + loud[gap + 1]) / 2 / rate for gap in gaps]
 
 
 def write_track(path: Path, parts: Sequence[Part], sounds: dict[str, np.ndarray], rate: int, fps: int) -> None:

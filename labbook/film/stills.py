@@ -12,7 +12,7 @@ from PIL import Image
 from app.output.offscreen import OffscreenRenderer
 from labbook.answer import answer_tables
 from labbook.film.canvas import BAND, CPU, FAINT, GPU, INK, LINE, MARGIN, Area
-from labbook.film.judged import judged
+from labbook.film.judged import Judged
 from model.core.errors import SoftlabError
 from plots.core.data import Results
 from plots.core.draw import FIGURES
@@ -30,12 +30,12 @@ def held(image: Image.Image, count: int) -> Iterator[Image.Image]:
     return repeat(image, count)
 
 
-def draw_title(results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+def draw_title(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
     """What this is, and of which machines; beside it a curtain that is let go."""
-    states = judged().states["velocity-verlet"]
+    states = made.states["velocity-verlet"]
     side = area.pixels(area.height / area.scale - 2 * MARGIN)
     machines = list(dict.fromkeys(source.provenance for source in results.sources))
-    with OffscreenRenderer(judged().scene, side, side, legend=False) as renderer:
+    with OffscreenRenderer(made.scene, side, side, legend=False) as renderer:
         for position in (states[0], states[-1]):
             renderer.fit(position)
         for frame in range(count):

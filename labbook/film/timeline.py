@@ -10,6 +10,8 @@ from labbook.film.canvas import Format, Picture
 LEAD, PAUSE, TAIL = 0.4, 0.35, 0.5  # s before the first sentence of a shot, between two, and after the last
 READING = 17.0  # characters a second, of captions that nobody speaks
 LEAST_READING = 1.5  # s
+DIGIT = 4  # letters that a digit takes longer to say
+NEAR = 1.5  # s: how far a caption may wait for the voice to draw breath
 
 
 @dataclass(frozen=True)
@@ -87,16 +89,22 @@ def fitted(shots: Sequence[Shot], lengths: Mapping[str, float], form: Format) ->
 
 
 def timeline(
-    shots: Sequence[Shot], lengths: Mapping[str, float], fps: int, captions: Callable[[str], list[str]]
+    shots: Sequence[Shot],
+    lengths: Mapping[str, float],
+    fps: int,
+    captions: Callable[[str], list[str]],
+    pauses: Mapping[str, Sequence[float]] | None = None,
 ) -> list[Part]:
-    """The shots one after the other, in whole frames; `captions` divides a sentence."""
+    """The shots one after the other, in whole frames. `captions` divides a sentence; `pauses`: when the voice draws breath in
+    it [s from its start]."""
     parts, first = [], 0
     for shot in shots:
         begin = first / fps
         at, said = begin + LEAD, []
         for line in shot.lines:
             end = at + lengths[line.text]
-            said.append(Said(line.text, at, end, tuple(_shared(captions(line.text), at, end))))
+            breaths = [at + pause for pause in (pauses or {}).get(line.text, ())]
+            said.append(Said(line.text, at, end, tuple(_shared(captions(line.text), at, end, breaths))))
             at = end + PAUSE
         count = round(shot_seconds(shot, lengths) * fps)
         parts.append(Part(shot, first, count, tuple(said)))
@@ -104,12 +112,17 @@ def timeline(
     return parts
 
 
-def _shared(pieces: Sequence[str], start: float, end: float) -> list[tuple[float, float, str]]:
-    """Each piece as long as its share of the letters."""
-    whole = sum(map(len, pieces))
+def _shared(
+    pieces: Sequence[str], start: float, end: float, breaths: Sequence[float]
+) -> list[tuple[float, float, str]]:
+    """Each piece as long as its share of what is said, or to the breath that is drawn near its end."""
+    weights = [len(piece) + DIGIT * sum(map(str.isdigit, piece)) for piece in pieces]
     found, at = [], start
-    for piece in pieces:
-        until = at + (end - start) * len(piece) / whole
+    for number, piece in enumerate(pieces, 1):
+        until = start + (end - start) * sum(weights[:number]) / sum(weights)
+        near = [breath for breath in breaths if abs(breath - until) < NEAR and breath > at]
+        if number < len(pieces) and near and piece.endswith((",", ";", ":", ".")):
+            until = min(near, key=lambda breath: abs(breath - until))
         found.append((at, until, piece))
         at = until
     return found
