@@ -14,6 +14,7 @@ from bench.measure.progress import Whole, keep_seconds, last_seconds, progress_b
 from bench.store.database import DEFAULT_PATH
 from labbook.build import build, committed_data, write_book
 from model.core.errors import InputError, SoftlabError
+from model.core.files import check_target
 from plots.core.data import Results
 from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from plots.core.read import load
@@ -67,12 +68,14 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 
     Raises InputError (a store that was asked for by name and is not there, the file), BackendUnavailable.
     """
+    from app.output.video import CLIP
     from labbook.film.canvas import FULL, QUICK
     from labbook.film.film import write_film
 
     if not store.exists() and store != DEFAULT_PATH:
         raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
     _prepare(path.parent)
+    check_target(path, (CLIP,), "a film")
     kind = "film --quick" if quick else "film"
     last = last_seconds(kind)
     if last:

@@ -50,7 +50,7 @@ class Panel:
 
 def draw_bodies(backend: str, area: Area, count: int, fps: int, shown: Sequence[str] = SHOWN) -> Iterator[Image.Image]:
     """A panel each; a frame is drawn every EVERY frames of the film."""
-    width = area.width / area.scale / len(shown) - 1.5 * MARGIN
+    width = area.width / area.scale / len(shown) - 2 * MARGIN
     wide, tall = area.pixels(width), area.pixels(area.height / area.scale - 96)
     with ExitStack() as stack:
         panels = [Panel(name, backend, wide, tall, stack) for name in shown]

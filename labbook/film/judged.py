@@ -210,7 +210,7 @@ def draw_breaking(made: Breaking, area: Area, count: int, fps: int) -> Iterator[
     """Both side by side, a step at a time; what has diverged is still shown as it was."""
     last = min(STEPS, made.lost + 20)
     moving = max(2, round(count * (1 - STILL)))
-    wide, tall = area.pixels(area.width / area.scale / 2 - 1.5 * MARGIN), area.pixels(area.height / area.scale - 108)
+    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 108)
     sides: Sequence[tuple[list[np.ndarray], float, Colour]] = (
         (made.held, 1.0, GPU), (made.broken, made.times, WARNING),
     )  # fmt: skip

@@ -117,7 +117,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
     done = [[race.steps(runner, wall) for wall in walls] for runner in race.runners]
     states = [_states(race.scene, backend, steps) for steps in done]
     drawn, every = thinned(race.scene)
-    wide, tall = area.pixels(area.width / area.scale / 2 - 1.5 * MARGIN), area.pixels(area.height / area.scale - 152)
+    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 152)
     told = _told(race, backend)
     with OffscreenRenderer(drawn, wide, tall, legend=False) as renderer:
         for ends in states:
@@ -149,10 +149,10 @@ def _told(race: Race, backend: str) -> str:
 def _draw_clock(canvas: Canvas, race: Race, every: int, wall: float, slowed: float) -> None:
     grid = race.scene.grid
     thin = f", 1 line in {every} drawn" if every > 1 else ""
-    canvas.text(MARGIN, 14, f"{grid.rows} x {grid.columns} masses{thin}, float32", 20, anchor="lm")
+    canvas.text(MARGIN, 14, f"{grid.rows} x {grid.columns} masses{thin}", 19, anchor="lm")
     canvas.text(canvas.width / 2, 14, f"1 s of film = {seconds(slowed, 2)} of computing", 21, bold=True, anchor="mm")
     told = f"{1000 * wall:.3f}" if race.wall < 0.1 else f"{1000 * wall:.0f}"
-    canvas.text(canvas.width - MARGIN, 14, f"clock {told} ms", 21, anchor="rm")
+    canvas.text(canvas.width - MARGIN, 14, f"computing for {told} ms", 19, anchor="rm")
 
 
 def _draw_runner(canvas: Canvas, race: Race, runner: Runner, steps: int, most: int, x: float) -> None:
@@ -162,7 +162,8 @@ def _draw_runner(canvas: Canvas, race: Race, runner: Runner, steps: int, most: i
     canvas.text(x, y + 14, canvas.shortened(runner.name, width, 20, True), 20, runner.colour, bold=True)
     simulated = steps * race.scene.method.dt
     canvas.text(x, y + 40, f"{counted(steps)} steps, {simulated:.2f} s simulated", 22)
-    told = f"{seconds(runner.timing.median)} a step, median of {runner.timing.count}; {runner.error}"
+    timing = runner.timing
+    told = f"{seconds(timing.median)} a step in {timing.precision}, median of {timing.count}; {runner.error}"
     canvas.text(x, y + 69, told, 17, FAINT)
     canvas.box(canvas.width / 2 - 1, 40, 2, canvas.height - 70, LINE)
 

@@ -111,12 +111,12 @@ def _breaking(results: Results, form: Format) -> list[Shot]:
 def _bodies(results: Results, form: Format, backend: str) -> list[Shot]:
     if not form.everything:
         return []
-    text = f"The lab has more than grids: cloths, and bodies by shape matching, here slowed down {times(SLOWED)}."
+    text = f"The lab has more than grids: cloths, and bodies by shape matching, here slowed down {SLOWED:g} times."
     lines = (Line(text, 1), *claimed(results, "bar-backends", rank=2), *claimed(results, "hard-bodies", rank=4))
     return [Shot("bodies", "Cloths and bodies", lines, partial(draw_bodies, backend), 8.0)]
 
 
 def _answers(results: Results) -> list[Shot]:
-    if not stills.answers(results):
+    if not stills.answers(results)[0]:
         return []
-    return [Shot("answers", "The answer", (Line(ANSWER),), partial(stills.draw_answers, results), 5.0)]
+    return [Shot("answers", "The answer", (Line(ANSWER, 1),), partial(stills.draw_answers, results), 5.0)]

@@ -23,6 +23,7 @@ ROW = 31.0  # pixels
 TABLE_SIZE = 18.0
 COLUMNS = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
 ROWS = 15
+UNITS = "Error in spacings; time of computing a simulated second."
 
 
 def held(image: Image.Image, count: int) -> Iterator[Image.Image]:
@@ -85,30 +86,31 @@ def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -
     return held(canvas.image, count)
 
 
-def answers(results: Results) -> list[list[str]]:
-    """The rows of the book's first table, with the scene in each."""
-    found, scene = [], ["", ""]
+def answers(results: Results) -> tuple[list[list[str]], str]:
+    """The rows of the book's first table, with the scene in each, and whose they are."""
+    found, scene, whose = [], ["", ""], ""
     for table in answer_tables(results):
+        whose = table["title"].rpartition(". ")[2]
         for row in table["rows"]:
             scene = list(row[:2]) if row[0] else scene
             found.append([*scene, *row[2:]])
-    return found
+    return found, whose
 
 
 def draw_answers(results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
     """The rows come one after the other, in the first half of the time."""
-    rows = answers(results)
+    rows, whose = answers(results)
     rows = rows if len(rows) <= ROWS else [row for row in rows if not row[0].endswith(("(S1-16)", "(S1-64)"))][:ROWS]
     image, shown = None, 0
     for frame in range(count):
         until = min(len(rows), 1 + int(2.2 * len(rows) * frame / count))
         if image is None or until != shown:
             shown = until
-            image = _table(rows, shown, area)
+            image = _table(rows, shown, f"{UNITS} {whose}", area)
         yield image
 
 
-def _table(rows: Sequence[Sequence[str]], shown: int, area: Area) -> Image.Image:
+def _table(rows: Sequence[Sequence[str]], shown: int, told: str, area: Area) -> Image.Image:
     canvas = area.canvas()
     size = TABLE_SIZE
     gap = 16.0
@@ -119,7 +121,7 @@ def _table(rows: Sequence[Sequence[str]], shown: int, area: Area) -> Image.Image
         if sum(widths) + gap * (len(widths) - 1) <= canvas.width - 2 * MARGIN or size <= 9:
             break
         size -= 0.5
-    row_height = min(ROW, (canvas.height - 14) / (len(rows) + 1))
+    row_height = min(ROW, (canvas.height - 42) / (len(rows) + 1))
     y = 6.0
     canvas.box(0, y, canvas.width, row_height, BAND)
     before = None
@@ -136,4 +138,6 @@ def _table(rows: Sequence[Sequence[str]], shown: int, area: Area) -> Image.Image
             canvas.box(MARGIN, y, canvas.width - 2 * MARGIN, 1, LINE)
         before = row[0]
         y += row_height
+    told = canvas.shortened(told, canvas.width - 2 * MARGIN, 15)
+    canvas.text(canvas.width / 2, canvas.height - 14, told, 15, FAINT, anchor="mm")
     return canvas.image

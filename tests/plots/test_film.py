@@ -22,7 +22,7 @@ from app.output.video import ffmpeg_path
 from bench.store.database import Store
 from labbook import words
 from labbook.build import CLAIMS
-from labbook.film import film, race
+from labbook.film import film, race, stills
 from labbook.film.canvas import CAPTION_LINES, FULL, QUICK, Area, Format, Stage, divided
 from labbook.film.film import Lengths, write_film
 from labbook.film.race import races, thinned
@@ -43,12 +43,24 @@ def opengl() -> tuple[bool, str]:
     return opengl_available()
 
 
+def swept(record: dict[str, Any]) -> Results:
+    """Times of 16 x 16 and 32 x 32 masses of a machine."""
+    store = Store(":memory:")
+    maker = Maker(store, record, "m")
+    with store.transaction():
+        for n in (16, 32):
+            for threads in (1, 2, 4):
+                how = {"threads": threads * record["cores"], "layer": "omp", "wait_policy": "passive"}
+                maker.timing((n, n), threads * 1e-8 * n * n, backend="cpu", **how)
+            if record["gpu"]:
+                maker.timing((n, n), 1e-7 * n, backend="gpu")
+    return load(store)
+
+
 @pytest.fixture(scope="module")
 def both() -> Results:
-    """A machine with a GPU, swept."""
-    store = Store(":memory:")
-    Maker(store, GPU_RECORD, "g").sweep((16, 32), graphics=False)
-    return load(store)
+    """A machine with a GPU."""
+    return swept(GPU_RECORD)
 
 
 def drawn(area: Area, count: int, fps: int) -> Iterator[Image.Image]:
@@ -89,11 +101,10 @@ def test_a_race_is_as_fast_as_the_store_says(both: Results) -> None:
 
 
 def test_without_a_gpu_threads_race() -> None:
-    store = Store(":memory:")
-    Maker(store, CPU_RECORD, "c").sweep((16, 32), graphics=False)
-    (found,) = races(load(store), 32**2)
+    results = swept(CPU_RECORD)
+    (found,) = races(results, 32**2)
     assert [runner.timing.threads for runner in found.runners] == [2, 8]
-    assert races(load(store), 10) == []
+    assert races(results, 10) == []
 
 
 def test_fine_grids_are_drawn_by_every_nth_line() -> None:
@@ -140,7 +151,7 @@ def test_captions_are_there_while_their_sentence_is_said() -> None:
 
 
 def test_a_caption_waits_for_the_voice_to_draw_breath() -> None:
-    text = "some words, " * 12 + "and the end."
+    text = "some words, " * 16 + "and the end."
     tone = np.sin(np.arange(6 * RATE) / 3).astype(np.float32)
     tone[round(2.9 * RATE) : round(3.3 * RATE)] = 0.0
     assert breaths(tone, RATE) == pytest.approx([3.1], abs=0.01)
@@ -148,6 +159,19 @@ def test_a_caption_waits_for_the_voice_to_draw_breath() -> None:
     (first, _) = timeline(*how)[0].said[0].captions
     (waiting, after) = timeline(*how, {text: breaths(tone, RATE)})[0].said[0].captions
     assert waiting[1] == after[0] == pytest.approx(waiting[0] + 3.1, abs=0.01) != first[1]
+
+
+def test_the_answers_are_the_books_first_table() -> None:
+    store = Store(":memory:")
+    maker = Maker(store, GPU_RECORD, "m")
+    for dt, error in ((0.01, 5e-4), (0.02, 5e-3)):
+        maker.point("lab-curtain", "rk4", dt, error, 1e-3, None, "float32", "gpu")
+    results = load(store)
+    rows, whose = stills.answers(results)
+    assert [row[0] for row in rows] == ["Lab curtain (S1)"] * 3 and "Made-up GPU" in whose
+    assert [row[2] for row in rows] == ["0.1", "0.01", "0.001"] and rows[2][3] == "rk4"
+    first, last = (list(stills.draw_answers(results, Stage(TINY).area, 4, 5))[place] for place in (0, -1))
+    assert np.asarray(first).sum() > np.asarray(last).sum()  # more rows, more ink
 
 
 def test_a_sentence_is_divided_at_a_breath() -> None:
