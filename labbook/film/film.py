@@ -57,9 +57,8 @@ def write_film(results: Results, path: Path, form: Format = FULL, voice: bool = 
     if not results.sources:
         raise InputError("there are no measurements to tell of; measure first (softlab sweep)")
     ffmpeg_path()
-    OffscreenRenderer(
-        load_scene("lab-grid"), 16, 16, legend=False
-    ).close()  # what is missing is told before all the work
+    with OffscreenRenderer(load_scene("lab-grid"), 16, 16, legend=False):
+        pass  # what is missing is told before all the work
     stage = Stage(form)
     with tempfile.TemporaryDirectory(prefix="softlab-film-") as work, progress_bar(show) as bar:
         task = bar.add_task("film: script", total=1.0)
