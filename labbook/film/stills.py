@@ -16,7 +16,8 @@ from labbook.film.judged import Judged
 from model.core.errors import SoftlabError
 from plots.core.data import Results
 from plots.core.draw import FIGURES
-from plots.core.style import Drawing, lay_out, settings
+from plots.core.files import lay_out
+from plots.core.style import Drawing, settings
 
 TITLE = "Soft-body lab"
 ROW = 31.0  # pixels
