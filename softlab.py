@@ -74,7 +74,7 @@ def main() -> None:
     sys.exit(status)
 
 
-@app.command(epilog="Example: softlab run lab-grid --steps 1000 --backend gpu --set grid.rows=256 --json")
+@app.command(epilog="Example: softlab run lab-grid --steps 1000 --set grid.rows=256 --json   (on a GPU: --backend gpu)")
 def run(
     scene: SceneName,
     backend: Backend = "cpu",
@@ -138,9 +138,7 @@ def run(
         raise result.diverged
 
 
-@app.command(
-    epilog="Example: softlab demo lab-grid --backend gpu   (side by side: softlab demo two-worlds two-worlds-moon)"
-)
+@app.command(epilog="Example: softlab demo lab-grid   (side by side: softlab demo two-worlds two-worlds-moon)")
 def demo(
     scenes: Annotated[
         list[str] | None,

@@ -11,6 +11,7 @@ from labbook.words import number, seconds
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import Point, points, reaching
 from plots.core.data import Results, Source
+from plots.figures.work_precision import answering
 
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
 ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
@@ -18,25 +19,19 @@ HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Proc
 
 
 def answer_tables(results: Results) -> list[Table]:
-    """One table: a row for each scene and error, from the first machine that answers it (the reader's own before committed
-    ones); nothing where no accuracy runs were timed."""
-    answering = {label: source for label in ORDER if (source := _answering(results, label))}
+    """One table: a row for each scene and error, from the first machine that timed most methods there (the reader's own
+    before committed ones); nothing where no accuracy runs were timed."""
+    sources = {label: source for label in ORDER if (source := answering(results, label))}
     rows = []
-    for label, source in answering.items():
+    for label, source in sources.items():
         found = [*points(source, label), *points(source, label, "exact")]
         rows += [[*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(found, target)] for target in TARGETS]
     title = (
         "The soonest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
         "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
-        + _processors(answering)
+        + _processors(sources)
     )
     return [table(title, HEAD, rows, left=1)] if rows else []
-
-
-def _answering(results: Results, label: str) -> Source | None:
-    """The first machine whose runs of a scene were timed."""
-    everyone = (*results.featured, *results.background)
-    return next((s for s in everyone if any(p.seconds for p in points(s, label))), None)
 
 
 def _scene(label: str) -> tuple[str, str]:
@@ -69,13 +64,13 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
     return [told, *[DASH] * 5]
 
 
-def _processors(answering: Mapping[str, Source]) -> str:
+def _processors(sources: Mapping[str, Source]) -> str:
     """Which processors the rows are of, with a word where they are not the reader's: `CPU: Some CPU, 2 cores`; where rows
     are of several machines, of which scenes."""
     told = []
-    for source in dict.fromkeys(answering.values()):
-        mine = [label for label in answering if answering[label] == source]
-        scenes = f"{', '.join(mine)}: " if len(mine) < len(answering) else ""
+    for source in dict.fromkeys(sources.values()):
+        mine = [label for label in sources if sources[label] == source]
+        scenes = f"{', '.join(mine)}: " if len(mine) < len(sources) else ""
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
         told.append(f"{scenes}{names}{'' if source.own else ' (committed measurements)'}")
     return "; ".join(told)

@@ -90,8 +90,8 @@ def _target(out_pdf: str | Path) -> Path:
     if path.suffix.lower() != ".pdf":
         raise InputError(f"{path}: the lab book is a .pdf file; name it so")
     if path.is_dir() or not path.parent.is_dir():
-        what = "is a folder" if path.is_dir() else f"{path.parent}: no such folder"
-        raise InputError(f"{path} {what}; give another path for the lab book")
+        what = f"{path} is a folder" if path.is_dir() else f"{path}: there is no folder {path.parent}"
+        raise InputError(f"{what}; give another path for the lab book")
     return path
 
 

@@ -11,10 +11,13 @@ from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
 from model.core.errors import SceneError
+from model.geometry.shapes import Shape
 from model.scene.parts import Part
 from model.scene.scene_parts import KINDS
 from model.scene.words import suggestion
 
+TOLD = KINDS | {"shape": Shape}  # which is no table of its own, but a body's
+NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 REQUIRED = "(must be given)"
 WIDE = 2**31 - 1  # a bound that nobody meets: what an index or a seed can hold
 
@@ -31,14 +34,17 @@ class Row:
 
 def kind_named(kind: str) -> type[Part]:
     """The part of that kind. Raises SceneError."""
-    if kind not in KINDS:
-        raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, KINDS)}; known: {', '.join(KINDS)}")
-    return KINDS[kind]
+    if kind not in TOLD:
+        raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, TOLD)}; known: {', '.join(TOLD)}")
+    return TOLD[kind]
 
 
 def about(kind: str) -> str:
-    """What a table of that kind is, in the words of its part. Raises SceneError."""
-    owners = [owner for owner in kind_named(kind).__mro__ if issubclass(owner, Part) and owner is not Part]
+    """What a table of that kind is, in the words of its part and of what that shares with others; not of another kind that
+    it is made from. Raises SceneError."""
+    part = kind_named(kind)
+    inherited = [owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner is not Part]
+    owners = [part, *(owner for owner in inherited if owner not in TOLD.values())]
     return " ".join(" ".join((owner.__doc__ or "").split()) for owner in owners)
 
 
@@ -102,9 +108,7 @@ def _notes(part: type[Part]) -> dict[str, str]:
     found: dict[str, str] = {}
     for owner in reversed(part.__mro__):
         if issubclass(owner, Part) and owner is not Part:
-            found |= dict(
-                re.findall(r"^    (\w+): [^#\n]*  # (?!type:|noqa|fmt:)(.*)$", inspect.getsource(owner), re.MULTILINE)
-            )
+            found |= dict(re.findall(NOTE, inspect.getsource(owner), re.MULTILINE))
     return found
 
 
@@ -125,9 +129,9 @@ def document() -> str:
         "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
         "| mesh, volume | a cloth of triangles, and what fills a closed one |",
         "| plane, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
-        "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies |",
+        "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies; shape: the lab's own |",
     ]
-    for kind in KINDS:
+    for kind in TOLD:
         lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]
         cells = ((row.name, row.default, row.allowed, row.note) for row in rows_of(kind))
         lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]

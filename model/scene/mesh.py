@@ -17,9 +17,11 @@ OF_FILES = ("file", "digest", "scale")
 CONTRADICTIONS = {"density": ("mass",), "mass": ("density",), "file": ("digest", *OF_SHEETS), "shape": OF_FILES}
 FILE_PINS = "none, top (the highest vertices) or a list of vertices, numbered from 0 as in the file"
 
+Pins = str | list[int] | list[tuple[int, int]]
+
 
 class Mesh(Cloth):
-    """A cloth whose edges are those of a triangle mesh, solved position-based.
+    """A cloth whose edges are those of a triangle mesh, solved position-based: `[method] solver = "xpbd"`.
 
     From a `file` (.obj, .stl, .ply; one of model/catalogue/meshes, or a path), or `shape = "sheet"`: a cloth's rows and
     columns, every cell split along the diagonal from its first mass (`one`), or cells in turn along the one and the other
@@ -35,7 +37,7 @@ class Mesh(Cloth):
     shape: Literal["sheet"] | None = None
     diagonals: Diagonals = "one"
     density: Positive | None = None  # kg/m^2
-    pinned: str | list[int] | list[tuple[int, int]] = "none"  # type: ignore[assignment]
+    pinned: Pins = "none"  # type: ignore[assignment]  # none, top, or of a file a list of vertices, the first one 0
 
     @model_validator(mode="before")
     @classmethod

@@ -50,5 +50,5 @@ BODIES = replace(
     passes={"cpu": "app.plan.xpbd:bodies_on_cpu", "gpu": "app.plan.xpbd:bodies_on_gpu"},
     reference="bench.reference.shape_matching",
     unknown="no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
-    "that material against closed forms, softlab throughput times bodies, softlab run tells of this scene",
+    "that material against closed forms, softlab throughput times bodies",
 )

@@ -65,6 +65,6 @@ MESH = replace(
     solvers={"cpu": "cpu_backend.xpbd.mesh:MeshPositionBased", "gpu": "gpu_backend.xpbd.mesh:MeshPositionBased"},
     passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
     reference="bench.reference.xpbd_mesh",
-    unknown="a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; softlab "
-    "run tells of this scene, [cloth] is such a sheet",
+    unknown="a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; a "
+    "[cloth] is such a sheet",
 )

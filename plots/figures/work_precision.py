@@ -34,6 +34,7 @@ PREFERRED = (
     "S6-still",
 )  # smooth, stiff, touching, a stiff rope: MOST of those that were timed
 MOST = 4
+SHARE = 0.6  # of the methods of the machine that timed most
 EXPLICIT = BLUE  # of the family, where a figure shows all methods
 INTEGRATORS = {  # colour, marker, where a figure shows these alone
     "lab": (VERMILLION, "X"),
@@ -89,8 +90,18 @@ def draw(results: Results) -> Drawing | str:
 
 
 def accurate_source(results: Results) -> Source | None:
-    """The first source with accuracy runs, featured ones first."""
-    return next((s for s in (*results.featured, *results.background) if points(s)), None)
+    """The first source that timed S1 with most of the methods, else the first with any accuracy runs; featured ones first."""
+    anybody = next((s for s in (*results.featured, *results.background) if points(s)), None)
+    return answering(results, "S1") or anybody
+
+
+def answering(results: Results, label: str) -> Source | None:
+    """The first source that timed a scene with most of the methods that any source did, featured ones first: of few methods
+    one is the soonest for want of others."""
+    everyone = (*results.featured, *results.background)
+    methods = [(source, {p.integrator for p in points(source, label) if p.seconds}) for source in everyone]
+    most = max((len(timed) for _, timed in methods), default=0)
+    return next((source for source, timed in methods if timed and len(timed) >= SHARE * most), None)
 
 
 def _draw_panel(ax: Any, found: list[Point], title: str) -> None:

@@ -50,6 +50,18 @@ def test_not_timed_is_not_not_reached() -> None:
     assert thousandth[3].startswith("not reached; least 0.0050")
 
 
+def test_a_machine_with_few_of_the_methods_does_not_answer() -> None:
+    """The reader's one method would be the soonest for want of others."""
+    mine = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
+    all_of_them = ("semi-implicit-euler", "velocity-verlet", "rk4", "lab")
+    theirs = made(GPU_RECORD, *((name, 0.01, 0.05, 1e-4 * k, "cpu") for k, name in enumerate(all_of_them, 1)))
+    committed = replace(theirs.sources[0], own=False)
+    (table,) = answer_tables(Results((mine.sources[0], committed)))
+    assert table["rows"][0][3] == "semi-implicit-euler" and "committed" in table["title"]
+    (table,) = answer_tables(Results((replace(theirs.sources[0], own=True), replace(mine.sources[0], own=False))))
+    assert "committed" not in table["title"]
+
+
 def test_a_committed_machine_does_not_share_the_readers_label() -> None:
     results = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
     committed = Results((replace(results.sources[0], own=False),))

@@ -40,7 +40,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN
     cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)  # h and h/2, and h/4 to see the order
     if cost > BUDGET:
-        return None, f"a converged reference would take about {cost:.0f} s; softlab accuracy judges the integrators"
+        short = state.time * BUDGET / cost
+        return None, f"a converged reference would take about {cost:.0f} s; one for --time {short:.2g} is made at once"
     reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
     error, _ = distance(state.position, reference, free, scene.grid.spacing)
     if not np.isfinite(error):
