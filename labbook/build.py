@@ -90,7 +90,7 @@ def _target(out_pdf: str | Path) -> Path:
     if path.suffix.lower() != ".pdf":
         raise InputError(f"{path}: the lab book is a .pdf file; name it so")
     if path.is_dir() or not path.parent.is_dir():
-        what = f"{path} is a folder" if path.is_dir() else f"{path}: there is no folder {path.parent}"
+        what = f"{path} is a folder" if path.is_dir() else f"{path}: no such folder as {path.parent}"
         raise InputError(f"{what}; give another path for the lab book")
     return path
 
