@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -190,6 +190,14 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
         newest.pop((owner, key, measure), None)  # so that the order, too, is that of the newest
         newest[owner, key, measure] = Measure(owner, key, sources, run, description, measure, value, unit, reason)
     return list(newest.values())
+
+
+def by_configuration(found: Iterable[Measure]) -> list[dict[str, Measure]]:
+    """The measures of each configuration on each machine, by name."""
+    named: dict[tuple[str, str], dict[str, Measure]] = {}
+    for measure in found:
+        named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
+    return list(named.values())
 
 
 def timings(store: Store, machine: str | None = None, stage: str | None = "step") -> list[Timing]:

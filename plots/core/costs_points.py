@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from bench.experiments.findings_costs import INTERVAL, LOOKS, SHARE
 from bench.experiments.findings_determinism import DIFFERENT, GATHER
 from bench.measure.costs_timing import LEAST, MOST, RATIO
-from bench.store.results import Measure
+from bench.store.results import Measure, by_configuration
 from plots.core.data import Results, Source
 from plots.findings.points import source_with
 
@@ -33,11 +33,10 @@ class Cost:
 
 def costs(source: Source, finding: str, backend: str | None = None) -> list[Cost]:
     """The costs of a finding (of one backend), small grids first, without the first way of each comparison."""
-    held: dict[str, dict[str, Measure]] = {}
-    for measure in source.measures:
-        if measure.description.get("finding") == finding and backend in (None, measure.description["backend"]):
-            held.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [cost for numbers in held.values() if (cost := _cost(numbers))]
+    held = by_configuration(
+        m for m in source.measures if m.description.get("finding") == finding and backend in (None, m.backend)
+    )
+    found = [cost for numbers in held if (cost := _cost(numbers))]
     return sorted(found, key=lambda cost: (cost.backend, cost.precision, cost.way, cost.particles))
 
 
