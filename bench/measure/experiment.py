@@ -63,6 +63,20 @@ def backends_here(wanted: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(wanted))
 
 
+def chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: bool = False) -> list[str]:
+    """What a user picks from a list, `what`: `names` (None: all), each one of `known`, or with `rows` the row that several
+    begin with. Raises SceneError."""
+    if not names:
+        return list(known)
+    found = []
+    for name in names:
+        mine = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
+        if not mine:
+            raise SceneError(what, name, f"must be one of {', '.join(known)}")
+        found += mine
+    return list(dict.fromkeys(found))
+
+
 def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
     """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}

@@ -20,25 +20,10 @@ from typing import Any
 import numpy as np
 
 from bench.experiments.accuracy.methods import name_of
-from bench.store.database import DEFAULT_PATH, Store, canonical, configuration_hash
+from bench.store.database import DEFAULT_PATH, Store, canonical
 from model.core.errors import SoftlabError
 from model.core.families import scene_plan
 from model.scene.scene import Scene
-
-__all__ = [
-    "DEFAULT_PATH",
-    "Machine",
-    "Measure",
-    "Store",
-    "Timing",
-    "canonical",
-    "configuration",
-    "configuration_hash",
-    "machines",
-    "measures",
-    "open_readonly",
-    "timings",
-]
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
 ENOUGH = 3  # undisturbed samples of a configuration, beside which disturbed ones do not count

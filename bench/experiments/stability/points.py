@@ -11,7 +11,8 @@ from typing import Any
 
 from bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
 from bench.measure.experiment import Summary
-from bench.store.results import Measure, by_configuration, canonical
+from bench.store.database import canonical
+from bench.store.results import Measure, by_configuration
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene
