@@ -44,6 +44,7 @@ app = typer.Typer(
 Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
 DEFAULT_FIGURES = Path("softlab-results") / "figures"
 DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
+DEFAULT_FILM = Path("softlab-results") / "film.mp4"
 
 
 def main() -> None:
@@ -193,6 +194,24 @@ def labbook(
     if not store.exists() and store == DEFAULT_STORE:
         errors.print("nothing was measured here yet: the lab book tells of the committed measurements alone")
     out.print(str(make_labbook(store, pdf)), markup=False)
+
+
+@app.command(epilog="Example: softlab film --out film.mp4   (captions alone: --no-voice)")
+def film(
+    store: StorePath = DEFAULT_STORE,
+    mp4: Annotated[
+        Path, typer.Option("--out", help="The film (.mp4); its captions come beside it (.srt).")
+    ] = DEFAULT_FILM,
+    voice: Annotated[bool, typer.Option(help="Narrate it, where piper or espeak-ng is installed.")] = True,
+    quick: Annotated[bool, typer.Option("--quick", help="Half a minute, 640 x 360.")] = False,
+) -> None:
+    """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
+    from labbook.jobs import make_film
+
+    if not store.exists() and store == DEFAULT_STORE:
+        errors.print("nothing was measured here yet: the film tells of the committed measurements alone")
+    with compilations_told():
+        make_film(out, store, mp4, quick=quick, voice=voice)
 
 
 @app.command(epilog="Example: softlab lab --quick")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from rich.console import Console
@@ -13,6 +14,7 @@ from bench.measure.progress import Whole, keep_seconds, last_seconds, progress_b
 from bench.store.database import DEFAULT_PATH
 from labbook.build import build, committed_data, write_book
 from model.core.errors import InputError, SoftlabError
+from model.core.files import check_target
 from plots.core.data import Results
 from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from plots.core.read import load
@@ -59,6 +61,31 @@ def make_labbook(store: Path, pdf: Path) -> Path:
         raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
     _prepare(pdf.parent)
     return build(store if store.exists() else None, pdf, helped=True)
+
+
+def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: bool) -> None:
+    """Make the film of the store over the committed measurements, and tell of it.
+
+    Raises InputError (a store that was asked for by name and is not there, the file), BackendUnavailable.
+    """
+    from app.output.video import CLIP
+    from labbook.film.canvas import FULL, QUICK
+    from labbook.film.film import write_film
+
+    if not store.exists() and store != DEFAULT_PATH:
+        raise InputError(f"{store}: no such store; measure first (softlab lab --quick), or give another path")
+    _prepare(path.parent)
+    check_target(path, (CLIP,), "a film")
+    kind = "film --quick" if quick else "film"
+    last = last_seconds(kind)
+    if last:
+        console.print(f"last time this took {sum(last.values()):.0f} s on this machine")
+    begin = monotonic()
+    made = write_film(load(store if store.exists() else None, committed_data()), path, QUICK if quick else FULL, voice)
+    keep_seconds(kind, {"film": monotonic() - begin})
+    voiced = f"spoken by {made.voice}" if made.spoken else f"captions alone: no voice ({made.voice})"
+    console.print(f"{made.path}: {made.seconds:.0f} s, {made.frames} frames; {voiced}", markup=False, soft_wrap=True)
+    console.print(f"{made.captions}: its captions", markup=False, soft_wrap=True)
 
 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:

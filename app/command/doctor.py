@@ -131,6 +131,15 @@ def _ffmpeg() -> Finding:
         return Finding("ffmpeg", False, str(error), "pip install imageio-ffmpeg")
 
 
+def _voice() -> Finding:
+    from app.output.voice import REMEDY, voice_available
+
+    speaks, told = voice_available()
+    if speaks:
+        return Finding("voice of the film", True, told)
+    return Finding("voice of the film", False, f"captions alone: {told}", REMEDY)
+
+
 def _typst() -> Finding:
     try:
         import typst
@@ -141,7 +150,9 @@ def _typst() -> Finding:
     )
 
 
-CHECKS: tuple[Callable[[], Finding], ...] = (_versions, _cpu, _cache, _gpu, _opengl, _display, _fonts, _ffmpeg, _typst)
+CHECKS: tuple[Callable[[], Finding], ...] = (
+    _versions, _cpu, _cache, _gpu, _opengl, _display, _fonts, _ffmpeg, _voice, _typst,
+)  # fmt: skip
 
 
 def examine() -> list[Finding]:

@@ -41,11 +41,11 @@ class VideoWriter:
     """Writes frames (height, width, 3 or 4) uint8, top row first, as an MP4 (h264, yuv420p); a context manager.
 
     `width`, `height` must be even (the pixel format needs it). The file appears, whole, when the block ends well, and
-    nothing is left behind when it does not. Raises InputError (name, folder, size, disk full) and BackendUnavailable
-    (no ffmpeg).
+    nothing is left behind when it does not. `sound`: a WAV file, as long as the clip, to go with it (AAC). Raises
+    InputError (name, folder, size, disk full) and BackendUnavailable (no ffmpeg).
     """
 
-    def __init__(self, path: Path | str, width: int, height: int, fps: int = 60):
+    def __init__(self, path: Path | str, width: int, height: int, fps: int = 60, sound: Path | None = None):
         if width % 2 or height % 2 or width < 2 or height < 2:
             raise InputError(f"a clip of {width} x {height} pixels: width and height must be even")
         if fps < 1:
@@ -53,6 +53,7 @@ class VideoWriter:
         self.path = check_target(path, (CLIP,))
         self.width, self.height, self.fps = width, height, fps
         self.frames = 0
+        self._sound = ["-i", str(sound), "-map", "0:v", "-map", "1:a"] if sound else []
         self._stack = ExitStack()
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -62,7 +63,8 @@ class VideoWriter:
             temporary = stack.enter_context(replacing(self.path))
             self._errors = stack.enter_context(tempfile.TemporaryFile())
             command = [executable, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
-            command += ["-s", f"{self.width}x{self.height}", "-r", str(self.fps), "-i", "-", "-an"]
+            command += ["-s", f"{self.width}x{self.height}", "-r", str(self.fps), "-i", "-"]
+            command += [*self._sound, "-c:a", "aac", "-b:a", "128k", "-ar", "44100"] if self._sound else ["-an"]
             command += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p"]
             command += ["-movflags", "+faststart", "-f", "mp4", str(temporary)]
             try:

@@ -67,6 +67,7 @@ EVERY = MEASURING | {
     "demo": "app.window.viewer.run_demo",
     "figures": "labbook.jobs.make_figures",
     "labbook": "labbook.jobs.make_labbook",
+    "film": "labbook.jobs.make_film",
     "lab": "labbook.jobs.whole_lab",
     "scenes": "app.command.tables.print_scenes",
     "plan lab-grid": "app.plan.report.plan_report",

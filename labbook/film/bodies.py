@@ -1,0 +1,77 @@
+"""Scenes in space, computed and drawn while the film is made, at their own speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from time import perf_counter
+
+from PIL import Image
+
+from app.driver import open_simulation
+from app.output.offscreen import OffscreenRenderer
+from labbook.film.canvas import FAINT, INK, MARGIN, Area
+from labbook.words import count as counted
+from labbook.words import seconds
+from model.core.simulation import Simulation
+from model.scene.scene import load_scene
+
+SHOWN = ("cloth-sphere", "soft-pile")
+SLOWED = 2.0  # times: what falls half a metre has landed before one has seen it
+EVERY = 2  # frames of film for one that is drawn: shadows take time where no graphics card draws
+
+
+class Panel:
+    """One scene that runs, and what draws it."""
+
+    def __init__(self, name: str, backend: str, width: int, height: int, stack: ExitStack):
+        self.scene = load_scene(name)
+        self.simulation: Simulation = stack.enter_context(open_simulation(self.scene, backend))
+        self.renderer = stack.enter_context(OffscreenRenderer(self.scene, width, height, legend=False))
+        self.renderer.show_bodies(self.simulation.body.inverse_mass)
+        self.title = self.scene.title or name
+        self.moving = int((self.simulation.body.inverse_mass > 0).sum())
+        self.took, self.steps = 0.0, 0
+
+    def advance(self, until: float) -> None:
+        """Compute until that time [s] of the scene, and draw the state."""
+        steps = round(until / self.scene.method.dt) - self.steps
+        if steps > 0:
+            begin = perf_counter()
+            self.simulation.advance(steps)
+            self.simulation.check()
+            self.took += perf_counter() - begin if self.steps else 0.0  # the first of them may have compiled
+            self.steps += steps
+        normal = self.simulation.read("normal") if self.scene.cloth else None
+        position = self.simulation.read("position")
+        self.renderer.fit(position, self.simulation.time)
+        self.renderer.draw(position, self.simulation.time, normal)
+
+
+def draw_bodies(backend: str, area: Area, count: int, fps: int, shown: Sequence[str] = SHOWN) -> Iterator[Image.Image]:
+    """A panel each; a frame is drawn every EVERY frames of the film."""
+    width = area.width / area.scale / len(shown) - 2 * MARGIN
+    wide, tall = area.pixels(width), area.pixels(area.height / area.scale - 96)
+    with ExitStack() as stack:
+        panels = [Panel(name, backend, wide, tall, stack) for name in shown]
+        image: Image.Image | None = None
+        for frame in range(count):
+            if image is None or frame % EVERY == 0:
+                image = _drawn(panels, area, frame / fps / SLOWED)
+            yield image
+
+
+def _drawn(panels: Sequence[Panel], area: Area, time: float) -> Image.Image:
+    canvas = area.canvas()
+    for side, panel in enumerate(panels):
+        x = MARGIN + side * canvas.width / len(panels)
+        panel.advance(time)
+        canvas.paste(panel.renderer.image(), x, 34)
+        canvas.text(x, 4, panel.title, 20, INK, bold=True)
+        y = canvas.height - 56
+        canvas.text(x, y, f"{counted(panel.moving)} particles, {time:.2f} s simulated", 20)
+        if panel.took > 0:
+            share = panel.took / max(panel.simulation.time, panel.scene.method.dt)
+            told = f"{seconds(share, 2)} of computing a simulated second here ({panel.simulation.backend.upper()})"
+            canvas.text(x, y + 28, told, 16, FAINT)
+    return canvas.image

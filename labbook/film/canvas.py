@@ -1,0 +1,208 @@
+"""Drawing a frame: the picture of a shot under its heading and over its caption. Pixels from the top left corner."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+INK, FAINT, WHITE = (26, 31, 38), (97, 105, 117), (255, 255, 255)
+BAND, LINE = (20, 26, 36), (214, 218, 224)
+CPU, GPU, WARNING = (0, 114, 178), (0, 158, 115), (178, 31, 0)  # the figures' blue and green
+TALL = 720  # pixels of a frame for which sizes are told
+HEADING, CAPTION = 58, 112  # of them the heading's and the caption's bands
+CAPTION_SIZE, CAPTION_LINES = 27, 2
+MARGIN = 20
+ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
+
+Colour = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Format:
+    """What kind of film. `least`, `most`: seconds it takes; `masses`: of the largest grid that is computed for it;
+    `everything`: also the shots that take long to compute; `rank`: sentences of a greater one are left out; `curtain`: rows
+    and columns of the one that is judged (None: its own)."""
+
+    width: int
+    height: int
+    fps: int
+    least: float
+    most: float
+    masses: int
+    everything: bool = True
+    rank: int = 9
+    curtain: int | None = None
+
+
+FULL = Format(1280, 720, 30, 110.0, 138.0, 1024**2)
+QUICK = Format(640, 360, 15, 12.0, 40.0, 64**2, False, 0)
+
+
+@lru_cache(maxsize=64)
+def font(size: int, bold: bool = False) -> Any:
+    """DejaVu Sans, which matplotlib brings along."""
+    import matplotlib
+
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
+
+
+class Canvas:
+    """A white picture to draw on; sizes and places in pixels of a frame TALL pixels high, which `scale` makes true ones."""
+
+    def __init__(self, width: int, height: int, scale: float):
+        self.scale = scale
+        self.width, self.height = width / scale, height / scale
+        self.image = Image.new("RGB", (width, height), WHITE)
+        self.draw = ImageDraw.Draw(self.image)
+
+    def text(
+        self, x: float, y: float, text: str, size: float = 20, colour: Colour = INK, *, bold: bool = False,
+        anchor: str = "la",
+    ) -> None:  # fmt: skip
+        """A line of text; `anchor` as Pillow has it (la: its top left corner is at x, y)."""
+        scale = self.scale
+        self.draw.text((x * scale, y * scale), text, fill=colour, font=font(round(size * scale), bold), anchor=anchor)
+
+    def wide(self, text: str, size: float = 20, bold: bool = False) -> float:
+        """How wide a line of text is."""
+        return float(font(round(size * self.scale), bold).getlength(text)) / self.scale
+
+    def wrapped(self, text: str, width: float, size: float = 20, bold: bool = False) -> list[str]:
+        """The text in lines of at most that width."""
+        return wrap(text, width, lambda line: self.wide(line, size, bold))
+
+    def balanced(self, text: str, width: float, size: float = 20, bold: bool = False) -> list[str]:
+        """The same in as many lines, of about one width."""
+        lines = self.wrapped(text, width, size, bold)
+        narrow, wide = width / max(1, len(lines)) / 1.1, width
+        while wide - narrow > 4:
+            middle = (narrow + wide) / 2
+            if len(self.wrapped(text, middle, size, bold)) > len(lines):
+                narrow = middle
+            else:
+                wide = middle
+        return self.wrapped(text, wide, size, bold)
+
+    def shortened(self, text: str, width: float, size: float = 20, bold: bool = False) -> str:
+        """The text, or as much of its begin as is not wider than that."""
+        if self.wide(text, size, bold) <= width:
+            return text
+        while text and self.wide(text + ELLIPSIS, size, bold) > width:
+            text = text[:-1]
+        return text.rstrip() + ELLIPSIS
+
+    def paste(self, pixels: np.ndarray, x: float, y: float) -> None:
+        """(height, width, 3 or 4) uint8 true pixels, with their top left corner at x, y."""
+        picture = Image.fromarray(np.ascontiguousarray(pixels[:, :, :3]))
+        self.image.paste(picture, (round(x * self.scale), round(y * self.scale)))
+
+    def box(self, x: float, y: float, width: float, height: float, colour: Colour) -> None:
+        """A filled rectangle, a true pixel thick at least."""
+        left, top = round(x * self.scale), round(y * self.scale)
+        right, bottom = round((x + width) * self.scale) - 1, round((y + height) * self.scale) - 1
+        self.draw.rectangle((left, top, max(left, right), max(top, bottom)), fill=colour)
+
+    def path(self, points: Sequence[tuple[float, float]], colour: Colour, width: float = 2) -> None:
+        """A line through the points."""
+        if len(points) > 1:
+            places = [(x * self.scale, y * self.scale) for x, y in points]
+            self.draw.line(places, fill=colour, width=max(1, round(width * self.scale)), joint="curve")
+
+
+def wrap(text: str, width: float, wide: Callable[[str], float]) -> list[str]:
+    """The text in lines that `wide` says are at most `width` wide, broken at plain spaces; a longer word stands alone."""
+    lines: list[str] = []
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and wide(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+@dataclass(frozen=True)
+class Area:
+    """Where a shot draws: true pixels of it, and the scale."""
+
+    width: int
+    height: int
+    scale: float
+
+    def canvas(self) -> Canvas:
+        return Canvas(self.width, self.height, self.scale)
+
+    def pixels(self, length: float) -> int:
+        """A length in true pixels, an even number of them."""
+        return max(16, round(length * self.scale) & ~1)
+
+
+Picture = Callable[[Area, int, int], Iterator[Image.Image]]  # (where, how many frames, frames a second)
+
+
+class Stage:
+    """Puts frames together: heading, picture, caption, and how far the film is."""
+
+    def __init__(self, form: Format):
+        self.form = form
+        self.scale = form.height / TALL
+        self.top, self.bottom = round(HEADING * self.scale), round(CAPTION * self.scale)
+        self._last: tuple[Image.Image, str, str, np.ndarray] | None = None
+        self.area = Area(form.width, form.height - self.top - self.bottom, self.scale)
+
+    def captions(self, text: str) -> list[str]:
+        """A sentence in pieces, each of as many lines as a caption has, broken where a reader would draw breath."""
+        canvas = Canvas(1, 1, self.scale)
+        width = self.form.width / self.scale - 3 * MARGIN
+        count = 1
+        while True:
+            pieces = divided(text, count)
+            lines = [canvas.balanced(piece, width, CAPTION_SIZE) for piece in pieces]
+            if max(map(len, lines)) <= CAPTION_LINES or count >= len(text.split(" ")):
+                return ["\n".join(found) for found in lines]
+            count += 1
+
+    def frame(self, heading: str, picture: Image.Image, caption: str, share: float) -> np.ndarray:
+        """(height, width, 3) uint8. `share`: of the film that is over, 0 to 1."""
+        if self._last is None or self._last[0] is not picture or self._last[1:3] != (heading, caption):
+            self._last = (picture, heading, caption, self._composed(heading, picture, caption))
+        pixels = self._last[3].copy()
+        high = self.form.height - self.bottom
+        pixels[high : high + max(2, round(4 * self.scale)), : round(share * self.form.width)] = GPU
+        return pixels
+
+    def _composed(self, heading: str, picture: Image.Image, caption: str) -> np.ndarray:
+        canvas = Canvas(self.form.width, self.form.height, self.scale)
+        canvas.text(MARGIN, HEADING / 2, heading, 27, bold=True, anchor="lm")
+        canvas.image.paste(picture, (0, self.top))
+        high = TALL - CAPTION
+        canvas.box(0, high, canvas.width, CAPTION, BAND)
+        lines = caption.split("\n") if caption else []
+        for number, line in enumerate(lines):
+            y = high + CAPTION / 2 + (number - (len(lines) - 1) / 2) * 1.42 * CAPTION_SIZE
+            canvas.text(canvas.width / 2, y, line, CAPTION_SIZE, WHITE, anchor="mm")
+        return np.asarray(canvas.image)
+
+
+def divided(text: str, count: int) -> list[str]:
+    """A sentence in `count` pieces of about one length, each ending after a punctuation mark where one is near."""
+    pieces: list[str] = []
+    words = text.split(" ")
+    for left in range(count, 1, -1):
+        wanted = len(" ".join(words)) / left
+
+        def off(end: int, words: list[str] = words, wanted: float = wanted) -> float:
+            length = len(" ".join(words[:end]))
+            return abs(length - wanted) / wanted - (0.3 if words[end - 1].endswith((",", ":", ";", ".")) else 0.0)
+
+        end = min(range(1, max(2, len(words) - left + 2)), key=off)
+        pieces.append(" ".join(words[:end]))
+        words = words[end:]
+    return [*pieces, " ".join(words)]

