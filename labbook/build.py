@@ -34,8 +34,7 @@ from labbook.claims import kernels as kernel_claims
 from labbook.claims import stability as stability_claims
 from labbook.claims import throughput as throughput_claims
 from labbook.facts import facts
-from labbook.kernel_tables import kernel_tables, region_tables
-from labbook.tables import machine_table, scene_table
+from labbook.tables import kernel_tables, machine_table, region_tables, scene_table
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
 from plots.core.data import Origin, Results, is_suspect

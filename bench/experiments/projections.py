@@ -18,7 +18,7 @@ from bench.measure.case_timing import Case, Measured, Summary, Timing, check_pre
 from bench.measure.experiment import backends_here
 from bench.store.database import Store, canonical
 from bench.store.published import PUBLISHED
-from bench.store.results import Measure
+from bench.store.results import Measure, by_configuration
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.xpbd.plan import constraint_count
@@ -153,12 +153,8 @@ class ProjectionPoint:
 
 def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
     """What the measures tell of the cases, smallest sheets first."""
-    named: dict[tuple[str, str], dict[str, Measure]] = {}
-    for measure in held:
-        if measure.name in (STEP, RATE, KERNEL):
-            named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
     found = []
-    for (owner, _), told in named.items():
+    for told in by_configuration(measure for measure in held if measure.name in (STEP, RATE, KERNEL)):
         if not {STEP, RATE} <= set(told):
             continue
         description = told[RATE].description
@@ -167,7 +163,7 @@ def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
         kernel = told[KERNEL].reason if KERNEL in told else None
         found.append(
             ProjectionPoint(
-                owner, description["backend"], description["precision"], kernel or "", scene.grid.rows,
+                told[RATE].machine, description["backend"], description["precision"], kernel or "", scene.grid.rows,
                 scene.grid.columns, 4 * len(kinds), method.ordering, method.substeps, method.iterations,
                 canonical(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0,
             )

@@ -18,7 +18,7 @@ from rich.table import Table
 from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
 from bench.measure.experiment import backends_here
 from bench.store.database import Store
-from bench.store.results import Measure, measures
+from bench.store.results import Measure, by_configuration, measures
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.shape_matching.spare import counts
@@ -186,12 +186,8 @@ def region_of(scene: Scene) -> int:
 
 def points(held: Iterable[Measure]) -> list[ThroughputPoint]:
     """What the measures tell of the cases, smallest first."""
-    named: dict[tuple[str, str], dict[str, Measure]] = {}
-    for measure in held:
-        if measure.name in (STEP, RATE, KERNEL, KIND):
-            named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
     found = []
-    for (owner, _), told in named.items():
+    for told in by_configuration(measure for measure in held if measure.name in (STEP, RATE, KERNEL, KIND)):
         if not {STEP, RATE, KIND} <= set(told):
             continue
         description: dict[str, Any] = told[RATE].description
@@ -199,7 +195,7 @@ def points(held: Iterable[Measure]) -> list[ThroughputPoint]:
         method = scene.method
         found.append(
             ThroughputPoint(
-                owner, description["backend"], description["precision"],
+                told[RATE].machine, description["backend"], description["precision"],
                 (told[KERNEL].reason if KERNEL in told else None) or "", told[KIND].reason or "",
                 round(rate * step / method.substeps / method.iterations), sum(b.count for b in scene.bodies.values()),
                 region_of(scene), step, rate,

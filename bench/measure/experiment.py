@@ -63,6 +63,20 @@ def backends_here(wanted: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(wanted))
 
 
+def chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: bool = False) -> list[str]:
+    """What a user picks from a list, `what`: `names` (None: all), each one of `known`, or with `rows` the row that several
+    begin with. Raises SceneError."""
+    if not names:
+        return list(known)
+    found = []
+    for name in names:
+        mine = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
+        if not mine:
+            raise SceneError(what, name, f"must be one of {', '.join(known)}")
+        found += mine
+    return list(dict.fromkeys(found))
+
+
 def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
     """A configuration of an experiment: as everywhere, plus its finding and what it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
@@ -85,7 +99,7 @@ class Case(Protocol):
 class Summary:
     """What an experiment, `name`, did. `machine`, `run`: keys in the store (`run` empty: nothing was to do); cases `measured`
     now, and `held` in the store from before; `seconds` of wall time since `begin` (of time.perf_counter); `interrupted` by
-    Ctrl-C."""
+    Ctrl-C; `version`: of the code (bench/store/versions.py)."""
 
     machine: str
     run: str = ""
@@ -95,12 +109,13 @@ class Summary:
     seconds: float = 0.0
     interrupted: bool = False
     begin: float = field(default_factory=time.perf_counter, repr=False, compare=False)
+    version: str | None = field(default=None, repr=False, compare=False)
 
     @classmethod
     def begun(cls, store: Store, name: str) -> Self:
         """Of an experiment that begins now on this machine, which is entered into the store. Raises InputError."""
-        begin = time.perf_counter()
-        return cls(enter_machine(store), name=name, begin=begin)
+        begin, version = time.perf_counter(), code_version()  # before any thread runs
+        return cls(enter_machine(store), name=name, begin=begin, version=version)
 
     def stop(self) -> None:
         """The end, so far."""
@@ -154,7 +169,6 @@ def resume(
     `held(case)`: the store has it; `measure(group, tell)`: the cases of a group that it lacks, or (`whole`) all of a group
     that it does not have all of; `worth(case)`: its share of the bar, which `progress` shows.
     """
-    revision = code_version()
     with ending_cleanly(summary):
         missing = [[case for case in group if not held(case)] for group in groups]
         missing = [
@@ -163,7 +177,7 @@ def resume(
         missing = [group for group in missing if group]
         summary.held = sum(map(len, groups)) - sum(map(len, missing))
         if missing:
-            summary.run = store.start_run(summary.machine, command, revision)
+            summary.run = store.start_run(summary.machine, command, summary.version)
             with progress_bar(progress) as bar:
                 total = sum(worth(case) for group in missing for case in group)
                 task = bar.add_task(summary.name, total=total or 1)

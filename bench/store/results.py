@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,25 +20,10 @@ from typing import Any
 import numpy as np
 
 from bench.experiments.accuracy.methods import name_of
-from bench.store.database import DEFAULT_PATH, Store, canonical, configuration_hash
+from bench.store.database import DEFAULT_PATH, Store, canonical
 from model.core.errors import SoftlabError
 from model.core.families import scene_plan
 from model.scene.scene import Scene
-
-__all__ = [
-    "DEFAULT_PATH",
-    "Machine",
-    "Measure",
-    "Store",
-    "Timing",
-    "canonical",
-    "configuration",
-    "configuration_hash",
-    "machines",
-    "measures",
-    "open_readonly",
-    "timings",
-]
 
 SPREAD_LIMIT = 0.10  # a larger spread of the repeats makes a timing suspect
 ENOUGH = 3  # undisturbed samples of a configuration, beside which disturbed ones do not count
@@ -190,6 +175,14 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
         newest.pop((owner, key, measure), None)  # so that the order, too, is that of the newest
         newest[owner, key, measure] = Measure(owner, key, sources, run, description, measure, value, unit, reason)
     return list(newest.values())
+
+
+def by_configuration(found: Iterable[Measure]) -> list[dict[str, Measure]]:
+    """The measures of each configuration on each machine, by name."""
+    named: dict[tuple[str, str], dict[str, Measure]] = {}
+    for measure in found:
+        named.setdefault((measure.machine, measure.configuration), {})[measure.name] = measure
+    return list(named.values())
 
 
 def timings(store: Store, machine: str | None = None, stage: str | None = "step") -> list[Timing]:

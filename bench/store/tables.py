@@ -7,7 +7,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.measure.cases import LADDER, SweepSummary
-from bench.store.results import Store, timings
+from bench.store.database import Store
+from bench.store.results import timings
 
 
 def print_sweep(console: Console, summary: SweepSummary) -> None:

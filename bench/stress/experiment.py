@@ -18,23 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments import body_laws, body_scenes, clusters_by_hand, rotations
 from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
-from bench.experiments.advise.choice import chosen
-from bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, keep, resume, source_hash
+from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly, host_of, keep, resume, source_hash
 from bench.measure.progress import progress_bar
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, measures
-from bench.stress import bodies as hard_bodies
-from bench.stress import body_cases as hard_body_cases
-from bench.stress import cases as hard_cases
-from bench.stress import cloth as hard_cloth
-from bench.stress import laws as hard_laws
-from bench.stress import piles as hard_piles
-from bench.stress import rotations as hard_rotations
-from bench.stress import stiff as hard_stiff
-from bench.stress import trial as hard_trial
-from bench.stress import xpbd as hard_xpbd
 from bench.stress.cases import CASES, HardCase
 from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, bodies_as_text, rows_of
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
@@ -68,9 +56,10 @@ class Outcome:
 
 
 LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
-LAWS = (hard_cases, hard_cloth, hard_laws, hard_stiff, hard_trial, hard_xpbd)  # modules by which a case is judged
-BODY_LAWS = (
-    body_laws, body_scenes, clusters_by_hand, hard_bodies, hard_body_cases, hard_piles, hard_rotations, hard_trial, rotations,
+LAWS = ("cases", "cloth", "laws", "stiff", "trial", "xpbd")  # files of bench/stress by which a case is judged
+BODY_LAWS = (  # and of bench/experiments, one of bodies
+    "../experiments/body_laws", "../experiments/body_scenes", "../experiments/clusters_by_hand", "bodies", "body_cases",
+    "piles", "rotations", "trial", "../experiments/rotations",
 )  # fmt: skip
 
 
@@ -144,8 +133,8 @@ class _Work:
 def _digest(case: HardCase) -> str:
     """A hash of the laws of its kind: a case that judges otherwise is run anew."""
     digest = hashlib.sha256()
-    for module in BODY_LAWS if case.of_bodies else LAWS:
-        digest.update(Path(str(module.__file__)).read_bytes())
+    for name in BODY_LAWS if case.of_bodies else LAWS:
+        digest.update((Path(__file__).parent / f"{name}.py").read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -7,8 +7,8 @@ from bench.experiments.findings_determinism import DETERMINISM, RUNS
 from labbook import words
 from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import percent
-from plots.core.costs_points import Cost, costs, look_costs, source_of
 from plots.core.data import Results, Source
+from plots.findings.points import Cost, costs, look_costs, source_of
 
 BOUND = 1.0  # per cent of the time: what looking for divergence may cost
 NAMES = {"cpu": "the CPU", "gpu": "the GPU"}

@@ -5,19 +5,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
-from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR
+import numpy as np
+
+from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
 from labbook import words
 from labbook.claims.accuracy import NEAR, SCENE, found_points
 from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import number, percent, seconds
-from model.core.integrators import INTEGRATORS
+from model.core.integrators import INTEGRATORS, amplification_matrix
 from plots.core.accuracy_points import observed_order
 from plots.core.apart import apart
 from plots.core.data import Results
-from plots.findings.dissipation import NOTHING, theory
 from plots.findings.points import Row, exact_pairs, of_finding, source_with
 
+NOTHING = 1e-10  # 1/s: rounding of the measurement; rates of dissipation under it are called none
 # The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size it runs at [s],
 # and the largest eigenvalue of the Laplacian of a grid with diagonals, which bounds w^2 m / k in any state.
 CLOTH = {"stiffness": 8000.0, "mass": 0.1, "damping": 0.25, "dt": 5e-6, "eigenvalue": 12.0}
@@ -98,6 +101,23 @@ def far_away(results: Results) -> Claim:
     if lab < 2 * verlet:
         return Claim(f"{text}: no clear difference.", at, False)
     return Claim(f"{text}: lab rounds its velocity, a difference of two positions, in every step.", at, True)
+
+
+def theory(scheme: str, dt: float) -> float:
+    """The rate [1/s] at which the amplitude falls (negative: grows): -ln |eigenvalue of one step| / dt.
+
+    Of the oscillator of bench/experiments/findings.py, from the step's matrix (model/core/integrators.py).
+    """
+    matrix = amplification_matrix(scheme, dt, _frequency(), 0.0)
+    return -math.log(float(np.abs(np.linalg.eigvals(matrix)).max())) / dt
+
+
+@cache
+def _frequency() -> float:
+    """Of the oscillator [1/s], which is one of the same mass and spring under every scheme."""
+    scene = oscillator("lab", 0.01)
+    assert scene.springs is not None
+    return float((scene.springs.stiffness / scene.grid.mass) ** 0.5)
 
 
 def dissipation(results: Results) -> Claim:

@@ -9,12 +9,13 @@ from typing import Any
 
 from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
 from bench.experiments.accuracy.points import CLOTHS, COPY, COST, SCENES, AccuracyPoint, method_words, point
-from bench.store.results import Measure
+from bench.store.results import Measure, by_configuration
 from model.scene.scene import load_scene
 from plots.core.data import Source
 
 LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
 CLOTH_SCENES = {label: load_scene(name).as_dict() for label, name in CLOTHS.items()}
+MEASURES = (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER)  # what a point is made of
 SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have it in their label
 
 
@@ -37,11 +38,8 @@ def points(source: Source, scene: str | None = None, math: str = "fast") -> list
 
 @lru_cache(maxsize=16)  # every claim, figure and table asks
 def _points(source: Source) -> list[Point]:
-    gathered: dict[str, dict[str, Measure]] = {}
-    for measure in source.measures:
-        if measure.name in (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER):
-            gathered.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [entry for named in gathered.values() if ERROR in named and (entry := _point(source, named))]
+    gathered = by_configuration(m for m in source.measures if m.name in MEASURES)
+    found = [entry for named in gathered if ERROR in named and (entry := _point(source, named))]
     return sorted(found, key=lambda p: (p.scene, p.integrator, p.iterations or 0, p.backend, p.precision, -p.dt))
 
 

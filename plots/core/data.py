@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.peers.results import Ratio
-from bench.store.results import Machine, Measure, Store, Timing
+from bench.store.database import Store
+from bench.store.results import Machine, Measure, Timing
 from bench.store.versions import Version
 
 Origin = Store | str | Path

@@ -15,7 +15,8 @@ from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
 from bench.measure.case_timing import FINDINGS
 from bench.measure.energy import STAGE as ENERGY_STAGE
 from bench.peers.results import ratios
-from bench.store.results import Store, Timing, canonical, machines, measures, open_readonly, timings
+from bench.store.database import Store, canonical
+from bench.store.results import Timing, machines, measures, open_readonly, timings
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
 

@@ -8,7 +8,7 @@ from typing import Any
 from bench.experiments.accuracy.methods import XPBD, name_of
 from bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
 from bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
-from bench.store.results import Measure
+from bench.store.results import Measure, by_configuration
 from plots.core.data import Results, Source
 from plots.core.style import GREY, Drawing, legend_below, new_figure
 from plots.figures.work_precision import XPBD as CURVES
@@ -37,11 +37,10 @@ class Converging:
 
 def converging(source: Source, backend: str | None = None) -> list[Converging]:
     """All of a source (and backend), by ordering, size and iterations."""
-    held: dict[str, dict[str, Measure]] = {}
-    for measure in source.measures:
-        if measure.description.get("finding") == CONVERGENCE and backend in (None, measure.description["backend"]):
-            held.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [entry for numbers in held.values() if (entry := _entry(numbers))]
+    held = by_configuration(
+        m for m in source.measures if m.description.get("finding") == CONVERGENCE and backend in (None, m.backend)
+    )
+    found = [entry for numbers in held if (entry := _entry(numbers))]
     return sorted(found, key=lambda e: (e.backend, XPBD.index(e.name), e.side, e.iterations))
 
 

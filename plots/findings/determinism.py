@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from bench.experiments.findings_determinism import DETERMINISM
-from plots.core.costs_points import Cost, costs, source_of
 from plots.core.data import Results, Source
 from plots.core.style import (
     BLUE,
@@ -19,6 +18,7 @@ from plots.core.style import (
     new_figure,
     plain_ticks,
 )
+from plots.findings.points import Cost, costs, source_of
 
 TITLE = "What determinism costs"
 WAYS = {  # backend, way: label, colour, marker

@@ -36,11 +36,11 @@ from model.core.divergence import check_interval
 from model.core.errors import SceneError, SoftlabError
 from model.core.simulation import State
 from model.scene.scene import load_scene
-from plots.core.costs_points import costs, look_costs
 from plots.core.data import Results
 from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.findings import determinism as determinism_figure
+from plots.findings.points import costs, look_costs
 
 STEPS = 20
 TINY = Effort(2, 1e-4, 1e-3)

@@ -32,7 +32,7 @@ from labbook.claims import claim as claims
 from labbook.claims import comparison as comparison_claims
 from labbook.claims.committed import HAND_WRITTEN, failures
 from labbook.facts import constant, facts
-from labbook.kernel_tables import short_cell
+from labbook.tables import short_cell
 from model.core.errors import InputError
 from plots.core.data import Results
 from plots.core.read import load

@@ -17,7 +17,7 @@ from synthetic_store import (
 )
 
 from bench.store.database import Store
-from labbook import kernel_tables
+from labbook import tables as book_tables
 from labbook.claims import kernels as kernel_claims
 from model.core.plan import mass_spring_plan
 from model.scene.scene import load_scene
@@ -150,16 +150,16 @@ def test_what_more_threads_than_cores_cost(cpu: Results) -> None:
     assert kernel_claims.crowded(cpu, "team", "fused").numbers["ratio"] == pytest.approx(team.median / fused.median)
     policies = kernel_claims.policies(cpu)
     assert "Spinning is quicker as long as each thread has a core" in policies.sentence
-    (table,) = kernel_tables.region_tables(cpu)
+    (table,) = book_tables.region_tables(cpu)
     assert table["rows"][-1] == ["8", "160", "43.0"]
 
 
 def test_tables_hold_every_kernel_and_name_the_fastest(gpu: Results) -> None:
-    tables = kernel_tables.kernel_tables(gpu)
+    tables = book_tables.kernel_tables(gpu)
     assert len(tables) == 2 and all(len(row) == len(made["head"]) for made in tables for row in made["rows"])
     on_gpu = next(made for made in tables if "float32. GPU" in made["title"])
     assert [row[1] for row in on_gpu["rows"]][:3] == ["one-block", "one-block", "resident"]
-    assert on_gpu["rows"][-1][2 + 3] == kernel_tables.DASH, "one-block holds no 4096 x 4096"
+    assert on_gpu["rows"][-1][2 + 3] == book_tables.DASH, "one-block holds no 4096 x 4096"
 
 
 def test_the_first_step(gpu: Results) -> None:

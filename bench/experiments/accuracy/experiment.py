@@ -46,9 +46,8 @@ from bench.experiments.accuracy.points import (
 )
 from bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
-from bench.experiments.advise.choice import chosen
 from bench.measure.costs_timing import Effort
-from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
+from bench.measure.experiment import Tell, backends_here, chosen, keep, resume, stored_samples
 from bench.measure.growth import Growth
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference import cache

@@ -200,12 +200,14 @@ class _Work:
 
     def measure(self, group: Sequence[Variant], tell: Tell) -> None:
         """Judge each of a group, then sample those that held in turn. Raises Diverged where the full scene does."""
+        tell("converged reference", 0)
+        right = self.right
         with ExitStack() as stack:
             subjects = []
             for variant in group:
                 tell(f"{variant.ablation.name}, {variant.case.backend}", 1)
                 subject = Subject(stack.enter_context(variant.case.open()), variant)
-                if self._judge(subject):
+                if self._judge(subject, right):
                     self._choose_steps(subject)
                     subjects.append(subject)
                 else:
@@ -217,7 +219,7 @@ class _Work:
     def _add(self, variant: Variant, numbers: Mapping[str, tuple[float | None, str, str | None]]) -> None:
         keep(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
 
-    def _judge(self, subject: Subject) -> bool:
+    def _judge(self, subject: Subject, right: tuple[Converged, Growth]) -> bool:
         """Run to the end and store errors and change; whether it held."""
         variant, simulation = subject.name, subject.simulation
         outcome: State | Diverged
@@ -231,7 +233,7 @@ class _Work:
         if variant.ablation is FULL:
             assert isinstance(outcome, State)
             self._full = outcome
-        judged = judge(self.scene, outcome, *self.right)  # by the energy of the full scene
+        judged = judge(self.scene, outcome, *right)  # by the energy of the full scene
         numbers: dict[str, tuple[Any, str, str | None]] = {
             PREFIX + name.removeprefix("accuracy_"): told for name, told in judged.items()
         }

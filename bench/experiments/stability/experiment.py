@@ -19,7 +19,6 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.accuracy.methods import QUICK_FLOAT32
-from bench.experiments.advise.choice import chosen
 from bench.experiments.stability.points import (
     DAMPING,
     EDGE,
@@ -27,14 +26,12 @@ from bench.experiments.stability.points import (
     OUTCOME,
     STEP,
     STIFFNESS,
-    Edge,
-    MapPoint,
     StabilitySummary,
     stability_of,
 )
 from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
 from bench.measure import case_timing
-from bench.measure.experiment import Tell, backends_here, keep, resume, source_hash
+from bench.measure.experiment import Tell, backends_here, chosen, keep, resume, source_hash
 from bench.measure.machine import gpu_simulated
 from bench.store.database import Store, configuration_hash
 from bench.store.results import configuration, measures
@@ -42,8 +39,6 @@ from model.core.integrators import INTEGRATORS, damping_rate
 from model.core.simulation import PRECISIONS, Simulation
 from model.core.stability_limit import scene_frequency
 from model.scene.scene import Scene, load_scene
-
-__all__ = ["Edge", "MapPoint", "StabilitySummary", "run_stability"]
 
 MEANING = 1  # of what is stored; changed when an outcome or an edge comes to mean something else
 ROWS = COLUMNS = 8

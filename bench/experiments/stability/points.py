@@ -11,7 +11,8 @@ from typing import Any
 
 from bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
 from bench.measure.experiment import Summary
-from bench.store.results import Measure, canonical
+from bench.store.database import canonical
+from bench.store.results import Measure, by_configuration
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene
@@ -103,12 +104,8 @@ def _place(scene_text: str, backend: str, precision: str) -> Place:
 
 def stability_of(found: Iterable[Measure]) -> tuple[list[MapPoint], list[Edge]]:
     """The map's points and the edges among measures of one machine, in a fixed order."""
-    named: dict[str, dict[str, Measure]] = {}
-    for measure in found:
-        if measure.name in NAMES:
-            named.setdefault(measure.configuration, {})[measure.name] = measure
     points, edges = [], []
-    for measures in named.values():
+    for measures in by_configuration(measure for measure in found if measure.name in NAMES):
         place = place_of(next(iter(measures.values())).description)
         outcome, step, edge, limit = (measures.get(name) for name in NAMES)
         if outcome and outcome.value is not None:
