@@ -311,7 +311,7 @@ def advise(
             )
     if write is not None:
         path = write_scene(write, advice.configured(), advice.heading(), force=force)
-        out.print(f"{path}: softlab run {path} {advice.options()}", markup=False, soft_wrap=True)
+        out.print(f"{path}: softlab run {path} --time {advice.time:g} {advice.options()}", markup=False, soft_wrap=True)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")

@@ -122,3 +122,8 @@ def kept_growth(
     if file:
         write_arrays(file, times=made.times, factors=made.factors)
     return made
+
+
+def growth_words(growth: float) -> str:
+    """What became of a disturbance, for the terminal: `shrinks to 0.094 of itself`, `grows 12 times`."""
+    return f"shrinks to {growth:.2g} of itself" if growth < 1 else f"grows {growth:.2g} times"

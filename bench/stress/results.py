@@ -23,6 +23,7 @@ from bench.stress.cases import CASES, NOT_YET
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
 AIM = "aim <="
+FEW = 10  # cases: who asks for so few is not told what there is not
 CODES = {"fail": 0.0, "pass": 1.0, "refused": 2.0, "known": 3.0}  # verdict -> its value in the store
 WORDS = {"pass": "pass", "fail": "FAIL", "refused": "refused", "known": "fails"}
 STYLES = {"pass": "green", "fail": "bold red", "refused": "cyan", "known": "yellow"}
@@ -243,7 +244,12 @@ def print_hard(console: Console, summary: HardSummary) -> None:
         console.print(f"backends differ, a bug of the lab: {text}", markup=False, soft_wrap=True, style="red")
     for text in rounding_differences(rows):
         console.print(f"rounding shows on one backend alone: {text}", markup=False, soft_wrap=True, style="yellow")
-    console.print("not yet: " + "; ".join(f"{name} {reason}" for name, reason in NOT_YET.items()), soft_wrap=True)
+    if len({row.case for row in rows}) > FEW:
+        console.print("not yet: " + "; ".join(f"{name} {reason}" for name, reason in NOT_YET.items()), soft_wrap=True)
+    if not rows:
+        console.print(
+            "none of the chosen cases is run by the chosen methods; softlab hard --help names both", markup=False
+        )
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
     console.print(
         f"hard cases: {len(rows)} runs: {counts['pass']} passed, {counts['refused']} refused with a diagnosis, "

@@ -156,9 +156,9 @@ def test_a_run_with_a_load_is_judged_by_a_reference_that_knows_it():
 @pytest.mark.parametrize(
     "name,instead",
     [
-        ("rigid-stack", "softlab bar .* softlab throughput .* softlab run"),
+        ("rigid-stack", "softlab bar .* softlab throughput"),
         ("jelly-grid", "method.solver=mass-spring"),
-        ("cloth-mesh", "softlab run"),
+        ("cloth-mesh", "cloth. is such a sheet"),
         ("cloth-self", "softlab run"),
     ],
 )

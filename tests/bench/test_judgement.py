@@ -12,7 +12,7 @@ from bench.experiments.accuracy import judge
 from bench.experiments.accuracy import judgement as j
 from bench.experiments.accuracy.equal_error import TARGETS, equal_error, fastest
 from bench.experiments.accuracy.points import AccuracyPoint, AccuracySummary, point
-from bench.measure.growth import LOOKS, Growth, disturbance, measure_growth
+from bench.measure.growth import LOOKS, Growth, disturbance, growth_words, measure_growth
 from bench.reference.cache import Converged
 from bench.reference.mass_spring import start
 from bench.store.results import Measure, configuration
@@ -132,7 +132,11 @@ def test_refused_is_not_diverged():
     text = str(AccuracySummary("m", points=[refused]))
     assert "chaotic, the error of 1 is refused" in text
     assert "spacings centre of mass" in text
-    assert "growth 1.0e-01" in str(fine)
+
+
+def test_a_disturbance_shrinks_or_grows_in_words():
+    assert growth_words(0.0937) == "shrinks to 0.094 of itself"
+    assert growth_words(12.3) == "grows 12 times"
 
 
 def test_growth_of_a_free_fall_and_of_chaos():

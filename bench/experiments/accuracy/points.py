@@ -27,6 +27,7 @@ from bench.experiments.accuracy.judgement import (
 )
 from bench.experiments.accuracy.methods import WRONG, efforts, name_of
 from bench.measure.experiment import Summary
+from bench.measure.growth import growth_words
 from model.core.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
@@ -129,9 +130,8 @@ class AccuracyPoint:
 
     def __str__(self) -> str:
         cost = "not timed" if self.seconds is None else f"{self.seconds * 1e3:9.3f} ms a simulated second"
-        growth = "" if self.growth is None else f" (growth {self.growth:.1e})"
         solver = "" if self.solver is None else f"; {self.solver:.1e} from its iterations"
-        return f"{self.error:8.2e}{growth}  {cost}  {self.name}{solver}"
+        return f"{self.error:8.2e}  {cost}  {self.name}{solver}"
 
 
 def method_words(name: str, iterations: int | None) -> str:
@@ -193,7 +193,7 @@ def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:
     heading = f"{label} ({name}{sized}) at {end_of(label):g} s: {len(points)} runs, of which {broken} diverged"
     growth = next((p.growth for p in points if p.growth is not None), None)
     if growth is not None:
-        heading += f"; a disturbance of 1e-9 grows {growth:.1e} times"
+        heading += f"; a disturbance of 1e-9 {growth_words(growth)}"
     if refused:
         return [f"{heading}: chaotic, the error of {refused} is refused", *(f"  {_statistics(p)}" for p in points)]
     lines = [f"{heading}; the Pareto front:", *(f"  {point}" for point in pareto_front(points))]

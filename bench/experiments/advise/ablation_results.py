@@ -17,7 +17,7 @@ from bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, 
 from bench.experiments.advise.advice import NOISE
 from bench.experiments.advise.search import FLOOR
 from bench.measure.experiment import Summary
-from bench.measure.growth import MAX_GROWTH
+from bench.measure.growth import MAX_GROWTH, growth_words
 from bench.reference.cache import TOLERANCE
 from bench.store.results import Measure
 
@@ -232,7 +232,7 @@ def _row(named: Mapping[str, Measure]) -> AblationRow:
 def print_ablation(console: Console, summary: AblationSummary) -> None:
     """A table for each backend, sorted by what is saved, and its sentence."""
     for found in summary.tables:
-        growth = f"a disturbance grows {found.full.growth:.1e} times by then"
+        growth = f"a disturbance {growth_words(found.full.growth)} by then"
         console.print(
             f"{found.title}, on the {found.backend}, judged at {found.end:g} s; {growth}", markup=False, soft_wrap=True
         )

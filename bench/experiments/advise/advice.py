@@ -7,7 +7,7 @@ from typing import Any
 
 from bench.experiments.accuracy.methods import changes
 from bench.experiments.accuracy.points import method_words
-from bench.measure.growth import DISTURBANCE
+from bench.measure.growth import DISTURBANCE, growth_words
 from model.scene.scene import Scene
 
 NOISE = 1.1  # times that are nearer than that are called equal
@@ -112,7 +112,7 @@ class Advice:
         grid = self.scene.grid
         lines = [
             f"{self.scene.title}, {grid.rows} x {grid.columns} masses: at most {self.error:g} spacings of error at "
-            f"{self.time:g} s (a disturbance of {DISTURBANCE:g} grows {self.growth:.1e} times by then)"
+            f"{self.time:g} s (a disturbance of {DISTURBANCE:g} {growth_words(self.growth)} by then)"
         ]
         if self.why:
             lines.append(f"no answer: {self.why}")
