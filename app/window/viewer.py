@@ -153,19 +153,43 @@ class Viewer:
 
     def _draw(self) -> None:
         """One frame: physics, then the picture, both timed."""
-        from pyglet import gl
-
         now = perf_counter()
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
         demo = self.demo
         self._lay_out()
         self.controls.mouse.pull()
+        if not self.frame_count:
+            self._show_the_start()
         demo.frame()
         if self.follow:
             self._approach_everything(FOLLOW_SHARE)
         self._stay_above_ground()
-        start = perf_counter()
+        drawing = self._paint()
+        self.overlay.times.add(demo.physics_seconds, drawing)
+        self.draw_seconds += 0.1 * (drawing - self.draw_seconds)
+        if self._wanted_screenshot:
+            self._wanted_screenshot = False
+            self._save_screenshot()
+        self.frame_count += 1
+        if self.state_file is not None and self.frame_count % STATE_FRAMES == 1:
+            write_state(self.state_file, self.state())
+        if self.frames is not None and self.frame_count >= self.frames:
+            self.close()
+
+    def _show_the_start(self) -> None:
+        """The scene before its first step, which may compile for a minute: nobody should look at a black window so long."""
+        demo, said = self.demo, (self.demo.message, self.demo.message_count)
+        demo.say("compiling what this scene needs; it is kept for the next time")
+        self._paint()
+        self.window.flip()
+        demo.message, demo.message_count = said
+
+    def _paint(self) -> float:
+        """Draw the worlds as they are; the seconds that it took."""
+        from pyglet import gl
+
+        demo, start = self.demo, perf_counter()
         gl.glClearColor(*EDGE, 1.0)  # what is seen between panes
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
         gl.glClearColor(*colours.BACKGROUND, 1.0)
@@ -180,17 +204,7 @@ class Viewer:
         gl.glViewport(0, 0, self.width, self.height)
         self.overlay.draw(start)
         gl.glFinish()  # so that drawing is timed, and not only the asking for it
-        drawing = perf_counter() - start
-        self.overlay.times.add(demo.physics_seconds, drawing)
-        self.draw_seconds += 0.1 * (drawing - self.draw_seconds)
-        if self._wanted_screenshot:
-            self._wanted_screenshot = False
-            self._save_screenshot()
-        self.frame_count += 1
-        if self.state_file is not None and self.frame_count % STATE_FRAMES == 1:
-            write_state(self.state_file, self.state())
-        if self.frames is not None and self.frame_count >= self.frames:
-            self.close()
+        return perf_counter() - start
 
     @staticmethod
     def _clear(pane: Pane) -> None:

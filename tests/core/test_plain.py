@@ -15,7 +15,7 @@ from numba import prange
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from cpu_backend.core.plain import SWITCH, TooLong, is_plain, plain_python
+from cpu_backend.core.plain import SECONDS, SWITCH, TooLong, is_plain, plain_python
 from cpu_backend.core.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
 
 
@@ -151,4 +151,8 @@ def test_the_environment_switches_it_on() -> None:
         "with open_simulation('lab-hammock', threads=1) as simulation: simulation.advance(1)\n"
         "assert not simulation._kernel.overloads"
     )
-    subprocess.run([sys.executable, "-c", code], env=os.environ | {SWITCH: "1"}, check=True, timeout=120)
+    environment = os.environ | {
+        SWITCH: "1",
+        SECONDS: "inf",
+    }  # with a limit, machine code that another test kept would run
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True, timeout=120)
