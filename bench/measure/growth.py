@@ -126,4 +126,6 @@ def kept_growth(
 
 def growth_words(growth: float) -> str:
     """What became of a disturbance, for the terminal: `shrinks to 0.094 of itself`, `grows 12 times`."""
+    if 0.995 <= growth < 1.005:
+        return "neither grows nor shrinks"
     return f"shrinks to {growth:.2g} of itself" if growth < 1 else f"grows {growth:.2g} times"

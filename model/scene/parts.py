@@ -148,7 +148,7 @@ class Springs(Elastic):
     column, or row; 1: all equal, and then left out where the scene is written.
     """
 
-    rest_length: NotNegative = 1.0  # m
+    rest_length: NotNegative = 1.0  # m, whatever grid.spacing is
     stiffness_ratio: AtLeastOne = 1.0
 
     @property

@@ -27,9 +27,11 @@ def mesh_lines(scene: Scene) -> list[str]:
 
 
 def rest_lines(scene: Scene) -> list[str]:
-    """What to tell of a grid whose springs begin far from their rest length, which has a default of its own."""
+    """What to tell of a grid whose springs begin far from their rest length, or off one that the scene does not name."""
     springs, spacing = scene.springs, scene.grid.spacing
-    if springs is None or springs.rest_length == 0 or 0.5 <= spacing / springs.rest_length <= 2:
+    if springs is None or springs.rest_length in (0, spacing):
+        return []
+    if "rest_length" in springs.model_fields_set and 0.5 <= spacing / springs.rest_length <= 2:
         return []
     return [
         f"springs begin at {spacing / springs.rest_length:.3g} of their rest length (grid.spacing = {spacing:g} m, "

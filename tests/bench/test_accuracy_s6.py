@@ -264,9 +264,10 @@ def test_implicit_euler_among_the_points(small_run):
 
 
 def test_the_figure_shows_them(small_run):
-    """A panel a scene, and a word for every method in the legend."""
+    """A panel a scene and precision, and a word for every method in the legend."""
     *_, drawing = small_run
-    assert [ax.get_title() for ax in drawing.figure.axes] == ["S4", "S6", "S6-still"]
+    titles = [ax.get_title() for ax in drawing.figure.axes]
+    assert titles == ["S4, float64", "S6, float64", "S6-still, float64"]
     (legend,) = drawing.figure.legends
     words = {text.get_text() for text in legend.get_texts()}
     assert words >= {"rk4", "implicit-euler", GAUSS_SEIDEL, "Pareto front"}

@@ -286,6 +286,6 @@ def test_the_command_writes_what_it_advises(capsys, monkeypatch, tmp_path, clock
     assert not ended.value.code
     printed = capsys.readouterr().out
     assert "soonest" in printed
-    assert "softlab run fast.toml --backend cpu --precision float32" in printed
+    assert "softlab run fast.toml --time 0.3 --backend cpu --precision float32" in printed
     scene = load_scene("fast.toml")
     assert (scene.grid.rows, scene.method.dt) != (32, 0.01)

@@ -161,3 +161,8 @@ def test_springs_that_begin_far_from_rest_are_told():
     assert rest_lines(load_scene("lab-grid")) == [] and rest_lines(load_scene("jelly-drop")) == []
     (line,) = rest_lines(load_scene("lab-grid").replace({"grid.spacing": 0.1}))
     assert line.startswith("springs begin at 0.1 of their rest length")
+    tables = load_scene("lab-grid").as_dict()
+    tables["grid"]["spacing"] = 0.8
+    assert rest_lines(Scene(tables, "named")) == []
+    del tables["springs"]["rest_length"]  # the default has to be told: 0.8 apart means springs of 0.8 to many
+    assert "springs.rest_length = 1 m" in rest_lines(Scene(tables, "by default"))[0]

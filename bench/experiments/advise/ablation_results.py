@@ -25,7 +25,9 @@ PREFIX = "ablation_"
 CHANGE = "ablation_change"  # spacings: root mean square over the free masses, to the end of the full scene's own run
 SECONDS = "ablation_seconds"  # of wall time a simulated second, the least of the repeats
 SUSPECT = "ablation_suspect"
-NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "cannot be told", "finer"  # verdicts
+NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "cannot be told", "finer"  # verdicts, on what was spared
+REPLACED = {NEEDED: "not enough", NOT_NEEDED: "enough"}  # the same, on what stands in its place
+FINER_STEP = {GAINS: "more accurate", NOT_NEEDED: "gains nothing"}
 WIDE = 100  # columns of a terminal that has place for the reasons
 STYLES = {NEEDED: "bold", NOT_NEEDED: "green", UNTOLD: "yellow", GAINS: "cyan"}
 
@@ -97,6 +99,12 @@ class Ablated:
             told = self.full.error >= self.floor
             return GAINS if told and row.error <= FLOOR * self.full.error else NOT_NEEDED
         return NEEDED if row.change > self.floor else NOT_NEEDED
+
+    def printed_verdict(self, row: AblationRow) -> str:
+        """The verdict on what the row is called after: on the part left out, else on the cheaper thing in its place."""
+        words = {PART: {}, FINER: FINER_STEP}.get(row.kind, REPLACED)
+        verdict = self.verdict(row)
+        return words.get(verdict, verdict)
 
     # ------------------------------------------------------------------ words
 
@@ -260,8 +268,8 @@ def _printed(found: Ablated, wide: bool) -> Table:
         shown = [f"{number:.1e}" if number is not None and math.isfinite(number) else "-" for number in numbers]
         saving = found.saving(row)
         cost = "-" if row.seconds is None else f"{1e3 * row.seconds:.3g}{'?' if row.suspect else ''}"
-        verdict = "" if row is found.full else found.verdict(row)
+        style = "" if row is found.full else STYLES[found.verdict(row)]
         cells = [escape(row.name), "-" if saving is None else f"{saving:.2f}", cost, *shown]
-        cells.append(f"[{STYLES[verdict]}]{verdict}[/]" if verdict else "")
+        cells.append(f"[{style}]{found.printed_verdict(row)}[/]" if style else "")
         table.add_row(*cells, *(["diverged" if row.broke else escape(row.why)] if wide else []))
     return table
