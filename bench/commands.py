@@ -209,10 +209,10 @@ def projections(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
-    from bench.experiments.projections import run_projections
+    from bench.experiments.projections import print_projections, run_projections
 
     chosen = _precisions(precision, "float32")
-    _measure(store, run_projections, quick=quick, backends=backend, sizes=size, precisions=chosen)
+    _measure(store, run_projections, print_projections, quick=quick, backends=backend, sizes=size, precisions=chosen)
 
 
 @measuring.command(
@@ -263,11 +263,9 @@ def bar(
 ) -> None:
     """Three solvers, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
     from bench.experiments.bar import run_bar
+    from bench.experiments.bar_rows import print_bar
 
-    def drawn(*_: Any) -> None:
-        out.print("softlab figures draws it, softlab labbook tells of it")
-
-    _measure(store, run_bar, drawn, quick=quick, backends=backend)
+    _measure(store, run_bar, print_bar, quick=quick, backends=backend)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")

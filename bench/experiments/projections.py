@@ -14,11 +14,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rich.console import Console
+from rich.table import Column, Table
+
 from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
 from bench.measure.experiment import backends_here
 from bench.store.database import Store, canonical
 from bench.store.published import PUBLISHED
-from bench.store.results import Measure, by_configuration
+from bench.store.results import Measure, by_configuration, measures
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.xpbd.plan import constraint_count
@@ -29,6 +32,7 @@ RATE = "projections_per_second"  # 1/s
 KERNEL = "projection_kernel"  # its name is the reason
 SIZES = (32, 64, 128, 256, 512)  # rows and columns
 QUICK_SIZES = (32, 128)
+MOST = 32768  # a thousand million masses
 LARGE = (1024,)  # more of them on a GPU
 QUICK_NEIGHBOURS = (4, 12)
 NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural", "shear", "bending")}
@@ -119,12 +123,32 @@ def run_projections(
     for size in sizes or ():
         if size < 2:
             raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
+        if size > MOST:
+            raise SceneError("--size", size, f"must be at most {MOST}")
     check_precisions(precisions)
     timing = Timing(STAGE, QUICK_REPEATS if quick else REPEATS, measured, RATE)
     return timing.run(store, groups(here, quick, sizes, precisions), progress=progress, command=command)
 
 
 # ---------------------------------------------------------------------- what the store says
+
+
+def print_projections(console: Console, store: Store, machine: str) -> None:
+    """A table of what was timed on a machine."""
+    words = "masses", "neighbours", "ordering", "kernel"
+    numbers = "budget", "step, ms", "million / s"
+    table = Table(
+        *(Column(name, no_wrap=True) for name in words), *(Column(name, justify="right") for name in numbers), box=None
+    )
+    for p in points(measures(store)):
+        if p.machine == machine:
+            told = (f"{p.rows} x {p.columns}", str(p.neighbours), p.ordering, f"{p.backend}, {p.kernel}")
+            table.add_row(*told, f"{p.substeps} x {p.iterations}", f"{1e3 * p.step:.3g}", f"{p.rate / 1e6:.0f}")
+    console.print(table)
+    console.print(
+        "budget: substeps x iterations; million / s: constraints projected; softlab figures draws them, with published ones",
+        soft_wrap=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
 from bench.experiments.bar_body import CLUSTERS, REACH
+from bench.experiments.bar_rows import JELLY, Bar, first_backend, series
 from bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
@@ -25,8 +26,8 @@ from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SE
 from labbook import words
 from labbook.claims.claim import Claim, Claims
 from labbook.words import number, percent, seconds
-from plots.core.bar_points import JELLY, Bar, bars, first_backend, series
 from plots.core.data import Results
+from plots.figures.bar import bars
 
 NEAR = 1e-4  # what agrees with a closed form to so much follows it
 EQUAL = 1e-6  # relative: of numbers in exact math on two backends

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bench.experiments.bar import FINEST, SOLVERS, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
+from bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
-from plots.core.bar_points import JELLY, Bar, bars, first_backend, series
-from plots.core.data import Results
+from plots.core.data import Results, Source, judgements
 from plots.core.style import (
     BLUE,
     GREEN,
@@ -36,6 +36,12 @@ CURVES = {  # solver: label, colour, marker, line
 }
 REGIONS = {1: (ORANGE, "^"), 2: (GREEN, "s"), 3: (BLUE, "o"), 4: (PURPLE, "v")}
 ROWS = {SAG: "sag / a rod's", FREQUENCY: "first frequency / a rod's"}
+
+
+def bars(results: Results) -> tuple[list[Bar], tuple[Source, ...]]:
+    """All rows, of each backend one machine's, and their sources."""
+    found, sources = judgements(results, is_bar)
+    return rows(found), sources
 
 
 def draw(results: Results) -> Drawing | str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 from math import inf, pi
 
 import numpy as np
 import pytest
 from read_figures import LABELS, labels
+from rich.console import Console
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
 from bench.experiments import bar as job
 from bench.experiments.bar import FINEST, LAW, STRIP, experiments, run_bar
 from bench.experiments.bar_body import CLUSTERS, LENGTH, REACH, SPEED, bar, rod_swing, sampled, standing_sag, sway
+from bench.experiments.bar_rows import JELLY, print_bar
 from bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
@@ -53,11 +56,10 @@ from bench.store.results import measures
 from labbook.claims.bodies import CLAIMS
 from model.core.errors import Diverged
 from model.shape_matching.clusters import matching_share
-from plots.core.bar_points import JELLY, bars
 from plots.core.data import Results
 from plots.core.read import load
 from plots.core.style import Drawing, settings
-from plots.figures.bar import draw, draw_clusters
+from plots.figures.bar import bars, draw, draw_clusters
 
 FEW = 8  # links
 
@@ -201,6 +203,11 @@ def test_nothing_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (again.measured, again.held, again.run) == (0, 7, "")
         refused = [m for m in measures(store, SAG) if m.value is None]
         assert len(refused) == 1 and refused[0].reason is not None and "stability limit" in refused[0].reason
+        console = Console(width=80, record=True, file=io.StringIO())
+        print_bar(console, store, again.machine)
+        printed = console.export_text()
+        (sag,) = (m.value for m in measures(store, SAG) if m.value is not None)
+        assert f"{sag / rod_sag():.3f}" in printed and "stability limit" in printed and "…" not in printed
 
 
 # ---------------------------------------------------------------------- figures and lab book

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
 from read_figures import LABELS, labels
+from rich.console import Console
 from synthetic_store import GPU_RECORD
 
 from bench.experiments.projections import (
@@ -15,6 +18,7 @@ from bench.experiments.projections import (
     case_of,
     groups,
     points,
+    print_projections,
     projections_of,
     run_projections,
     sheet,
@@ -93,6 +97,16 @@ def test_a_rate_is_projections_over_the_median_step(store):
     assert median == sorted(row[0] for row in rows)[len(rows) // 2]
 
 
+def test_the_terminal_tells_this_machines_alone(store):
+    here = points(measures(store))[0]
+    console = Console(width=80, record=True, file=io.StringIO())
+    print_projections(console, store, here.machine)
+    printed = console.export_text(clear=False)
+    assert printed.count("4 x 4 ") == 4 and f"{1e3 * here.step:.3g}" in printed and "…" not in printed
+    print_projections(console, store, "another machine")
+    assert console.export_text().count("4 x 4 ") == 4
+
+
 def _gpu_store(path) -> Store:
     """A machine with a GPU on which a published step takes a fifth of its time."""
     store = Store(path)
@@ -131,7 +145,9 @@ def test_nothing_is_claimed_of_nothing(store):
         assert not claims[name].supported and claims[name].sentence.endswith(".")
 
 
-@pytest.mark.parametrize("how", [{"sizes": [1]}, {"precisions": ("float16",)}, {"backends": ["tpu"]}])
+@pytest.mark.parametrize(
+    "how", [{"sizes": [1]}, {"sizes": [10**30]}, {"precisions": ("float16",)}, {"backends": ["tpu"]}]
+)
 def test_what_cannot_be_timed_is_refused(tmp_path, how):
     with Store(tmp_path / "r.sqlite") as store, pytest.raises(SceneError):
         run_projections(store, progress=False, **how)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
+
+from rich.console import Console
+from rich.table import Column, Table
 
 from bench.experiments.bar import BODY, LAW, STRIP
 from bench.experiments.bar_body import rod_swing, standing_sag
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, REFUSED, SAG, beam_tip, rod_frequency, rod_sag
-from bench.store.results import Measure
-from plots.core.data import Results, Source, judgements
+from bench.store.database import Store
+from bench.store.results import Measure, measures
 
 
 @dataclass(frozen=True)
@@ -45,13 +48,17 @@ JELLY = "jelly bar"
 Key = tuple[str, str, str, int, float, int, str]  # the first fields of a Bar
 
 
-def bars(results: Results) -> tuple[list[Bar], tuple[Source, ...]]:
-    """All rows, of each backend one machine's, and their sources."""
-    found, sources = judgements(results, lambda m: m.description.get("finding") in (STRIP, BODY, LAW))
+def is_bar(measure: Measure) -> bool:
+    """Whether it is one of this experiment's."""
+    return measure.description.get("finding") in (STRIP, BODY, LAW)
+
+
+def rows(found: Iterable[Measure]) -> list[Bar]:
+    """The strips, bars and laws of the measures, in the order of their first one."""
     held: dict[Key, list[Measure]] = {}
     for measure in found:
         held.setdefault(_key(measure.description), []).append(measure)
-    return [_bar(key, measures) for key, measures in held.items()], sources
+    return [_bar(key, of) for key, of in held.items()]
 
 
 def _key(told: dict[str, Any]) -> Key:
@@ -78,3 +85,30 @@ def series(found: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: f
     """The rows of a solver with these fields, in the order of `by`."""
     mine = [bar for bar in found if bar.solver == solver and all(getattr(bar, k) == v for k, v in fixed.items())]
     return sorted(mine, key=by)
+
+
+def print_bar(console: Console, store: Store, machine: str) -> None:
+    """A table of what was measured on a machine: each number over what the material's closed form says."""
+    numbers = "links", "clusters", "substeps", "sag", "frequency", "shear"
+    words = (Column(name, no_wrap=True) for name in ("solver", "on"))
+    title = "over what the material's closed form says"
+    table = Table(
+        *words, *(Column(name, justify="right") for name in numbers), box=None, title=title, title_justify="left"
+    )
+    found = rows(m for m in measures(store) if m.machine == machine and is_bar(m))
+    shown = sorted((bar for bar in found if not bar.law), key=lambda b: (b.solver, b.fine, b.size, b.substeps))
+    for bar in shown:
+        parts = (bar.part(name) for name in (SAG, FREQUENCY, ACROSS))
+        told = ["-" if part is None else f"{part:.3f}" for part in parts]
+        size = f"{bar.size:g}" if bar.solver in (JELLY, "shape-matching") else ""
+        table.add_row(bar.solver, bar.backend, str(bar.fine), size, str(bar.substeps), *told)
+    console.print(table)
+    for bar in shown:
+        if bar.refused:
+            where = f"{bar.solver}, {bar.fine} links, {bar.substeps} substeps on the {bar.backend}"
+            console.print(f"{where}: {bar.refused}", soft_wrap=True, markup=False)
+    console.print(
+        "clusters: half-width of a window, of the jelly bar radius over spacing; softlab figures draws it, "
+        "softlab labbook tells of it and of the laws",
+        soft_wrap=True,
+    )
