@@ -216,7 +216,14 @@ class Late:
         self.asked += 5  # and looking at the state after it
 
 
-@pytest.mark.parametrize("renderer", [None, Recorder()])
+class Elsewhere:
+    """Draws where the device computes: what it shows is not waited for by the host."""
+
+    def show(self, simulation: Any) -> None:
+        assert simulation.asked
+
+
+@pytest.mark.parametrize("renderer", [None, Recorder(), Elsewhere()], ids=["none", "by the host", "by the device"])
 def test_a_sample_waits_for_the_device_and_holds_nothing_but_its_steps(
     renderer: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
