@@ -1,9 +1,10 @@
 """The time of every stage of a step, measured: the unfused tree is run, stage by stage.
 
-On the CPU each stage of a real step is timed by itself, in turn. On a GPU a launch from Python takes longer than most
-stages: each stage is captured many times over as a graph (gpu_backend/core/launch.py) and replayed, so that its own time
-shows. Repeating a stage moves the state to nowhere in particular; nothing of that is kept, and no stage's time depends on
-the numbers in it.
+Beside them the whole step of the kernel that runs by default: its threads start once and its stages share what they load,
+so that it takes a part of the sum. On the CPU each stage of a real step is timed by itself, in turn. On a GPU a launch
+from Python takes longer than most stages: each stage is captured many times over as a graph (gpu_backend/core/launch.py)
+and replayed, so that its own time shows. Repeating a stage moves the state to nowhere in particular; nothing of that is
+kept, and no stage's time depends on the numbers in it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from statistics import median
 from typing import Any
 
@@ -22,6 +24,7 @@ from model.scene.scene import Scene
 
 SECONDS = 1.0  # of measuring a backend
 MIN_STEPS, MAX_STEPS = 3, 20000
+SAMPLES = 10
 REWIND = 256  # steps until the state is put back, so that one that diverges never runs for long
 MIN_REPLAYS = 256  # of a stage on a GPU: one whole graph
 EMPTY = "empty"  # on the CPU: a stage that starts the threads and does nothing
@@ -32,15 +35,17 @@ Moments = list[tuple[Stage, Moment]]
 
 @dataclass(frozen=True)
 class StageTimes:
-    """`seconds` of each stage in the order of a step; `empty`: of one that does nothing. Or `missing`: why not."""
+    """`seconds` of each stage in the order of a step; `empty`: of one that does nothing. Or `missing`: why not. `step`: of
+    a whole step, by the kernel that runs by default."""
 
     seconds: tuple[float, ...] = ()
     empty: float | None = None
     missing: str | None = None
+    step: float | None = None
 
 
 def measure_stages(scene: Scene, backend: str, precision: str, required: bool = False) -> StageTimes:
-    """The time of every stage of a scene on a backend, in about a second.
+    """The time of every stage of a scene on a backend, and of a whole step, in about two seconds.
 
     Raises BackendUnavailable instead, if `required`.
     """
@@ -51,9 +56,32 @@ def measure_stages(scene: Scene, backend: str, precision: str, required: bool = 
             raise
         return StageTimes(missing=str(error))
     except SceneError as error:  # a solver without a stage-by-stage kernel
-        return StageTimes(missing=str(error))
-    with simulation:
-        return _stage_times(simulation)
+        found = StageTimes(missing=str(error))
+    else:
+        with simulation:
+            found = _stage_times(simulation)
+    with open_simulation(scene, backend, precision=precision, allow_unstable=True) as whole:
+        return replace(found, step=_step_time(whole))
+
+
+def _step_time(simulation: Simulation) -> float:
+    """Seconds of a step: the least of samples that take about a second together."""
+    simulation.advance(1)  # what is left to compile or to load
+    simulation.synchronize()
+    least, steps = inf, 1
+    end = time.perf_counter() + SECONDS
+    while True:
+        simulation.rewind()
+        simulation.synchronize()
+        begin = time.perf_counter()
+        simulation.advance(steps)
+        simulation.synchronize()
+        now = time.perf_counter()
+        least = min(least, (now - begin) / steps)
+        if now > end:
+            return least
+        if now - begin < SECONDS / SAMPLES:
+            steps = min(2 * steps, REWIND)
 
 
 def _stage_times(simulation: Simulation) -> StageTimes:

@@ -30,7 +30,8 @@ def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str) 
 class BackendPlan:
     """What a backend makes of a step: on `device`, by `kernel` (its `tile`, where it has one) for the reason `why`.
 
-    Where stages were to be measured: `unmeasured`, why they could not be; `empty`, seconds of a stage that does nothing.
+    Where stages were to be measured: `unmeasured`, why they could not be; `empty`, seconds of a stage that does nothing;
+    `step`, of a whole step by `kernel`.
     """
 
     name: str
@@ -41,6 +42,7 @@ class BackendPlan:
     passes: tuple[Pass, ...]
     unmeasured: str | None = None
     empty: float | None = None
+    step: float | None = None
 
 
 def leaves(node: Node | Stage) -> Iterator[Stage]:

@@ -118,7 +118,7 @@ class PlanReport:
                 for p in one.passes
             ],
             "seconds": self.seconds(one.name) or None, "unmeasured": one.unmeasured,
-            "empty_seconds": one.empty,
+            "empty_seconds": one.empty, "step_seconds": one.step,
         }  # fmt: skip
 
 
@@ -171,7 +171,7 @@ def plan_report(
 
         for place, one in enumerate(found):
             times = measure_stages(scene, one.name, precision, required=len(backends) == 1)
-            found[place] = replace(one, unmeasured=times.missing, empty=times.empty)
+            found[place] = replace(one, unmeasured=times.missing, empty=times.empty, step=times.step)
             for line, value in zip(order, times.seconds, strict=times.missing is None):
                 rows[line].seconds[one.name] = rows[line].seconds.get(one.name, 0.0) + value
     return PlanReport(scene, precision, stability_limit(scene), plan, tuple(rows), tuple(found), unknown)

@@ -51,6 +51,9 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
         console.print(f"  {' + '.join(found.stages)}", soft_wrap=True, markup=False)
         amounts = f"{found.bytes:.3g} bytes, {found.operations:.3g} operations a mass"
         console.print(f"    {amounts}; {found.note}", soft_wrap=True, markup=False)
+    if one.step is not None:
+        whole = f"  measured: a whole step by this kernel takes {1e6 * one.step:.3g} us"
+        console.print(f"{whole}; the stages above were run one by one", soft_wrap=True)
     if one.empty is not None:
         console.print(f"  measured: a stage that does nothing takes {1e6 * one.empty:.3g} us", soft_wrap=True)
     if one.unmeasured:

@@ -27,7 +27,8 @@ def projection_limit(scene: Scene, frequency: float | None = None) -> float:
 
 
 def projection_note(scene: Scene) -> str:
-    return "constraints are projected, at any step size; first order, and damped by it"
+    text = "constraints are projected, at any step size; first order, and damped by it"
+    return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < inf else "")
 
 
 def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:

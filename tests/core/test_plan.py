@@ -104,7 +104,9 @@ def test_every_stage_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     times = measured(report, "cpu")
     assert all(value > 0 for value in times)
     assert report.seconds("cpu") == pytest.approx(sum(times))
-    assert report.backends[0].empty is not None and report.backends[0].empty > 0
+    (cpu,) = report.backends
+    assert cpu.empty is not None and cpu.empty > 0
+    assert cpu.step is not None and cpu.step > 0 and report.as_dict()["backends"]["cpu"]["step_seconds"] == cpu.step
     shares = [row["seconds_share"]["cpu"] for row in report.as_dict()["stages"] if not row["branch"]]
     assert sum(shares) == pytest.approx(1)
 
