@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import json
+import signal
 import sys
+import threading
 import warnings
 from pathlib import Path
 from typing import Annotated
@@ -49,6 +51,8 @@ DEFAULT_FILM = Path("softlab-results") / "film.mp4"
 
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # asked to end, it tidies up as for Ctrl-C
     try:
         with warnings.catch_warnings():
             # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene

@@ -169,6 +169,7 @@ _given: list[Results] = []  # what the helper draws
 def _begin_helping(results: Results) -> None:
     """In the helper's process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who is helped
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     gc.freeze()
     _given.append(results)
 

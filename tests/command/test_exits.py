@@ -4,6 +4,7 @@ not there, 130 stopped by Ctrl-C. One table: the command, how its work (which is
 from __future__ import annotations
 
 import errno
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -144,3 +145,18 @@ def test_the_status_tells_how_it_ended(
     if isinstance(end, KeyboardInterrupt):
         assert told.err.splitlines()[-1] == "softlab: stopped"
     assert not (tmp_path / "fast.toml").exists()
+
+
+def test_a_process_that_is_asked_to_end_tidies_up_as_for_ctrl_c() -> None:
+    """SIGTERM, as `timeout` and batch systems send it: one line and status 130, by way of every `finally`."""
+    code = (
+        "import os, signal, time, softlab\n"
+        "def work(**_):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGTERM), time.sleep(30)\n"
+        "    finally: print('tidied')\n"
+        "softlab.app = work\n"
+        "softlab.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "tidied\n", "softlab: stopped")
