@@ -18,6 +18,10 @@ from model.core.errors import SoftlabError
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False)
 
+PLAINER = {  # what pydantic says of an argument, and what is meant
+    "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
+    "Input should be a valid number, unable to parse string as a number": "must be a number",
+}
 # what every complaint about a command line is; typer exports only some of them
 UsageError: type[Exception] = typer.BadParameter.mro()[2]
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A name that `softlab scenes` lists, or a .toml file.")]
@@ -82,7 +86,10 @@ def told(line: str, status: int) -> int:
 def usage_line(error: Any) -> str:
     """What is wrong with a command line, in one line."""
     command = error.ctx.command_path if getattr(error, "ctx", None) else "softlab"
-    return str(SoftlabError(f"{' '.join(error.format_message().split())} (see {command} --help)"))
+    said = " ".join(error.format_message().split())
+    for words, ours in PLAINER.items():
+        said = said.replace(words, ours)
+    return str(SoftlabError(f"{said} (see {command} --help)"))
 
 
 def usage_status(error: Any) -> int:

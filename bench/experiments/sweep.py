@@ -46,7 +46,8 @@ def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shap
         chosen = [(size, size) if isinstance(size, int) else (int(size[0]), int(size[1])) for size in sizes]
         for shape in chosen:
             if min(shape) < 1:
-                raise SceneError("--size", shape, "a grid has at least 1 x 1 masses")
+                asked = shape[0] if shape[0] == shape[1] else shape
+                raise SceneError("--size", asked, "a grid has at least 1 x 1 masses")
     elif quick:
         chosen = [*((n, n) for n in QUICK_SQUARES), *QUICK_OTHERS]
     else:
@@ -99,7 +100,7 @@ def choose_effort(
     """The preset, with what was asked for instead. Raises SceneError for what is no positive number."""
     for name, value in (
         ("--max-seconds", max_seconds), ("--total-seconds", total_seconds), ("--repeats", repeats),
-        ("--min-ms", min_seconds),
+        ("--min-ms", min_seconds and 1e3 * min_seconds),
     ):  # fmt: skip
         if value is not None and not 0 < value < float("inf"):
             raise SceneError(name, value, "must be greater than 0 and finite")

@@ -12,6 +12,7 @@ from typing import Any
 
 from model.core.errors import InputError, SceneError, shown
 from model.core.files import is_there, read_text
+from model.geometry.mesh_files import FORMATS
 from model.geometry.topology import is_file, own_meshes
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import SURFACE_KINDS
@@ -53,7 +54,12 @@ def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
     try:
         data = tables_of(written)
     except ValueError as error:
-        raise InputError(f"{text} is not TOML: {error}") from None
+        mesh = (
+            f"; a mesh is cloth by a scene file with [mesh] file = {Path(text).name!r}"
+            if Path(text).suffix in FORMATS
+            else ""
+        )
+        raise InputError(f"{text} is not TOML: {error}{mesh}") from None
     return with_meshes(data, path.parent), text if text in known else path.stem
 
 

@@ -160,3 +160,22 @@ def test_a_process_that_is_asked_to_end_tidies_up_as_for_ctrl_c() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "tidied\n", "softlab: stopped")
+
+
+@pytest.mark.parametrize(
+    "line, told",
+    [
+        ("run lab-grid --steps 1.5", "'--steps': must be a whole number"),
+        ("advise lab-grid --error abc", "'--error': must be a number"),
+        ("sweep --quick --min-ms -5", "--min-ms = -5.0: must be"),
+        ("sweep --quick --size 0", "--size = 0: a grid has"),
+    ],
+)
+def test_what_was_typed_is_what_is_told(
+    line: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["softlab", *line.split()])
+    with pytest.raises(SystemExit) as ended:
+        softlab.main()
+    assert ended.value.code == 2 and told in capsys.readouterr().err

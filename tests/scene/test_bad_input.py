@@ -152,8 +152,13 @@ def test_unknown_scene():
 def test_bad_scene_files(tmp_path):
     broken, binary, missing = tmp_path / "broken.toml", tmp_path / "binary.toml", tmp_path / "missing.toml"
     broken.write_text("[grid\nrows = ")
+    mesh = tmp_path / "mine.obj"
+    mesh.write_text("v 0 0 0\nf 1 1 1\n")
     binary.write_bytes(b"\xff\xfe\x00grid")
-    for path, words in ((broken, "not TOML"), (binary, "UTF-8"), (missing, "no such file"), (tmp_path, "directory")):
+    for path, words in (
+        (broken, "not TOML"), (binary, "UTF-8"), (missing, "no such file"), (tmp_path, "directory"),
+        (mesh, r"\[mesh\] file = 'mine.obj'"),
+    ):  # fmt: skip
         with pytest.raises(InputError, match=words) as caught:
             load_scene(path)
         one_line(caught.value)
