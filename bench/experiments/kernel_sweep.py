@@ -111,7 +111,7 @@ def run_kernel_sweep(
     counters = {name: energy_counter(name) for name in chosen if energy and not (name == "gpu" and gpu_simulated())}
     if any(counters.values()):
         effort = replace(effort, energy_seconds=LOOP_SECONDS)
-    sweep = _KernelSweep(store, effort, summary, chosen, KernelRunner)
+    sweep = _KernelSweep(KernelRunner(store, effort, summary, chosen, {}))
     if starts and not gpu_simulated() and not isinstance(scene, Scene):
         sweep.starting = [(base, name) for name in chosen]
     grids = []

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
-from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
+from bench.measure.cases import Case, Effort, SweepSummary, record_skip
 from bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
 from bench.measure.group import GroupRunner
 from bench.store.database import Store, configuration_hash
@@ -146,7 +146,7 @@ def run_sweep(
     chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
     for word in threads:
         thread_count(word)  # refuse an impossible word before anything is measured
-    sweep = Sweep(store, effort, SweepSummary.begun(store, "sweep"), chosen_backends)
+    sweep = Sweep(GroupRunner(store, effort, SweepSummary.begun(store, "sweep"), chosen_backends, {}))
     grids = []
     for rows, columns in chosen_shapes:
         sized = base.replace({"grid.rows": rows, "grid.columns": columns})
@@ -159,20 +159,12 @@ def run_sweep(
 
 
 class Sweep:
-    """One sweep under way, each grid measured by a runner of the class: what is known of costs, what is left of the time."""
+    """One sweep under way, each grid measured by the runner: what is known of costs, what is left of the time."""
 
-    def __init__(
-        self,
-        store: Store,
-        effort: Effort,
-        summary: SweepSummary,
-        backends: Sequence[str],
-        runner_class: type[GroupRunner] = GroupRunner,
-    ):
-        self.store, self.effort, self.summary = store, effort, summary
-        self.costs: Costs = {}
-        self.runner = runner_class(store, effort, summary, backends, self.costs)
-        for timing in timings(store, summary.machine):
+    def __init__(self, runner: GroupRunner):
+        self.runner, self.costs = runner, runner.costs
+        self.store, self.effort, self.summary = runner.store, runner.effort, runner.summary
+        for timing in timings(self.store, self.summary.machine):
             if timing.peer is not None:
                 continue
             asked = None if timing.chosen else timing.kernel
