@@ -16,7 +16,6 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import PLANES, row_at
 from cpu_backend.mass_spring.grid.rows import variant_name
 from cpu_backend.mass_spring.grid.solver import MassSpring
-from model.core.parameters import K_DAMPING, K_DT, K_GRAVITY, K_HALF_DT_SQUARED, K_STIFFNESS, K_STIFFNESS_REST
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.formulas import integrators, springs
@@ -52,11 +51,11 @@ def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.row
     def gather_row(
-        count, x, y, vx, vy, x_left, y_left, x_right, y_right, x_above, y_above, x_below, y_below, record, new_x, new_y,
+        count, x, y, vx, vy, x_left, y_left, x_right, y_right, x_above, y_above, x_below, y_below, parameters, new_x, new_y,
         new_vx, new_vy,
     ):  # fmt: skip
-        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
-        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
+        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
+        dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         for j in range(count):
             right_x, right_y = spring_acceleration_2d(x_right[j] - x[j], y_right[j] - y[j], stiffness, rest)
             left_x, left_y = spring_acceleration_2d(x_left[j] - x[j], y_left[j] - y[j], stiffness, rest)
@@ -64,9 +63,9 @@ def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             above_x, above_y = spring_acceleration_2d(x_above[j] - x[j], y_above[j] - y[j], stiffness, rest)
             ax, ay = (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
             if has_gravity:
-                ay = ay + record[K_GRAVITY]
+                ay = ay + parameters.gravity
             if has_damping:
-                ax, ay = damped(ax, vx[j], record[K_DAMPING]), damped(ay, vy[j], record[K_DAMPING])
+                ax, ay = damped(ax, vx[j], parameters.damping), damped(ay, vy[j], parameters.damping)
             new_x[j], new_vx[j] = lab(x[j], vx[j], ax, dt, half_dt_squared)
             new_y[j], new_vy[j] = lab(y[j], vy[j], ay, dt, half_dt_squared)
 
@@ -75,36 +74,36 @@ def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, states, current, rows, columns, record, pin_start, pin_column): `steps` steps, ping-pong between the
+    """advance(steps, states, current, rows, columns, parameters, pin_start, pin_column): `steps` steps, ping-pong between the
     two states (4 planes of rows x columns each) that the flat array `states` holds."""
     compiler = Compiler(variant_name(TWICE, real, math, "lab", parts), math)
     gather_row = _make_row(compiler, real, parts)
     zero = real(0)
 
     @compiler.compiled
-    def part_of_row(count, here, left, right, above, below, plane, source, target, record):
+    def part_of_row(count, here, left, right, above, below, plane, source, target, parameters):
         """`count` masses from `here` on; at the grid's edges a mass stands in for the neighbour it lacks, since coincident
         masses do not pull."""
         gather_row(
             count, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
             row_at(source, here + 3 * plane), row_at(source, left), row_at(source, left + plane),
             row_at(source, right), row_at(source, right + plane), row_at(source, above), row_at(source, above + plane),
-            row_at(source, below), row_at(source, below + plane), record, row_at(target, here),
+            row_at(source, below), row_at(source, below + plane), parameters, row_at(target, here),
             row_at(target, here + plane), row_at(target, here + 2 * plane), row_at(target, here + 3 * plane),
         )  # fmt: skip
 
     @compiler.compiled
-    def step_row(i, rows, columns, plane, source, target, record, pin_start, pin_column):
+    def step_row(i, rows, columns, plane, source, target, parameters, pin_start, pin_column):
         here, last = i * columns, columns - 1
         up, down = -columns if i > 0 else 0, columns if i < rows - 1 else 0
         first_right, last_here = here + min(1, last), here + last
-        part_of_row(1, here, here, first_right, here + up, here + down, plane, source, target, record)
+        part_of_row(1, here, here, first_right, here + up, here + down, plane, source, target, parameters)
         if columns > 2:
             k = here + 1
-            part_of_row(columns - 2, k, here, k + 1, k + up, k + down, plane, source, target, record)
+            part_of_row(columns - 2, k, here, k + 1, k + up, k + down, plane, source, target, parameters)
         if last > 0:
             part_of_row(
-                1, last_here, last_here - 1, last_here, last_here + up, last_here + down, plane, source, target, record
+                1, last_here, last_here - 1, last_here, last_here + up, last_here + down, plane, source, target, parameters
             )  # fmt: skip
         for k in range(pin_start[i], pin_start[i + 1]):
             j = here + pin_column[k]
@@ -119,6 +118,6 @@ def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
             here = (current + k) % 2
             source, target = row_at(states, here * PLANES * plane), row_at(states, (1 - here) * PLANES * plane)
             for i in prange(rows):
-                step_row(np.int64(i), rows, columns, plane, source, target, record, pin_start, pin_column)
+                step_row(np.int64(i), rows, columns, plane, source, target, record[0], pin_start, pin_column)
 
     return compiler.kernel(advance)

@@ -19,7 +19,6 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import PLANES, row_at
 from cpu_backend.mass_spring.grid.rows import variant_name
 from cpu_backend.mass_spring.grid.solver import MassSpring
-from model.core.parameters import K_DAMPING, K_DT, K_GRAVITY, K_HALF_DT_SQUARED, K_STIFFNESS, K_STIFFNESS_REST
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.formulas import integrators, springs
@@ -57,9 +56,9 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
     zero = real(0)
 
     @compiler.row
-    def along(count, x, y, record, sum_x, sum_y):
+    def along(count, x, y, parameters, sum_x, sum_y):
         """Every other spring of a part of a row of `count` springs."""
-        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(0, count, 2):
             pull_x, pull_y = spring_acceleration_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, rest)
             sum_x[j] += pull_x
@@ -68,8 +67,8 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
             sum_y[j + 1] -= pull_y
 
     @compiler.row
-    def down(columns, x, y, x_below, y_below, record, sum_x, sum_y, sum_x_below, sum_y_below):
-        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+    def down(columns, x, y, x_below, y_below, parameters, sum_x, sum_y, sum_x_below, sum_y_below):
+        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(columns):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
             sum_x[j] += pull_x
@@ -78,15 +77,15 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
             sum_y_below[j] -= pull_y
 
     @compiler.row
-    def finish(columns, x, y, vx, vy, record, sum_x, sum_y, new_x, new_y, new_vx, new_vy):
+    def finish(columns, x, y, vx, vy, parameters, sum_x, sum_y, new_x, new_y, new_vx, new_vy):
         """The step of a row; its sums are left at 0."""
-        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
+        dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         for j in range(columns):
             ax, ay = sum_x[j], sum_y[j]
             if has_gravity:
-                ay = ay + record[K_GRAVITY]
+                ay = ay + parameters.gravity
             if has_damping:
-                ax, ay = damped(ax, vx[j], record[K_DAMPING]), damped(ay, vy[j], record[K_DAMPING])
+                ax, ay = damped(ax, vx[j], parameters.damping), damped(ay, vy[j], parameters.damping)
             new_x[j], new_vx[j] = lab(x[j], vx[j], ax, dt, half_dt_squared)
             new_y[j], new_vy[j] = lab(y[j], vy[j], ay, dt, half_dt_squared)
             sum_x[j] = zero
@@ -97,38 +96,38 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
 
 @cache
 def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, states, current, rows, columns, record, pin_start, pin_column, sums): `steps` steps, ping-pong
+    """advance(steps, states, current, rows, columns, parameters, pin_start, pin_column, sums): `steps` steps, ping-pong
     between the two states (4 planes of rows x columns each) that the flat array `states` holds. `sums`: 2 planes of 0."""
     compiler = Compiler(variant_name(COLOURS, real, math, "lab", parts), math)
     along, down, finish = _make_rows(compiler, real, parts)
     zero = real(0)
 
     @compiler.compiled
-    def along_row(i, columns, plane, source, record, sums):
+    def along_row(i, columns, plane, source, parameters, sums):
         for odd in range(2):
             here = i * columns + odd
             along(
-                columns - 1 - odd, row_at(source, here), row_at(source, here + plane), record, row_at(sums, here),
+                columns - 1 - odd, row_at(source, here), row_at(source, here + plane), parameters, row_at(sums, here),
                 row_at(sums, here + plane),
             )  # fmt: skip
 
     @compiler.compiled
-    def down_row(i, columns, plane, source, record, sums):
+    def down_row(i, columns, plane, source, parameters, sums):
         here, below = i * columns, (i + 1) * columns
         down(
             columns, row_at(source, here), row_at(source, here + plane), row_at(source, below),
-            row_at(source, below + plane), record, row_at(sums, here), row_at(sums, here + plane), row_at(sums, below),
+            row_at(source, below + plane), parameters, row_at(sums, here), row_at(sums, here + plane), row_at(sums, below),
             row_at(sums, below + plane),
         )  # fmt: skip
 
     @compiler.compiled
-    def finish_row(i, columns, plane, source, target, record, sums, pin_start, pin_column):
+    def finish_row(i, columns, plane, source, target, parameters, sums, pin_start, pin_column):
         here = i * columns
         x, y = row_at(source, here), row_at(source, here + plane)
         new_x, new_y = row_at(target, here), row_at(target, here + plane)
         new_vx, new_vy = row_at(target, here + 2 * plane), row_at(target, here + 3 * plane)
         finish(
-            columns, x, y, row_at(source, here + 2 * plane), row_at(source, here + 3 * plane), record,
+            columns, x, y, row_at(source, here + 2 * plane), row_at(source, here + 3 * plane), parameters,
             row_at(sums, here), row_at(sums, here + plane), new_x, new_y, new_vx, new_vy,
         )  # fmt: skip
         for k in range(pin_start[i], pin_start[i + 1]):
@@ -144,12 +143,12 @@ def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
             here = (current + k) % 2
             source, target = row_at(states, here * PLANES * plane), row_at(states, (1 - here) * PLANES * plane)
             for i in prange(rows):
-                along_row(np.int64(i), columns, plane, source, record, sums)
+                along_row(np.int64(i), columns, plane, source, record[0], sums)
             for pair in prange(rows // 2):
-                down_row(np.int64(2 * pair), columns, plane, source, record, sums)
+                down_row(np.int64(2 * pair), columns, plane, source, record[0], sums)
             for pair in prange((rows - 1) // 2):
-                down_row(np.int64(2 * pair + 1), columns, plane, source, record, sums)
+                down_row(np.int64(2 * pair + 1), columns, plane, source, record[0], sums)
             for i in prange(rows):
-                finish_row(np.int64(i), columns, plane, source, target, record, sums, pin_start, pin_column)
+                finish_row(np.int64(i), columns, plane, source, target, record[0], sums, pin_start, pin_column)
 
     return compiler.kernel(advance)

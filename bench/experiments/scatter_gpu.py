@@ -27,7 +27,6 @@ from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.mass_spring.grid.kernels import make_tools
 from gpu_backend.mass_spring.grid.point import make_moves
 from gpu_backend.mass_spring.grid.solver import MassSpring
-from model.core.parameters import K_STIFFNESS, K_STIFFNESS_REST
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.formulas import springs
@@ -100,6 +99,7 @@ def _atomics_kernel(real: Any, math: str) -> Any:
     spring_acceleration_2d, _ = device_formulas(springs.make, real, math)
 
     def scatter_atomics(position, sums, record, rows, columns):
+        parameters = record[0]
         j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
         i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
         rows, columns = np.int32(rows), np.int32(columns)
@@ -110,7 +110,7 @@ def _atomics_kernel(real: Any, math: str) -> Any:
         if inside:
             here, there = load_pair(position, k), load_pair(position, other)
             x, y = spring_acceleration_2d(
-                there.real - here.real, there.imag - here.imag, record[K_STIFFNESS], record[K_STIFFNESS_REST]
+                there.real - here.real, there.imag - here.imag, parameters.stiffness, parameters.stiffness_rest
             )
             cuda.atomic.add(sums, k, x)
             cuda.atomic.add(sums, count + k, y)
@@ -125,6 +125,7 @@ def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
     first = np.int32(odd)
 
     def scatter_colour(position, sums, record, rows, columns):
+        parameters = record[0]
         j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
         i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
         rows, columns = np.int32(rows), np.int32(columns)
@@ -139,7 +140,7 @@ def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
             other = np.int32(k + columns) if down else np.int32(k + 1)
             here, there = load_pair(position, k), load_pair(position, other)
             x, y = spring_acceleration_2d(
-                there.real - here.real, there.imag - here.imag, record[K_STIFFNESS], record[K_STIFFNESS_REST]
+                there.real - here.real, there.imag - here.imag, parameters.stiffness, parameters.stiffness_rest
             )
             sums[k] += x
             sums[count + k] += y
@@ -157,6 +158,7 @@ def _move_kernel(real: Any, math: str, parts: frozenset[str]) -> Any:
     def move_summed(
         position, velocity, sums, record, integers, counter, pass_number, pinned_row, pinned, rows, columns
     ):  # fmt: skip
+        parameters = record[0]
         j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
         i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
         rows, columns = np.int32(rows), np.int32(columns)
@@ -164,7 +166,7 @@ def _move_kernel(real: Any, math: str, parts: frozenset[str]) -> Any:
             k, count = np.int32(i * columns + j), np.int32(rows * columns)
             p, v = load_pair(position, k), load_pair(velocity, k)
             ax, ay = sums[k], sums[count + k]
-            px, py, vx, vy = move(k, i, j, ax, ay, p, v, record, integers, np.int64(0), rows, columns)
+            px, py, vx, vy = move(k, i, j, ax, ay, p, v, parameters, integers, np.int64(0), rows, columns)
             if has_pins:
                 if pinned_row[i] != 0:
                     if pinned[k] != 0:

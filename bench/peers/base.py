@@ -109,7 +109,7 @@ class GridConstants:
 
     def __init__(self, scene: Scene, precision: str):
         self.real: Any = PRECISIONS[precision]
-        record = dict(zip(PARAMETERS, map(float, parameter_record(scene, self.real)), strict=True))
+        record = dict(zip(PARAMETERS, parameter_record(scene, self.real)[0].tolist(), strict=True))
         self.dt, self.half_dt_squared = record["dt"], record["half_dt_squared"]
         self.stiffness, self.stiffness_rest = record["stiffness"], record["stiffness_rest"]
         self.damping, self.gravity = record["damping"], record["gravity"]

@@ -45,7 +45,7 @@ class ClothConstants:
 
     def __init__(self, scene: Scene, precision: str):
         self.real: Any = PRECISIONS[precision]
-        self._record = dict(zip(CLOTH_PARAMETERS, map(float, cloth_record(scene, self.real)), strict=True))
+        self._record = dict(zip(CLOTH_PARAMETERS, cloth_record(scene, self.real)[0].tolist(), strict=True))
         self.damped = any(self._record[f"{kind}_damping"] > 0 for kind in KINDS)
         body = build(scene)
         self.rows, self.columns, self.count = body.rows, body.columns, len(body.position)

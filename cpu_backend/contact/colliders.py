@@ -28,12 +28,8 @@ from model.mass_spring.cloth_parameters import (
     B_X,
     B_Y,
     B_Z,
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
-    C_GRAVITY,
     COLLIDER_FIELDS,
-)  # fmt: skip
+)
 from model.scene.cloth import COLLIDER_KINDS
 
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
@@ -153,32 +149,32 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 
 def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """instants(step, record) -> (begin, end, slow): the step's two ends [s], and the speed [m/s] up to which nothing bounces,
-    0 where nothing does anyway."""
+    """instants(step, parameters) -> (begin, end, slow): the step's two ends [s], and the speed [m/s] up to which nothing
+    bounces, 0 where nothing does anyway."""
     instant = cloth.make(real, compiler.compiled).instant
     settling_speed = colliders.make(real, compiler.compiled).settling_speed
     bounces, zero = "restitution" in parts, real(0)
 
     @compiler.compiled
-    def instants(step, record):
-        slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
-        clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+    def instants(step, parameters):
+        slow = settling_speed(parameters.gravity, parameters.dt) if bounces else zero
+        clock = parameters.dt, parameters.first_step, parameters.first_time
         return instant(step, *clock), instant(step + 1, *clock), slow
 
     return instants
 
 
 def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass and
-    all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
+    """collide_mass(bodies, kinds, step, parameters, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass
+    and all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
     touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
     mesh, field = touches.mesh_collider, touches.distance_field
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
-    def collide_mass(bodies, kinds, step, record, ax, ay, az, px, py, pz, vx, vy, vz):
-        begin, end, slow = instants(step, record)
+    def collide_mass(bodies, kinds, step, parameters, ax, ay, az, px, py, pz, vx, vy, vz):
+        begin, end, slow = instants(step, parameters)
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
@@ -199,8 +195,8 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
 
 
 def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane): a row of masses and
-    all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
+    """collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane): a row of masses
+    and all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
     touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     block = block_of(real)
 
@@ -226,8 +222,8 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled
-    def collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, there, target_plane):
-        begin, end, slow = instants(step, record)
+    def collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane):
+        begin, end, slow = instants(step, parameters)
         x, y, z = row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane)
         new_x, new_y = row_at(target, there), row_at(target, there + target_plane)
         new_z, new_vx = row_at(target, there + 2 * target_plane), row_at(target, there + 3 * target_plane)

@@ -54,7 +54,7 @@ class Contacts:
         """Both (3, rows, columns) [m], views of any strides."""
         if min(self.rows, self.columns) < 2:
             return
-        self._find.hash_cells(self._bands, before, predicted, self.record, *self._hashed)
+        self._find.hash_cells(self._bands, before, predicted, self.record[0], *self._hashed)
         self._find.find_contacts(
             self.rows, self.columns, self.record, *self._searched, self.triangles, self.corners, self.values, self.found
         )
@@ -70,5 +70,5 @@ class Contacts:
         starts, _, links = self._links
         self._project.project_contacts(
             self._bands, self.sweeps, position, self._begin, self.found, self.corners, self.values, starts, links,
-            self.weights, self.record, *self._scratch,
+            self.weights, self.record[0], *self._scratch,
         )  # fmt: skip

@@ -14,14 +14,6 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from model.contact.self_contact_parameters import (
     MAX_CONTACTS,
-    S_COINCIDENT,
-    S_FLAT,
-    S_INVERSE_CELL,
-    S_MARGIN,
-    S_PUSH,
-    S_REACH,
-    S_SPACING,
-    S_THICKNESS,
     SPAN,
 )
 from model.formulas import contact
@@ -31,7 +23,7 @@ V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)
 
 
 def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
-    """meet(k, i, j, triangle, begin, move, columns, record, corners, values, slots): see the inner function."""
+    """meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots): see the inner function."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
     corners_of, owns = numbers.corners, numbers.owns
@@ -42,7 +34,7 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         return length(move[k, 0] - move[m, 0], move[k, 1] - move[m, 1], move[k, 2] - move[m, 2])
 
     @compiler.compiled
-    def meet(k, i, j, triangle, begin, move, columns, record, triangles, corners, values, found):
+    def meet(k, i, j, triangle, begin, move, columns, parameters, triangles, corners, values, found):
         """`found` and 1 more if mass k, in row i and column j, may come near the triangle, which then is put among its
         nearest: by distance, of equal ones the lower number first."""
         second, cell = triangle % two == 1, triangle // two
@@ -59,7 +51,7 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
         distance = length(rx, ry, rz)
         nearer = max(motion(move, k, a), max(motion(move, k, b), motion(move, k, c)))
-        if not distance < record[S_THICKNESS] + record[S_MARGIN] + nearer:
+        if not distance < parameters.thickness + parameters.margin + nearer:
             return found
         first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
         place = last
@@ -79,17 +71,17 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         row_a, column_a = a // columns, a % columns
         rest = rest_distance(
             real(i - row_a), real(b // columns - row_a), real(c // columns - row_a),
-            real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, record[S_SPACING],
+            real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, parameters.spacing,
         )  # fmt: skip
         nx, ny, nz = normal(
-            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, record[S_FLAT], record[S_COINCIDENT], k > a
+            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance, parameters.coincident, k > a
         )  # fmt: skip
         triangles[place] = triangle
         corners[place, 0], corners[place, 1], corners[place, 2] = a, b, c
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance
         values[place, V_NX], values[place, V_NY], values[place, V_NZ] = nx, ny, nz
         gap = dot(nx, ny, nz, rx, ry, rz)
-        values[place, V_HELD] = held_distance(record[S_THICKNESS], rest, gap, record[S_PUSH])
+        values[place, V_HELD] = held_distance(parameters.thickness, rest, gap, parameters.push)
         return found + 1
 
     return meet
@@ -136,7 +128,7 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
         return middle(begin[a, axis], begin[a + 1, axis], begin[a + columns, axis], begin[a + columns + 1, axis])
 
     def hash_cells(
-        team, member, bands, before, predicted, record, begin, move, boxes, keys, buckets, largest, starts, totals,
+        team, member, bands, before, predicted, parameters, begin, move, boxes, keys, buckets, largest, starts, totals,
         sorted_cells,
     ):  # fmt: skip
         """The state before and the predicted one (3, rows, columns) put side by side, and the sheet's cells sorted into
@@ -161,9 +153,9 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
                         center_of(a, columns, begin, 0), center_of(a, columns, begin, 1), center_of(a, columns, begin, 2)
                     )  # fmt: skip
                     most = max(most, enclose(q, a, columns, begin, move, reference, boxes, center))
-                    x = floor(scaled(center[0], record[S_INVERSE_CELL]))
-                    y = floor(scaled(center[1], record[S_INVERSE_CELL]))
-                    z = floor(scaled(center[2], record[S_INVERSE_CELL]))
+                    x = floor(scaled(center[0], parameters.inverse_cell))
+                    y = floor(scaled(center[1], parameters.inverse_cell))
+                    z = floor(scaled(center[2], parameters.inverse_cell))
                     keys[q], buckets[q] = key_of(x, y, z), bucket_of(x, y, z, mask)
                 largest[i] = most
         table = mask + 1
@@ -223,16 +215,16 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
             for j in range(columns):
                 k, count = i * columns + j, np.int64(0)
                 x, y, z = begin[k, 0], begin[k, 1], begin[k, 2]
-                own = record[S_THICKNESS] + record[S_MARGIN] + relative(move, k, reference)
-                reach = min(own + extent, record[S_REACH])
+                own = record[0].thickness + record[0].margin + relative(move, k, reference)
+                reach = min(own + extent, record[0].reach)
                 lowest = (
-                    floor(scaled(x - reach, record[S_INVERSE_CELL])),
-                    floor(scaled(y - reach, record[S_INVERSE_CELL])),
-                    floor(scaled(z - reach, record[S_INVERSE_CELL])),
+                    floor(scaled(x - reach, record[0].inverse_cell)),
+                    floor(scaled(y - reach, record[0].inverse_cell)),
+                    floor(scaled(z - reach, record[0].inverse_cell)),
                 )
-                span_x = min(floor(scaled(x + reach, record[S_INVERSE_CELL])) - lowest[0] + 1, SPAN)
-                span_y = min(floor(scaled(y + reach, record[S_INVERSE_CELL])) - lowest[1] + 1, SPAN)
-                span_z = min(floor(scaled(z + reach, record[S_INVERSE_CELL])) - lowest[2] + 1, SPAN)
+                span_x = min(floor(scaled(x + reach, record[0].inverse_cell)) - lowest[0] + 1, SPAN)
+                span_y = min(floor(scaled(y + reach, record[0].inverse_cell)) - lowest[1] + 1, SPAN)
+                span_z = min(floor(scaled(z + reach, record[0].inverse_cell)) - lowest[2] + 1, SPAN)
                 for place in range(span_x * span_y * span_z):
                     cx = lowest[0] + place % span_x
                     cy = lowest[1] + place // span_x % span_y
@@ -243,7 +235,7 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
                         if keys[q] == key and not beside(x, y, z, own, boxes, q):
                             for second in range(2):
                                 count = meet(
-                                    k, i, np.int64(j), 2 * q + second, begin, move, columns, record, triangles, corners,
+                                    k, i, np.int64(j), 2 * q + second, begin, move, columns, record[0], triangles, corners,
                                     values, count,
                                 )  # fmt: skip
                 found[k] = count

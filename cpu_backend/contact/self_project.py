@@ -12,7 +12,7 @@ import numpy as np
 from cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
-from model.contact.self_contact_parameters import MAX_CONTACTS, S_DYNAMIC, S_STATIC
+from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.formulas import contact
 
 FORCES = 4  # of a contact in a sweep: how deep, how it moves its mass (of weight 1)
@@ -42,7 +42,7 @@ def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, fric
         return values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
 
     @compiler.compiled
-    def push(slot, k, points, begin, corners, values, weights, loads, record, forces):
+    def push(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         s, t, depth = values[slot, V_B], values[slot, V_C], forces[slot, F_DEPTH]
         nx, ny, nz = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
@@ -55,7 +55,7 @@ def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, fric
             x, y, z = x - ox, y - oy, z - oz  # how it slid in this substep, and along the normal
             toward = dot(nx, ny, nz, x, y, z)
             x, y, z = along(x, nx, toward), along(y, ny, toward), along(z, nz, toward)
-            part = slip(length(x, y, z), depth, record[S_STATIC], record[S_DYNAMIC])
+            part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
             forces[slot, F_X] = rubbed(depth, nx, part, x, scale)
             forces[slot, F_Y] = rubbed(depth, ny, part, y, scale)
             forces[slot, F_Z] = rubbed(depth, nz, part, z, scale)
@@ -163,8 +163,8 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
     gather, load_of = _make_gather(compiler, real, formulas)
 
     def project_contacts(
-        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, record, points, loads,
-        forces,
+        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, points,
+        loads, forces,
     ):  # fmt: skip
         """Sweeps, each over all contacts at once, from `position` (3, rows, columns) and into it."""
         rows, columns = position.shape[1], position.shape[2]
@@ -186,7 +186,7 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
                         if forces[slot, F_DEPTH] > zero:
-                            push(slot, k, points, begin, corners, values, weights, loads, record, forces)
+                            push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
             for band in shares(team, member, bands):
                 for k in range(rows * band // bands * columns, rows * (band + 1) // bands * columns):
                     if loads[k] > zero and weights[k] > zero:

@@ -79,8 +79,8 @@ def make_planes(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_projections(compiler: Compiler, real: Any, projection: Projection, particles: SimpleNamespace) -> Any:
-    """project(first, last, position, weights, before, corners, values, multipliers, fresh, record): constraints `first` to
-    before `last`. `multipliers` (constraints, n) count as 0 where `fresh`; `particles`: make_rows or make_planes."""
+    """project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters): constraints `first`
+    to before `last`. `multipliers` (constraints, n) count as 0 where `fresh`; `particles`: make_rows or make_planes."""
     compiled = compiler.compiled
     # a call of it would hand dozens of numbers over in memory
     one = compiler.inlined(projection.make(real, compiled, **dict(projection.flags)).project.py_func)
@@ -88,7 +88,7 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
     is_soft, is_damped = projection.soft, projection.damped
     zero, neutral = real(0), real(1)
     has_constants = projection.constants is not None
-    c_compliance, c_damping, c_stiffening = projection.constants or (0, 0, 0)
+    c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
 
     def point_at(n: int) -> Any:
         return compiled(lambda position, weights, corners, k: point(position, weights, corners[k, n]))
@@ -132,10 +132,10 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
     )
 
     @compiled
-    def project(first, last, position, weights, before, corners, values, multipliers, fresh, record):
+    def project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters):
         constants = zero, zero, neutral
         if has_constants:
-            constants = record[c_compliance], record[c_damping], record[c_stiffening]
+            constants = parameters[c_compliance], parameters[c_damping], parameters[c_stiffening]
         for k in range(first, last):
             points = points_of(position, weights, corners, k)
             old = points_of(before, weights, corners, k) if is_damped else points
@@ -152,8 +152,8 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
 
 
 def make_colours(compiler: Compiler, projects: Sequence[Any]) -> Any:
-    """sweep(team, member, bands, position, weights, before, sets, fresh, record): all constraints once, set by set and colour
-    by colour. `projects`: make_projections of each set; `sets`: their set_arrays; at least one."""
+    """sweep(team, member, bands, position, weights, before, sets, fresh, parameters): all constraints once, set by set and
+    colour by colour. `projects`: make_projections of each set; `sets`: their set_arrays; at least one."""
     found: Any = None
     for number in range(len(projects) - 1, -1, -1):
         found = _of_set(compiler, number, projects[number], found)
@@ -165,29 +165,29 @@ def _of_set(compiler: Compiler, number: int, project: Any, others: Any) -> Any:
     has_others = others is not None
 
     @compiler.compiled
-    def sweep(team, member, bands, position, weights, before, sets, fresh, record):
+    def sweep(team, member, bands, position, weights, before, sets, fresh, parameters):
         corners, values, multipliers, starts = sets[number]
         for colour in range(starts.size - 1):
             start, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
             parts = bands if many >= ALONE else 1
             for part in shares(team, member, parts):
                 first, last = start + many * part // parts, start + many * (part + 1) // parts
-                project(first, last, position, weights, before, corners, values, multipliers, fresh, record)
+                project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
         if has_others:
-            others(team, member, bands, position, weights, before, sets, fresh, record)
+            others(team, member, bands, position, weights, before, sets, fresh, parameters)
 
     return sweep
 
 
 @cache
 def make_constraint_stage(real: Any, math: str, projection: Projection, in_planes: bool) -> Any:
-    """stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, record): a parallel loop over
-    one colour, by itself."""
+    """stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters): a parallel loop
+    over one colour, by itself."""
     compiler = Compiler(f"{projection.name}_{np.dtype(real).name}_{math}", math)
     project = make_projections(compiler, real, projection, (make_planes if in_planes else make_rows)(compiler))
 
-    def stage(band, bands, start, stop, position, weights, before, corners, values, multipliers, fresh, record):
+    def stage(band, bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters):
         first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
-        project(first, last, position, weights, before, corners, values, multipliers, fresh, record)
+        project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
 
     return compiler.banded(stage)

@@ -3,7 +3,6 @@ force, a poke. What they add to, `acceleration`, is (axes, rows, columns) [m/s^2
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -12,39 +11,25 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from model.core.parameters import K_EXTERNAL, K_GRAVITY, K_POKE_X
 from model.core.plan import Moment, StageRun
 from model.formulas import distance, random
-from model.mass_spring.cloth_parameters import C_EXTERNAL, C_GRAVITY, C_POKE_X
 
-
-@dataclass(frozen=True)
-class Places:
-    """Where a record has the constants of these forces; a poke's axes follow one another."""
-
-    gravity: int
-    external: int
-    poke: int
-
-
-OF_GRID = Places(K_GRAVITY, K_EXTERNAL, K_POKE_X)
-IN_SPACE = Places(C_GRAVITY, C_EXTERNAL, C_POKE_X)  # of cloths, and of the position-based solvers
+POKE = ("poke_x", "poke_y", "poke_z")
 
 
 @cache
-def make_force_stages(real: Any, math: str, places: Places, has_load: bool) -> SimpleNamespace:
-    """`gravity(acceleration, record)`; `external(acceleration, weights, record, integers, step)`: forces over the sheet's
-    mass, on masses that are `weights` (rows, columns) times as light where they differ (`has_load`)."""
+def make_force_stages(real: Any, math: str, has_load: bool) -> SimpleNamespace:
+    """`gravity(acceleration, parameters)`; `external(acceleration, weights, parameters, integers, step)`: forces over the
+    sheet's mass, on masses that are `weights` (rows, columns) times as light where they differ (`has_load`)."""
     compiler = Compiler(f"forces_{np.dtype(real).name}_{math}", math)
     compiled, kernel = compiler.compiled, compiler.kernel
     philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
     added, zero = distance.make(real, compiled).added, real(0)
-    c_gravity, c_external = places.gravity, places.external
 
     def gravity(acceleration, record):
         for i in prange(acceleration.shape[1]):
             for j in range(acceleration.shape[2]):
-                acceleration[1, i, j] += record[c_gravity]
+                acceleration[1, i, j] += record[0].gravity
 
     def external(acceleration, weights, record, integers, step):
         axes, rows, columns = acceleration.shape
@@ -52,18 +37,16 @@ def make_force_stages(real: Any, math: str, places: Places, has_load: bool) -> S
             for j in range(columns):
                 words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
                 for axis in range(axes):
-                    force = add_external(zero, record[c_external], words[axis])
+                    force = add_external(zero, record[0].external, words[axis])
                     now = acceleration[axis, i, j]
                     acceleration[axis, i, j] = added(now, weights[i, j], force) if has_load else now + force
 
     return SimpleNamespace(gravity=kernel(gravity), external=kernel(external))
 
 
-def bind_forces(
-    sim: Any, acceleration: np.ndarray, places: Places = IN_SPACE, weights: np.ndarray | None = None
-) -> dict[str, StageRun]:
+def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None = None) -> dict[str, StageRun]:
     """What runs these stages for `sim`; `weights` where masses differ."""
-    make = make_force_stages(sim.real, sim.options.math, places, weights is not None)
+    make = make_force_stages(sim.real, sim.options.math, weights is not None)
     added = distance.make(sim.real).added
     alike = np.zeros((1, 1), sim.real) if weights is None else weights
 
@@ -73,7 +56,7 @@ def bind_forces(
             i, j = divmod(int(sim.integers[1]) - 1, columns)
             weight = sim.real(1) if weights is None else weights[i, j]
             for axis in range(axes):
-                acceleration[axis, i, j] = added(acceleration[axis, i, j], weight, sim.record[places.poke + axis])
+                acceleration[axis, i, j] = added(acceleration[axis, i, j], weight, sim.parameters[POKE[axis]])
 
     return {
         "gravity": lambda moment: make.gravity(acceleration, sim.record),

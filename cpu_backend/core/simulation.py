@@ -89,7 +89,16 @@ class CpuSimulation(Simulation):
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options)
         self.threads, self.device = thread_count(threads), processor_name()
-        self.record = self._record
+
+    @property
+    def record(self) -> np.ndarray:
+        """The constants as an array of one, for what numba's parallel loops run: they take no record."""
+        return self._record
+
+    @property
+    def parameters(self) -> Any:
+        """The constants that compiled functions read by name."""
+        return self._record[0]
 
     def _seeds(self, count: int = 3) -> np.ndarray:
         """(count,) uint64: the seed of external forces; 1 + the poked particle, 0 for none; the seed of gusts; ..."""
@@ -108,7 +117,6 @@ class CpuSimulation(Simulation):
         self._executor.run(self.step, steps)
 
     def _parameters_changed(self) -> None:
-        self.record = self._record
         self.integers[1] = self._poke_particle + 1
 
     def synchronize(self) -> None:

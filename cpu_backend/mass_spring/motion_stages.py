@@ -5,72 +5,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from model.core.parameters import (
-    K_DAMPING,
-    K_DT,
-    K_HALF_DT,
-    K_HALF_DT_SQUARED,
-    K_INVERSE_DAMPING,
-    K_SIXTH_DT,
-    K_THIRD_DT,
-)
 from model.core.plan import Moment, StageRun
 from model.formulas import integrators, springs
-from model.mass_spring.cloth_parameters import (
-    C_DAMPING,
-    C_DT,
-    C_HALF_DT,
-    C_HALF_DT_SQUARED,
-    C_INVERSE_DAMPING,
-    C_SIXTH_DT,
-    C_THIRD_DT,
-)
 
 
-class Places(NamedTuple):
-    """Where a record has the constants of these stages."""
-
-    dt: int
-    half_dt: int
-    half_dt_squared: int
-    third_dt: int
-    sixth_dt: int
-    damping: int
-    inverse_damping: int
-
-
-OF_GRID = Places(K_DT, K_HALF_DT, K_HALF_DT_SQUARED, K_THIRD_DT, K_SIXTH_DT, K_DAMPING, K_INVERSE_DAMPING)
-IN_SPACE = Places(C_DT, C_HALF_DT, C_HALF_DT_SQUARED, C_THIRD_DT, C_SIXTH_DT, C_DAMPING, C_INVERSE_DAMPING)
-
-
-def make_motion_stages(
-    compiler: Compiler, real: Any, integrator: str, places: Places, has_damping: bool = True
-) -> SimpleNamespace:
+def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_damping: bool = True) -> SimpleNamespace:
     """The kernels of damping and of an integrator."""
     kernel, (_, damped) = compiler.kernel, springs.make(real, compiler.compiled)
     formulas = integrators.make(real, compiler.compiled, has_damping)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
-    c_dt, c_half_dt, c_half_dt_squared, c_third_dt, c_sixth_dt, c_damping, c_inverse_damping = places
 
     @kernel
     def damping(velocity, record, acceleration):
         for i in prange(velocity.shape[0]):
             for j in range(velocity.shape[1]):
-                acceleration[i, j] = damped(acceleration[i, j], velocity[i, j], record[c_damping])
+                acceleration[i, j] = damped(acceleration[i, j], velocity[i, j], record[0].damping)
 
     @kernel
     def integrate(position, velocity, acceleration, record):
         for i in prange(position.shape[0]):
             for j in range(position.shape[1]):
                 p, v = one_force(
-                    position[i, j], velocity[i, j], acceleration[i, j], record[c_dt], record[c_half_dt_squared]
+                    position[i, j], velocity[i, j], acceleration[i, j], record[0].dt, record[0].half_dt_squared
                 )
                 position[i, j] = p
                 velocity[i, j] = v
@@ -80,8 +43,8 @@ def make_motion_stages(
         for i in prange(position.shape[0]):
             for j in range(position.shape[1]):
                 p, v = first_half(
-                    position[i, j], velocity[i, j], acceleration[i, j], record[c_dt], record[c_half_dt],
-                    record[c_damping],
+                    position[i, j], velocity[i, j], acceleration[i, j], record[0].dt, record[0].half_dt,
+                    record[0].damping,
                 )  # fmt: skip
                 position[i, j] = p
                 velocity[i, j] = v
@@ -91,14 +54,14 @@ def make_motion_stages(
         for i in prange(velocity.shape[0]):
             for j in range(velocity.shape[1]):
                 velocity[i, j] = second_half(
-                    velocity[i, j], acceleration[i, j], record[c_half_dt], record[c_inverse_damping]
+                    velocity[i, j], acceleration[i, j], record[0].half_dt, record[0].inverse_damping
                 )
 
     @kernel
     def accumulate(stage, base, rate, total, record, out):
         """One stage of RK4 for one unknown of every mass; the fourth writes the new state to `out`."""
-        derivative_dt = record[c_dt] if stage == 3 else record[c_half_dt]
-        total_dt = record[c_sixth_dt] if stage == 1 or stage == 4 else record[c_third_dt]
+        derivative_dt = record[0].dt if stage == 3 else record[0].half_dt
+        total_dt = record[0].sixth_dt if stage == 1 or stage == 4 else record[0].third_dt
         for i in prange(base.shape[0]):
             for j in range(base.shape[1]):
                 before = base[i, j] if stage == 1 else total[i, j]

@@ -104,7 +104,7 @@ class ShapeMatching(RowsSimulation):
         advance = make_matching_advance(self.real, self.options.math, method.region, self.plan.parts)
         advance(
             self._bands, steps, step, method.substeps, method.iterations, self._bounds, layout.rows, layout.columns,
-            layout.stride, self._states, self._current, self._tables[0], self._wide_table, self._wide_weights, self.record,
-            self.integers, self._scratch, self._room, self._place_after,
+            layout.stride, self._states, self._current, self._tables[0], self._wide_table, self._wide_weights,
+            self.parameters, self.integers, self._scratch, self._room, self._place_after,
         )  # fmt: skip
         self._current = int(self._place_after[0])

@@ -21,10 +21,8 @@ from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
 from model.formulas import distance
 from model.formulas.cluster import LANES
-from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY, C_POKE_X
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
-from model.xpbd.parameters import X_DRAG
 
 
 @cache
@@ -62,30 +60,32 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
 
     def gravity(count, record, a):
+        gravity = record[0].gravity
         for k in prange(count):
-            a[count + k] = a[count + k] + record[C_GRAVITY]
+            a[count + k] = a[count + k] + gravity
 
     def poke(count, weights, record, poked, a):
+        force = record[0].poke_x, record[0].poke_y, record[0].poke_z
         for axis in prange(AXES):
             if poked >= 0:
-                a[axis * count + poked] = added(a[axis * count + poked], weights[poked], record[C_POKE_X + axis])
+                a[axis * count + poked] = added(a[axis * count + poked], weights[poked], force[axis])
 
     def predict(count, before, position, velocity, weights, record, a):
-        h = record[C_DT]
+        h = record[0].dt
         for k in prange(AXES * count):
             before[k] = position[k]
-            keep = kept(record[X_DRAG], weights[k % count]) if has_damping else one
+            keep = kept(record[0].braking, weights[k % count]) if has_damping else one
             goes = not has_spare or weights[k % count] > zero
             position[k] = predicted(before[k], h, kicked(velocity[k], keep, h, a[k])) if goes else before[k]
             a[k] = zero
 
-    def update(band, bands, before, position, velocity, weights, count, record):
+    def update(band, bands, before, position, velocity, weights, count, parameters):
         first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
-        rate_some(first, last, count, before, position, velocity, weights, record)
+        rate_some(first, last, count, before, position, velocity, weights, parameters)
 
-    def collide(band, bands, number, before, position, velocity, weights, count, record, bodies, kinds):
+    def collide(band, bands, number, before, position, velocity, weights, count, parameters, bodies, kinds):
         first, last = count * band // bands, count * (band + 1) // bands
-        collide_some(first, last, count, number, before, position, velocity, weights, record, bodies, kinds)
+        collide_some(first, last, count, number, before, position, velocity, weights, parameters, bodies, kinds)
 
     return SimpleNamespace(
         gravity=compiler.kernel(gravity), poke=compiler.kernel(poke), predict=compiler.kernel(predict),
@@ -94,7 +94,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """end(first, last, low, high, number, before, after, velocity, weights, arrays, room, record, bodies, kinds): what
+    """end(first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds): what
     becomes of particles `first` to before `last`, of the clusters `low` to before `high`, when they have come to their
     goals."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
@@ -105,10 +105,10 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
 
     @compiler.compiled
     def end(
-        first, last, low, high, number, before, after, velocity, weights, arrays, room, record, bodies, kinds
+        first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
     ):  # fmt: skip
         count = weights.size
-        rate(first, last, count, before, after, velocity, weights, record)
+        rate(first, last, count, before, after, velocity, weights, parameters)
         if has_damping:
             for c in range(low, high):
                 gather(c, after, velocity, count, arrays, room)
@@ -116,7 +116,7 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         if rebounds:
             note(first, last, velocity, count, arrays)
         if has_bodies:
-            collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+            collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
         if rebounds:
             strike(first, last, velocity, count, arrays)
             for c in range(low, high):
@@ -129,7 +129,7 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
 @cache
 def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
-    own_factors, rotation, frames, scratch, record, poked, bodies, kinds): many steps in one call. Groups of bodies know
+    own_factors, rotation, frames, scratch, parameters, poked, bodies, kinds): many steps in one call. Groups of bodies know
     nothing of each other, so that a thread takes a group, which its second cache holds, through all steps.
 
     `bounds` (bands + 1,): the bands' first groups; `groups` (groups, 5) int64: first and last particle, first and last
@@ -142,7 +142,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def pass_lone(
-        low, high, number, iterations, before, after, velocity, weights, arrays, factors, rotation, frames, room, record,
+        low, high, number, iterations, before, after, velocity, weights, arrays, factors, rotation, frames, room, parameters,
         poked, bodies, kinds,
     ):  # fmt: skip
         starts, firsts, count = arrays[0], arrays[1], weights.size
@@ -151,7 +151,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 first = np.int64(firsts[c])
                 if iteration == 0:
                     last = first + (starts[c + 1] - starts[c])
-                    begin(first, last, count, before, after, velocity, weights, record, poked)
+                    begin(first, last, count, before, after, velocity, weights, parameters, poked)
                 sum_up(c, c - low, after, count, arrays, room)
             turn(low, high, after, count, arrays, rotation, rotation, frames, room)
             for c in range(low, high):
@@ -171,7 +171,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                         weights,
                         arrays,
                         room,
-                        record,
+                        parameters,
                         bodies,
                         kinds,
                     )
@@ -179,19 +179,19 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def pass_any(
         first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own, own_factors, rotation,
-        frames, room, record, poked, bodies, kinds,
+        frames, room, parameters, poked, bodies, kinds,
     ):  # fmt: skip
         count = weights.size
-        begin(first, last, count, before, after, velocity, weights, record, poked)
+        begin(first, last, count, before, after, velocity, weights, parameters, poked)
         for _ in range(iterations):
             for c in range(low, high, LANES):
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
             move(first, last, after, count, own, own_factors, frames)
-        end(first, last, low, high, number, before, after, velocity, weights, arrays, room, record, bodies, kinds)
+        end(first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds)
 
     def advance(
         band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
-        own_factors, rotation, frames, scratch, record, poked, bodies, kinds,
+        own_factors, rotation, frames, scratch, parameters, poked, bodies, kinds,
     ):  # fmt: skip
         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
         for g in range(bounds[band], bounds[band + 1]):
@@ -203,12 +203,12 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                     for c in range(low, high, LANES):
                         pass_lone(
                             c, min(c + LANES, high), number, iterations, before, after, velocity, weights, arrays,
-                            factors, rotation, frames, room, record, poked, bodies, kinds,
+                            factors, rotation, frames, room, parameters, poked, bodies, kinds,
                         )  # fmt: skip
                 else:
                     pass_any(
                         first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own,
-                        own_factors, rotation, frames, room, record, poked, bodies, kinds,
+                        own_factors, rotation, frames, room, parameters, poked, bodies, kinds,
                     )  # fmt: skip
 
     return compiler.banded(advance)

@@ -28,7 +28,6 @@ from cpu_backend.shape_matching.matching_rows import (
 )
 from model.formulas import shape_matching
 from model.shape_matching.lattice import T_CENTRE, T_INVERSE, T_SHARE
-from model.xpbd.parameters import X_MATCHING_REST
 
 AXES = 2
 PLACE = AXES + LINE  # rows of a ring: of a row of masses ...
@@ -64,18 +63,18 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
     ring, at_kick = places.ring, places.kick
 
     @compiler.compiled
-    def bring(far, step, predicting, rows, columns, stride, begin, before, table, weights, record, integers, room):
+    def bring(far, step, predicting, rows, columns, stride, begin, before, table, weights, parameters, integers, room):
         """The positions of row `far`, into the ring: predicted, or as the iteration before left them; and their sums."""
         kick = row_at(room, at_kick * stride)
         if predicting:
-            accelerate(far, step, columns, stride, record, integers, kick)
+            accelerate(far, step, columns, stride, parameters, integers, kick)
         for axis in range(AXES):
             into = row_at(room, (PLACE * (far % ring) + axis) * stride)
             place = (axis * rows + far) * stride
             if predicting:
                 predict(
                     columns, row_at(begin, place), row_at(begin, place + AXES * rows * stride), row_at(kick, axis * stride),
-                    row_at(weights, far * stride), record, into,
+                    row_at(weights, far * stride), parameters, into,
                 )  # fmt: skip
             else:
                 copy(columns, row_at(before, place), into)
@@ -123,9 +122,9 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
     ring, at_clusters, at_ways = places.ring, places.clusters, places.ways
 
     @compiler.compiled
-    def arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, record, room):
+    def arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room):
         """The masses of row i towards their goals, and at a substep's end their velocities."""
-        ways, rest = row_at(room, at_ways * stride), record[X_MATCHING_REST]
+        ways, rest = row_at(room, at_ways * stride), parameters.matching_rest
         clear(AXES * stride, ways)
         here = row_at(room, PLACE * (i % ring) * stride)
         first, last = window(i, rows)
@@ -141,11 +140,11 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
             here_weights, out = row_at(weights, i * stride), row_at(after, place)
             move(
                 columns, row_at(here, axis * stride), row_at(ways, axis * stride), here_weights, row_table[T_SHARE, i], table,
-                record, out,
+                parameters, out,
             )  # fmt: skip
             if ending:
                 new = row_at(after, place + AXES * rows * stride)
-                rate(columns, out, row_at(begin, place), here_weights, record, new)
+                rate(columns, out, row_at(begin, place), here_weights, parameters, new)
 
     return arrive
 
@@ -153,7 +152,7 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
 @cache
 def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
-    column_table, weights, record, integers, scratch, room, place_after).
+    column_table, weights, parameters, integers, scratch, room, place_after).
 
     `bounds` (bands + 1,): the bands' first rows; `states`: flat, STATES of them, each four planes of `rows` rows `stride`
     apart; `current`: which is the state now; tables (3, rows) and flat, rows `stride` apart; `weights`: flat, likewise, 0
@@ -166,7 +165,7 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
 
     @compiler.compiled
     def down_band(
-        first, last, kind, step, rows, columns, stride, begin, before, after, row_table, table, weights, record, integers,
+        first, last, kind, step, rows, columns, stride, begin, before, after, row_table, table, weights, parameters, integers,
         room,
     ):  # fmt: skip
         """One iteration of the rows first to before last: from the positions `before`, or of a first iteration from the state
@@ -175,19 +174,31 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
             if far < rows:
                 predicting = kind in (ONCE, FIRST)
                 bring(
-                    far, step, predicting, rows, columns, stride, begin, before, table, weights, record, integers, room
+                    far,
+                    step,
+                    predicting,
+                    rows,
+                    columns,
+                    stride,
+                    begin,
+                    before,
+                    table,
+                    weights,
+                    parameters,
+                    integers,
+                    room,
                 )
             near = far - region
             if 0 <= near < rows and first - region <= near < last + region:
-                match(near, rows, columns, stride, row_table, table, record[X_MATCHING_REST], room)
+                match(near, rows, columns, stride, row_table, table, parameters.matching_rest, room)
             i = near - region
             if first <= i < last:
                 ending = kind in (ONCE, LAST)
-                arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, record, room)
+                arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room)
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
-        table, weights, record, integers, scratch, room, place_after,
+        table, weights, parameters, integers, scratch, room, place_after,
     ):  # fmt: skip
         size = 2 * AXES * rows * stride
         now, begin = current, current
@@ -205,7 +216,7 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                     down_band(
                         bounds[band], bounds[band + 1], kind, step + place // substeps, rows, columns, stride,
                         row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size), row_table,
-                        table, weights, record, integers, row_at(scratch, band * room),
+                        table, weights, parameters, integers, row_at(scratch, band * room),
                     )  # fmt: skip
                 now = after
             begin = now

@@ -16,9 +16,7 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from model.formulas import distance, random, shape_matching
-from model.mass_spring.cloth_parameters import C_DT, C_EXTERNAL, C_GRAVITY, C_POKE_X
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
-from model.xpbd.parameters import X_INVERSE_SUBSTEP, X_KEEP, X_MATCHING
 
 LINE = 4  # sums along a row of masses
 SUMS = 6  # of a window
@@ -162,23 +160,23 @@ def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     zero, one = real(0), real(1)
 
     @compiled
-    def accelerate(i, step, columns, stride, record, integers, kick):
+    def accelerate(i, step, columns, stride, parameters, integers, kick):
         for j in range(columns):
-            kick[j], kick[stride + j] = zero, record[C_GRAVITY] if has_gravity else zero
+            kick[j], kick[stride + j] = zero, parameters.gravity if has_gravity else zero
         if has_external:
             for j in range(columns):
                 words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
-                kick[j] += add_external(zero, record[C_EXTERNAL], words[0])
-                kick[stride + j] += add_external(zero, record[C_EXTERNAL], words[1])
+                kick[j] += add_external(zero, parameters.external, words[0])
+                kick[stride + j] += add_external(zero, parameters.external, words[1])
         if has_poke:
             poked = np.int64(integers[1]) - 1  # -1: none
             if poked >= 0 and poked // columns == i:
-                kick[poked % columns] += record[C_POKE_X]
-                kick[stride + poked % columns] += record[C_POKE_X + 1]
+                kick[poked % columns] += parameters.poke_x
+                kick[stride + poked % columns] += parameters.poke_y
 
     @row
-    def predict(columns, position, velocity, acceleration, weights, record, out):
-        keep, h = record[X_KEEP] if has_damping else one, record[C_DT]
+    def predict(columns, position, velocity, acceleration, weights, parameters, out):
+        keep, h = parameters.keep if has_damping else one, parameters.dt
         for j in range(columns):
             p = position[j]
             v = kicked(velocity[j], keep, h, acceleration[j])
@@ -190,15 +188,15 @@ def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
             out[j] = source[j]
 
     @row
-    def move(columns, position, way, weights, row_share, shares, record, out):
-        matching = record[X_MATCHING]
+    def move(columns, position, way, weights, row_share, shares, parameters, out):
+        matching = parameters.matching
         for j in range(columns):
             new = moved(position[j], row_share, shares[j], matching, way[j])
             out[j] = new if weights[j] > zero else position[j]
 
     @row
-    def rate(columns, position, before, weights, record, out):
-        inverse = record[X_INVERSE_SUBSTEP]
+    def rate(columns, position, before, weights, parameters, out):
+        inverse = parameters.inverse_substep
         for j in range(columns):
             v = rate_of(position[j], before[j], inverse)
             out[j] = v if weights[j] > zero else zero

@@ -12,7 +12,6 @@ from numba import prange
 from cpu_backend.core.compile import Compiler
 from model.formulas import shape_matching
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
-from model.xpbd.parameters import X_MATCHING, X_MATCHING_REST
 
 AXES = 2
 
@@ -20,8 +19,8 @@ AXES = 2
 @cache
 def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
     """`match(position, row_table, column_table, clusters)`: clusters (4, rows, columns) of position (2, rows, columns), by
-    tables (5, n). `move(position, clusters, row_table, column_table, weights, record, out)`: the masses that are not pinned,
-    to `out` (2, rows, columns)."""
+    tables (5, n). `move(position, clusters, row_table, column_table, weights, parameters, out)`: the masses that are not
+    pinned, to `out` (2, rows, columns)."""
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_", math)
     compiled = compiler.compiled
     formulas = shape_matching.make(real, compiled)
@@ -86,11 +85,11 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
         for u in prange(position.shape[1]):
             i = np.int64(u)
             for j in range(position.shape[2]):
-                ways = way_of_mass(i, j, position, clusters, row_table, column_table, record[X_MATCHING_REST])
+                ways = way_of_mass(i, j, position, clusters, row_table, column_table, record[0].matching_rest)
                 for axis in range(AXES):
                     shares = row_table[T_SHARE, i], column_table[T_SHARE, j]
                     now = position[axis, i, j]
-                    new = moved(now, shares[0], shares[1], record[X_MATCHING], ways[axis])
+                    new = moved(now, shares[0], shares[1], record[0].matching, ways[axis])
                     out[axis, i, j] = new if weights[i, j] > zero else now
 
     return SimpleNamespace(match=match, move=move)

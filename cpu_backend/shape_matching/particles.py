@@ -11,8 +11,6 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from model.formulas import distance
 from model.formulas.cluster import LANES
-from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY, C_POKE_X
-from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
@@ -26,22 +24,22 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     has_spare, zero, one = "spare" in parts, real(0), real(1)
 
     @compiler.row
-    def predict_rows(blocks, poked, record, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
+    def predict_rows(blocks, poked, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
         """`poked`: which of them is, or one that is not there."""
-        h = record[C_DT]
+        h = parameters.dt
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
                 w = weights[k]
                 ax, ay, az = zero, zero, zero
                 if has_gravity:
-                    ay = ay + record[C_GRAVITY]
+                    ay = ay + parameters.gravity
                 if has_poke:
                     here = one if k == poked else zero
-                    ax = added(ax, w, here * record[C_POKE_X])
-                    ay = added(ay, w, here * record[C_POKE_X + 1])
-                    az = added(az, w, here * record[C_POKE_X + 2])
-                keep = kept(record[X_DRAG], w) if has_damping else one
+                    ax = added(ax, w, here * parameters.poke_x)
+                    ay = added(ay, w, here * parameters.poke_y)
+                    az = added(az, w, here * parameters.poke_z)
+                keep = kept(parameters.braking, w) if has_damping else one
                 px = predicted(x[k], h, kicked(vx[k], keep, h, ax))
                 py = predicted(y[k], h, kicked(vy[k], keep, h, ay))
                 pz = predicted(z[k], h, kicked(vz[k], keep, h, az))
@@ -50,18 +48,18 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 to_z[k] = pz if not has_spare or w > zero else z[k]
 
     @compiler.compiled
-    def begin(first, last, count, before, after, velocity, weights, record, poked):
+    def begin(first, last, count, before, after, velocity, weights, parameters, poked):
         """The particles from `first` to before `last`, of `count` of a plane."""
         predict_rows(
-            (last - first) // LANES, poked - first, record, row_at(weights, first), row_at(before, first),
+            (last - first) // LANES, poked - first, parameters, row_at(weights, first), row_at(before, first),
             row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
             row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
             row_at(after, count + first), row_at(after, 2 * count + first),
         )  # fmt: skip
 
     @compiler.row
-    def rate_rows(blocks, record, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz):
-        inverse = record[X_INVERSE_SUBSTEP]
+    def rate_rows(blocks, parameters, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz):
+        inverse = parameters.inverse_substep
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
@@ -71,21 +69,21 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 vz[k] = rate_of(to_z[k], z[k], inverse) if goes else zero
 
     @compiler.compiled
-    def rate(first, last, count, before, after, velocity, weights, record):
+    def rate(first, last, count, before, after, velocity, weights, parameters):
         rate_rows(
-            (last - first) // LANES, record, row_at(weights, first), row_at(before, first), row_at(before, count + first),
+            (last - first) // LANES, parameters, row_at(weights, first), row_at(before, first), row_at(before, count + first),
             row_at(before, 2 * count + first), row_at(after, first), row_at(after, count + first),
             row_at(after, 2 * count + first), row_at(velocity, first), row_at(velocity, count + first),
             row_at(velocity, 2 * count + first),
         )  # fmt: skip
 
     @compiler.compiled
-    def collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds):
+    def collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds):
         for k in range(first, last):
             if has_spare and weights[k] == zero:
                 continue  # also of ghosts
             px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, number, record, before[k], before[count + k], before[2 * count + k], after[k],
+                bodies, kinds, number, parameters, before[k], before[count + k], before[2 * count + k], after[k],
                 after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
             )  # fmt: skip
             after[k] = px

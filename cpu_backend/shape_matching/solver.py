@@ -103,7 +103,7 @@ class Bodies(ParticlesSimulation):
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
         middle = self._velocity, self._weights, self._material.steps
         own = self.layout.own, self._own_factors, self._rotation, self._frames, self._scratch
-        last = self.record, self._poked, self.bodies, self.kinds
+        last = self.parameters, self._poked, self.bodies, self.kinds
         times = steps, step, method.substeps, method.iterations
         if self._apart:
             make_bodies_apart(*variant)(
@@ -143,7 +143,7 @@ class Bodies(ParticlesSimulation):
         def collide(moment: Moment) -> None:
             if "rigid-rebound" in self.plan.parts:
                 whole.note(bands, velocity, count, self._material.steps)
-            given = self._weights, count, self.record, self.bodies, self.kinds
+            given = self._weights, count, self.parameters, self.bodies, self.kinds
             stage.collide(bands, moment.number, before, position, velocity, *given)
 
         def rebound(moment: Moment) -> None:
@@ -154,7 +154,7 @@ class Bodies(ParticlesSimulation):
                 settle(bands, count, before, position, contacts.record)
             if "contact-restitution" in self.plan.parts:
                 contacts.old[:] = velocity
-            stage.update(bands, before, position, velocity, self._weights, count, self.record)
+            stage.update(bands, before, position, velocity, self._weights, count, self.parameters)
 
         def damp(moment: Moment) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
@@ -164,15 +164,15 @@ class Bodies(ParticlesSimulation):
             if "rigid-bounce" not in self.plan.parts:
                 contacts.bounce(position, velocity, self._weights)
                 return
-            (record, *_), _, _, _, neighbours, touching, (old,) = contacts.arrays
+            (parameters, *_), _, _, _, neighbours, touching, (old,) = contacts.arrays
             bounce_bodies(
-                bands, position, old, velocity, self._weights, record, neighbours, touching, self._material.steps,
+                bands, position, old, velocity, self._weights, parameters, neighbours, touching, self._material.steps,
                 self._scratch, SCRATCH * LANES,
             )  # fmt: skip
 
         def link(number: int) -> StageRun:
             def run(moment: Moment) -> None:
-                given = position, self._weights, before, ends, values, multipliers, moment.fresh, self.record
+                given = position, self._weights, before, ends, values, multipliers, moment.fresh, self.parameters
                 project_links(bands, *starts[number : number + 2], *given)
 
             return run
@@ -225,7 +225,6 @@ class Bodies(ParticlesSimulation):
         return self._even, self._velocity, self.layout.slots, self.layout.count
 
     def _parameters_changed(self) -> None:
-        self.record = self._record
         self._poked = int(self.layout.slots[self._poke_particle]) if self._poke_particle >= 0 else -1
         if self.contacts:
             self.contacts.change(self.scene)

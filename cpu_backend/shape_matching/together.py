@@ -29,7 +29,7 @@ from model.shape_matching.links import LINKS
 
 
 def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:
-    """end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, record, poked, bodies,
+    """end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, poked, bodies,
     kinds, contacts): what a member of a team does when particles have come to their goals, and where it `goes_on` the
     predictions of the next substep."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
@@ -44,8 +44,8 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 
     @compiler.compiled
     def end(
-        team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, record, poked, bodies, kinds,
-        contacts,
+        team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, poked, bodies,
+        kinds, contacts,
     ):  # fmt: skip
         numbers, _, _, _, neighbours, touching, olds = contacts
         count, clusters = weights.size, arrays[5].size // 4
@@ -59,7 +59,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                     for axis in range(AXES):
                         for k in range(axis * count + first, axis * count + last):
                             olds[0][k] = velocity[k]
-                rate(first, last, count, before, after, velocity, weights, record)
+                rate(first, last, count, before, after, velocity, weights, parameters)
         if has_rigid:
             bounce_bodies(
                 team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
@@ -75,17 +75,17 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             if not rates_apart:
-                rate(first, last, count, before, after, velocity, weights, record)
+                rate(first, last, count, before, after, velocity, weights, parameters)
             if has_damping:
                 slow(first, last, after, velocity, count, arrays)
             if rebounds:
                 note(first, last, velocity, count, arrays)
             if has_bodies:
-                collide(first, last, count, number, before, after, velocity, weights, record, bodies, kinds)
+                collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
             if rebounds:
                 strike(first, last, velocity, count, arrays)
             elif goes_on:
-                begin(first, last, count, after, before, velocity, weights, record, poked)
+                begin(first, last, count, after, before, velocity, weights, parameters, poked)
         if rebounds:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -95,7 +95,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 go(first, last, after, velocity, count, arrays)
                 if goes_on:
-                    begin(first, last, count, after, before, velocity, weights, record, poked)
+                    begin(first, last, count, after, before, velocity, weights, parameters, poked)
 
     return end
 
@@ -103,7 +103,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
-    rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames): as
+    rotation, frames, scratch, parameters, poked, bodies, kinds, contacts, lattices, lattice_frames): as
     loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
     of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
@@ -120,14 +120,14 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
-        own_factors, rotation, frames, scratch, record, poked, bodies, kinds, contacts, lattices, lattice_frames,
+        own_factors, rotation, frames, scratch, parameters, poked, bodies, kinds, contacts, lattices, lattice_frames,
     ):  # fmt: skip
         numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-            begin(first, last, count, even, odd, velocity, weights, record, poked)
+            begin(first, last, count, even, odd, velocity, weights, parameters, poked)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
             number, goes_on = step * substeps + n, n < passes - 1
@@ -138,7 +138,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                 )  # fmt: skip
             for iteration in range(iterations):
                 if has_links:
-                    sweep_links(team, member, bands, after, weights, before, links, iteration == 0, record)
+                    sweep_links(team, member, bands, after, weights, before, links, iteration == 0, parameters)
                 if clusters > 0:
                     for band in shares(team, member, bands):
                         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -154,21 +154,31 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                         move(first, last, after, count, own, own_factors, frames)
                         if at_once and iteration == iterations - 1:
-                            rate(first, last, count, before, after, velocity, weights, record)
+                            rate(first, last, count, before, after, velocity, weights, parameters)
                             if has_bodies:
                                 collide(
-                                    first, last, count, number, before, after, velocity, weights, record, bodies, kinds
+                                    first,
+                                    last,
+                                    count,
+                                    number,
+                                    before,
+                                    after,
+                                    velocity,
+                                    weights,
+                                    parameters,
+                                    bodies,
+                                    kinds,
                                 )
                             if goes_on:
-                                begin(first, last, count, after, before, velocity, weights, record, poked)
+                                begin(first, last, count, after, before, velocity, weights, parameters, poked)
                 if has_lattices:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
                     take_out(team, member, bands, sweeps, before, after, weights, constants, neighbours, touching)
             if not at_once:
                 end(
-                    team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, record, poked,
-                    bodies, kinds, contacts,
+                    team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,
+                    poked, bodies, kinds, contacts,
                 )  # fmt: skip
 
     return compiler.team(advance)

@@ -28,7 +28,6 @@ from cpu_backend.xpbd.layout import (
     P_WIND_SCRATCH,
 )
 from model.formulas import distance, random
-from model.mass_spring.cloth_parameters import C_EXTERNAL, C_GRAVITY, C_POKE_X
 
 FORCES = frozenset({"wind", "external", "poke"})
 WIND_PARTS = frozenset({"wind", "gust"})
@@ -54,8 +53,8 @@ def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
 
 
 def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> Any:
-    """add_forces(i, step, memory, places, record, integers, weights): the accelerations of row `i`, into its planes. Where
-    there is wind it lies there already, with gravity. `weights`: where those of the row begin."""
+    """add_forces(i, step, memory, places, parameters, integers, weights): the accelerations of row `i`, into its planes.
+    Where there is wind it lies there already, with gravity. `weights`: where those of the row begin."""
     compiled, block = compiler.compiled, block_of(real)
     added = distance.make(real, compiled).added
     philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
@@ -68,36 +67,37 @@ def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
         return added(acceleration, weight, force) if has_load else acceleration + force
 
     @compiled
-    def add_external_row(i, step, here, memory, places, record, integers, weights):
+    def add_external_row(i, step, here, memory, places, parameters, integers, weights):
         columns, plane, spacing = places[P_COLUMNS], places[P_PLANE], places[P_CLASS]
         for j in range(columns):
             words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
             lane = j % classes * spacing + j // classes
             for axis in range(axes):
                 place = here + axis * plane + lane
-                force = add_external(zero, record[C_EXTERNAL], words[axis])
+                force = add_external(zero, parameters.external, words[axis])
                 memory[place] = weighed(memory[place], memory[weights + lane], force)
 
     @compiled
-    def add_forces(i, step, memory, places, record, integers, weights):
+    def add_forces(i, step, memory, places, parameters, integers, weights):
         columns, plane, spacing = places[P_COLUMNS], places[P_PLANE], places[P_CLASS]
         here = places[P_ACCELERATION] + i * places[P_STRIDE]
         if not has_wind:
             for axis in range(axes):
-                base = record[C_GRAVITY] if has_gravity and axis == 1 else zero
+                base = parameters.gravity if has_gravity and axis == 1 else zero
                 for k in range(classes):
                     for j in range(places[P_BLOCKS] * block):
                         memory[here + axis * plane + k * spacing + j] = base
         if has_external:
-            add_external_row(i, step, here, memory, places, record, integers, weights)
+            add_external_row(i, step, here, memory, places, parameters, integers, weights)
         if has_poke:
             poked = np.int64(integers[1]) - 1  # -1: none
+            force = parameters.poke_x, parameters.poke_y, parameters.poke_z
             if poked >= 0 and poked // columns == i:
                 j = poked % columns
                 lane = j % classes * spacing + j // classes
                 for axis in range(axes):
                     place = here + axis * plane + lane
-                    memory[place] = weighed(memory[place], memory[weights + lane], record[C_POKE_X + axis])
+                    memory[place] = weighed(memory[place], memory[weights + lane], force[axis])
 
     return add_forces
 
@@ -107,7 +107,7 @@ def make_wind(compiler: Compiler, real: Any, parts: frozenset[str], classes: int
 
     `copy_band(first, last, position, velocity, memory, places, natural)`: the rows, not combed, of planes that begin at
     `position` and `velocity`; `natural`: the integers of that sheet's layout. `wind_band(first, last, band, substep, memory,
-    places, natural, record, integers, row_places)`: gravity and wind into the planes of accelerations; `substep`: counted
+    places, natural, parameters, integers, row_places)`: gravity and wind into the planes of accelerations; `substep`: counted
     from time 0.
     """
     compiled, block = compiler.compiled, block_of(real)
@@ -142,25 +142,25 @@ def make_wind(compiler: Compiler, real: Any, parts: frozenset[str], classes: int
             out[j] = added(base, weights[j], force[j]) if has_load else base + force[j]
 
     @compiled
-    def wind_band(first, last, band, substep, memory, places, natural, record, integers, row_places):
+    def wind_band(first, last, band, substep, memory, places, natural, parameters, integers, row_places):
         plane, width = places[P_PLANE], places[P_SCRATCH_WIDTH]
         blocks = (places[P_COLUMNS] + block - 1) // block
         scratch = row_at(memory, places[P_WIND_SCRATCH] + band * places[P_SCRATCH_SIZE])
         source = row_at(memory, places[P_NATURAL])
-        air = air_now(record, integers, substep, zero)
+        air = air_now(parameters, integers, substep, zero)
         for triple in range(triples):
             clear(scratch, np.int64(triple), width)
         if first > 0:
-            wind_cells(first - 1, blocks, natural, source, record, air, scratch, width)
+            wind_cells(first - 1, blocks, natural, source, parameters, air, scratch, width)
         spare = row_at(scratch, triples * AXES * width)
         for i in range(first, last):
             clear(scratch, np.int64(a_close), width)
-            wind_cells(i, blocks, natural, source, record, air, scratch, width)
+            wind_cells(i, blocks, natural, source, parameters, air, scratch, width)
             add_wind(i, blocks, scratch, width)
             here = places[P_ACCELERATION] + i * places[P_STRIDE]
             for axis in range(AXES):
                 out = row_at(memory, here + axis * plane)
-                base = record[C_GRAVITY] if has_gravity and axis == 1 else zero
+                base = parameters.gravity if has_gravity and axis == 1 else zero
                 comb(places[P_CLASS], places[P_BLOCKS], row_at(scratch, place(a_close, axis, width)), spare)
                 weigh_row(
                     classes * places[P_CLASS], spare, row_at(memory, row_places[0, i]), base, out

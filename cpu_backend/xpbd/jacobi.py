@@ -26,8 +26,9 @@ from cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from cpu_backend.xpbd.stage_projections import make_change
+from model.core.tuples import reader
 from model.formulas import distance
-from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_REST
+from model.xpbd.parameters import CONSTANTS
 from model.xpbd.plan import FAMILIES, Family, families
 
 
@@ -90,15 +91,15 @@ def make_lead(
     soft, damped = several and f"{family.kind}-compliance" in parts, f"{family.kind}-damping" in parts
     stiff = family.kind == "structural" and "alternating" in parts
     displace = make_displace_row(compiler, real, axes, soft, damped, stiff and soft and down == 0)
-    at_even = X_CONSTRAINT[family.kind]
-    at_odd = X_CONSTRAINT["stiff"] if stiff else at_even
+    constants_of_even = reader(CONSTANTS, compiler.compiled, f"constraint_{family.kind}_")
+    constants_of_odd = reader(CONSTANTS, compiler.compiled, "constraint_stiff_") if stiff else constants_of_even
     at = displacement_triples(parts)
     first_triple, idle = at[family.name], at["idle"]
     near_lane, far_lane, planes = max(0, -right), max(0, right), len(FAMILIES)
 
     @compiler.compiled
     def lead(i, keep, source, turn, later, scratch, sheet):
-        memory, places, record, _, _, _, row_places, _, _ = sheet
+        memory, places, parameters, _, _, _, row_places, _, _ = sheet
         stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
         row = min(i + down, places[P_ROWS] - 1)  # below the last one there is none: reciprocals are 0
         first, second = source + i * stride + near_lane, source + row * stride + far_lane
@@ -108,14 +109,15 @@ def make_lead(
         there = row_at(memory, places[P_MULTIPLIERS] + (number + (1 - turn) * planes) * plane + i * stride)
         if not keep:
             there = row_at(scratch, edge(idle, 0, width))
-        constants = at_odd if down > 0 and i & 1 else at_even
+        even, odd = constants_of_even(parameters), constants_of_odd(parameters)
+        own = odd if down > 0 and i & 1 else even
         displace(
             places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
             row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
             row_at(memory, old + first), row_at(memory, old + first + plane), row_at(memory, old + first + 2 * plane),
             row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
-            here, later, there, row_at(memory, row_places[2 + number, i]), record[constants + X_REST],
-            record[constants + X_COMPLIANCE], record[at_odd + X_COMPLIANCE], record[constants + X_DAMPING],
+            here, later, there, row_at(memory, row_places[2 + number, i]), own.rest,
+            own.compliance, odd.compliance, own.damping,
             row_at(scratch, edge(triple, 0, width) + REACH), row_at(scratch, edge(triple, 1, width) + REACH),
             row_at(scratch, edge(triple, 2, width) + REACH),
         )  # fmt: skip

@@ -55,7 +55,7 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
 
 @cache
 def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies, kinds,
+    """advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, parameters, integers, bodies, kinds,
     row_places, row_uneven, anchors): as that of xpbd/seidel.py, bands of the rows that `bounds` tell."""
     words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
@@ -74,8 +74,10 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
     @compiled
     def blow(band, bounds, natural, substep, sheet):
-        memory, places, record, integers, _, _, row_places, _, _ = sheet
-        wind_band(bounds[band], bounds[band + 1], band, substep, memory, places, natural, record, integers, row_places)
+        memory, places, parameters, integers, _, _, row_places, _, _ = sheet
+        wind_band(
+            bounds[band], bounds[band + 1], band, substep, memory, places, natural, parameters, integers, row_places
+        )
 
     @compiled
     def place_of(passes, places):
@@ -92,10 +94,10 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
                 memory[k] = memory[places[P_OTHER] + k]
 
     def advance(
-        team, member, bands, count, step, substeps, iterations, bounds, natural, memory, places, record, integers, bodies,
+        team, member, bands, count, step, substeps, iterations, bounds, natural, memory, places, parameters, integers, bodies,
         kinds, row_places, row_uneven, anchors,
     ):  # fmt: skip
-        sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
+        sheet = (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors)
         for number in range(count * substeps):
             now, substep, done = step + number // substeps, step * substeps + number, number * iterations
             if has_wind:

@@ -63,7 +63,7 @@ class MeshPositionBased(ParticlesSimulation):
         method = self.scene.method
         make_mesh_advance(*self._variant())(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
-            self.record, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
+            self.parameters, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -72,7 +72,7 @@ class MeshPositionBased(ParticlesSimulation):
         position, velocity, before = self._position, self._velocity, self._before
 
         def predict(moment: Moment) -> None:
-            arguments = position, velocity, before, self.record, self.integers, self._wind
+            arguments = position, velocity, before, self.parameters, self.integers, self._wind
             stage.predict(bands, moment.step, moment.number, *arguments)
 
         def project(place: int, colour: int) -> StageRun:
@@ -81,17 +81,17 @@ class MeshPositionBased(ParticlesSimulation):
             start, stop = int(starts[colour]), int(starts[colour + 1])
 
             def run(moment: Moment) -> None:
-                given = position, position, before, corners, values, multipliers, moment.fresh, self.record
+                given = position, position, before, corners, values, multipliers, moment.fresh, self.parameters
                 kernel(bands, start, stop, *given)
 
             return run
 
         def collide(moment: Moment) -> None:
-            stage.collide(bands, moment.number, before, position, velocity, self.record, self.bodies, self.kinds)
+            stage.collide(bands, moment.number, before, position, velocity, self.parameters, self.bodies, self.kinds)
 
         found: dict[str, StageRun] = {
             "predict": predict,
-            "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.record),
+            "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.parameters),
             "collide": collide,
         }
         for place, one in enumerate(self._sets):

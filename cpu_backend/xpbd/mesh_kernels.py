@@ -19,10 +19,8 @@ from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
 from model.formulas import distance, random
-from model.mass_spring.cloth_parameters import C_DRAG, C_DT, C_EXTERNAL, C_GRAVITY, C_LIFT, C_POKE_X
 from model.scene.cloth import COLLIDER_KINDS
 from model.xpbd.mesh_constraints import projections_of
-from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP
 
 AXES = 3
 
@@ -31,8 +29,8 @@ ALWAYS = {"gauss-seidel", "load", "pins"}  # parts that change no code: every ma
 
 
 def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """begin(first, last, step, substep, before, velocity, position, record, integers, wind_lists): predicted positions of the
-    masses `first` to before `last`; `wind_lists`: (offsets, triangles at each vertex, corners of triangles)."""
+    """begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists): predicted positions of
+    the masses `first` to before `last`; `wind_lists`: (offsets, triangles at each vertex, corners of triangles)."""
     compiled = compiler.compiled
     formulas = distance.make(real, compiled)
     kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
@@ -47,7 +45,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         return array[k, 0], array[k, 1], array[k, 2]
 
     @compiled
-    def wind_of(k, air, before, velocity, record, wind_lists):
+    def wind_of(k, air, before, velocity, parameters, wind_lists):
         """Over the sheet's mass, of the triangles at the vertex in their order."""
         offsets, at_vertex, corners = wind_lists
         x, y, z = zero, zero, zero
@@ -55,35 +53,35 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             a, b, c = corners[at_vertex[n], 0], corners[at_vertex[n], 1], corners[at_vertex[n], 2]
             fx, fy, fz = triangle(
                 row(before, a), row(before, b), row(before, c), row(velocity, a), row(velocity, b), row(velocity, c), air,
-                record[C_DRAG], record[C_LIFT],
+                parameters.drag, parameters.lift,
             )  # fmt: skip
             x, y, z = x + fx, y + fy, z + fz
         return x, y, z
 
     @compiled
-    def begin(first, last, step, substep, before, velocity, position, record, integers, wind_lists):
-        h = record[C_DT]
-        air = air_now(record, integers, substep, zero) if has_wind else (zero, zero, zero)
+    def begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists):
+        h = parameters.dt
+        air = air_now(parameters, integers, substep, zero) if has_wind else (zero, zero, zero)
         for k in range(first, last):
             w = before[k, 3]
             if w == zero:
                 continue
             ax, ay, az = zero, zero, zero
             if has_gravity:
-                ay = ay + record[C_GRAVITY]
+                ay = ay + parameters.gravity
             if has_wind:
-                fx, fy, fz = wind_of(k, air, before, velocity, record, wind_lists)
+                fx, fy, fz = wind_of(k, air, before, velocity, parameters, wind_lists)
                 ax, ay, az = added(ax, w, fx), added(ay, w, fy), added(az, w, fz)
             if has_external:
-                words, most = philox(integers[0], np.uint64(step), np.uint64(k)), record[C_EXTERNAL]
+                words, most = philox(integers[0], np.uint64(step), np.uint64(k)), parameters.external
                 ax = added(ax, w, add_external(zero, most, words[0]))
                 ay = added(ay, w, add_external(zero, most, words[1]))
                 az = added(az, w, add_external(zero, most, words[2]))
             if has_poke and np.int64(integers[1]) == k + 1:
-                ax = added(ax, w, record[C_POKE_X])
-                ay = added(ay, w, record[C_POKE_X + 1])
-                az = added(az, w, record[C_POKE_X + 2])
-            keep = kept(record[X_DRAG], w) if has_damping else one
+                ax = added(ax, w, parameters.poke_x)
+                ay = added(ay, w, parameters.poke_y)
+                az = added(az, w, parameters.poke_z)
+            keep = kept(parameters.braking, w) if has_damping else one
             position[k, 0] = predicted(before[k, 0], h, kicked(velocity[k, 0], keep, h, ax))
             position[k, 1] = predicted(before[k, 1], h, kicked(velocity[k, 1], keep, h, ay))
             position[k, 2] = predicted(before[k, 2], h, kicked(velocity[k, 2], keep, h, az))
@@ -92,26 +90,26 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`update(first, last, before, position, velocity, record)`: velocities of the substep;
-    `collide(first, last, substep, before, position, velocity, record, bodies, kinds)`: what masses meet."""
+    """`update(first, last, before, position, velocity, parameters)`: velocities of the substep;
+    `collide(first, last, substep, before, position, velocity, parameters, bodies, kinds)`: what masses meet."""
     rate = distance.make(real, compiler.compiled).rate
     touch = make_collide_mass(compiler, real, parts)
     zero = real(0)
 
     @compiler.compiled
-    def update(first, last, before, position, velocity, record):
+    def update(first, last, before, position, velocity, parameters):
         for k in range(first, last):
             for axis in range(AXES):
-                v = rate(position[k, axis], before[k, axis], record[X_INVERSE_SUBSTEP])
+                v = rate(position[k, axis], before[k, axis], parameters.inverse_substep)
                 velocity[k, axis] = v if before[k, 3] > zero else zero
 
     @compiler.compiled
-    def collide(first, last, substep, before, position, velocity, record, bodies, kinds):
+    def collide(first, last, substep, before, position, velocity, parameters, bodies, kinds):
         for k in range(first, last):
             if before[k, 3] == zero:
                 continue
             px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, substep, record, before[k, 0], before[k, 1], before[k, 2], position[k, 0],
+                bodies, kinds, substep, parameters, before[k, 0], before[k, 1], before[k, 2], position[k, 0],
                 position[k, 1], position[k, 2], velocity[k, 0], velocity[k, 1], velocity[k, 2],
             )  # fmt: skip
             position[k, 0] = px
@@ -132,7 +130,7 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_some, collide_some = ends.update, ends.collide
 
-    def predict(team, member, bands, step, substep, position, velocity, before, record, integers, wind_lists):
+    def predict(team, member, bands, step, substep, position, velocity, before, parameters, integers, wind_lists):
         count = len(position)
         for band in shares(team, member, bands):
             for k in range(count * band // bands, count * (band + 1) // bands):
@@ -140,16 +138,16 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
                     before[k, axis] = position[k, axis]
         for band in shares(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
-            begin(first, last, step, substep, before, velocity, position, record, integers, wind_lists)
+            begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists)
 
-    def update(band, bands, before, position, velocity, record):
+    def update(band, bands, before, position, velocity, parameters):
         count = len(position)
-        update_some(count * band // bands, count * (band + 1) // bands, before, position, velocity, record)
+        update_some(count * band // bands, count * (band + 1) // bands, before, position, velocity, parameters)
 
-    def collide(band, bands, substep, before, position, velocity, record, bodies, kinds):
+    def collide(band, bands, substep, before, position, velocity, parameters, bodies, kinds):
         count = len(position)
         first, last = count * band // bands, count * (band + 1) // bands
-        collide_some(first, last, substep, before, position, velocity, record, bodies, kinds)
+        collide_some(first, last, substep, before, position, velocity, parameters, bodies, kinds)
 
     return SimpleNamespace(
         predict=compiler.team(predict), update=compiler.banded(update), collide=compiler.banded(collide)
@@ -158,7 +156,7 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists, sets,
+    """advance(bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists, sets,
     bodies, kinds): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints."""
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
@@ -169,7 +167,7 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_bodies = bool(parts & set(COLLIDER_KINDS))
 
     def advance(
-        team, member, bands, steps, step, substeps, iterations, position, velocity, before, record, integers, wind_lists,
+        team, member, bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists,
         sets, bodies, kinds,
     ):  # fmt: skip
         count = len(position)
@@ -182,14 +180,14 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
                         before[k, axis] = position[k, axis]
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
-                begin(first, last, frame, number, before, velocity, position, record, integers, wind_lists)
+                begin(first, last, frame, number, before, velocity, position, parameters, integers, wind_lists)
             if has_constraints:
                 for iteration in range(iterations):
-                    sweep(team, member, bands, position, position, before, sets, iteration == 0, record)
+                    sweep(team, member, bands, position, position, before, sets, iteration == 0, parameters)
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
-                update(first, last, before, position, velocity, record)
+                update(first, last, before, position, velocity, parameters)
                 if has_bodies:
-                    collide(first, last, number, before, position, velocity, record, bodies, kinds)
+                    collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
 
     return compiler.team(advance)

@@ -22,8 +22,9 @@ from cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from cpu_backend.xpbd.stage_projections import make_change
+from model.core.tuples import reader
 from model.formulas import distance
-from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_REST
+from model.xpbd.parameters import CONSTANTS
 from model.xpbd.plan import FAMILIES, Family
 
 
@@ -157,8 +158,9 @@ def make_link(
     """
     number, down = FAMILIES.index(family), family.rows
     right = family.columns if down else max(1, family.columns)
-    at_soft = X_CONSTRAINT[family.kind]
-    at_odd = X_CONSTRAINT["stiff"] if family.kind == "structural" and "alternating" in parts else at_soft
+    stiff = family.kind == "structural" and "alternating" in parts
+    constants_of_even = reader(CONSTANTS, compiler.compiled, f"constraint_{family.kind}_")
+    constants_of_odd = reader(CONSTANTS, compiler.compiled, "constraint_stiff_") if stiff else constants_of_even
     has_weights, damped = bool(parts & {"pins", "load"}), f"{family.kind}-damping" in parts
     even_row, uneven_row = rows if has_weights else (rows[0], rows[0])
     # a class's constraints lead from its columns to those of the next class, or the other way; behind the last class comes
@@ -167,14 +169,14 @@ def make_link(
     of_a_colour = max(1, classes // 2)
 
     @compiler.compiled
-    def run(i, c, odd, later, memory, places, record, row_places, row_uneven):
+    def run(i, c, odd, later, memory, places, parameters, row_places, row_uneven):
         stride, plane, spacing = places[P_STRIDE], places[P_PLANE], places[P_CLASS]
         near, far = c + near_class, c + far_class
         near_lane, far_lane = near % classes * spacing + near // classes, far % classes * spacing + far // classes
         here, lane = i * stride, c * spacing
         first, second = here + near_lane, here + down * stride + far_lane
         old = places[P_BEFORE] if damped else np.int64(0)
-        at = at_odd if odd else at_soft
+        own = constants_of_odd(parameters) if odd else constants_of_even(parameters)
         given = (
             places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
             row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
@@ -182,8 +184,7 @@ def make_link(
             row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
             row_at(memory, row_places[0, i] + near_lane), row_at(memory, row_places[0, i + down] + far_lane),
             row_at(memory, places[P_MULTIPLIERS] + number * plane + here + lane), later,
-            row_at(memory, row_places[2 + number, i] + lane), record[at + X_REST], record[at + X_COMPLIANCE],
-            record[at + X_DAMPING],
+            row_at(memory, row_places[2 + number, i] + lane), own.rest, own.compliance, own.damping,
         )  # fmt: skip
         if row_uneven[i] or row_uneven[i + down]:
             uneven_row(*given)
@@ -192,14 +193,14 @@ def make_link(
 
     @compiler.compiled
     def link(i, later, sheet):
-        memory, places, record, _, _, _, row_places, row_uneven, _ = sheet
+        memory, places, parameters, _, _, _, row_places, row_uneven, _ = sheet
         if down > 0:
             for c in range(classes):
-                run(i, np.int64(c), i & 1, later, memory, places, record, row_places, row_uneven)
+                run(i, np.int64(c), i & 1, later, memory, places, parameters, row_places, row_uneven)
         else:
             for k in range(classes):  # first those of colour 0
                 colour, turn = k // of_a_colour, k % of_a_colour
                 column = (turn // right * 2 + colour) * right + turn % right
-                run(i, np.int64(column), colour, later, memory, places, record, row_places, row_uneven)
+                run(i, np.int64(column), colour, later, memory, places, parameters, row_places, row_uneven)
 
     return link

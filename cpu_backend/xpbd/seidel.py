@@ -86,7 +86,7 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
 @cache
 def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """advance(bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record, integers,
+    """advance(bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, parameters, integers,
     bodies, kinds, row_places, row_uneven, anchors): `count` steps in place, the first of them number `step`.
 
     `several`: whether there is more than one iteration. `steps`, `starts`, `bounds`: the schedule; `natural`: of the sheet
@@ -108,8 +108,10 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
     @compiled
     def blow(band, bounds, natural, substep, sheet):
-        memory, places, record, integers, _, _, row_places, _, _ = sheet
-        wind_band(bounds[band], bounds[band + 1], band, substep, memory, places, natural, record, integers, row_places)
+        memory, places, parameters, integers, _, _, row_places, _, _ = sheet
+        wind_band(
+            bounds[band], bounds[band + 1], band, substep, memory, places, natural, parameters, integers, row_places
+        )
 
     @compiled
     def any_steps(starts, phase):
@@ -119,10 +121,10 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
         return found
 
     def advance(
-        team, member, bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, record,
+        team, member, bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, parameters,
         integers, bodies, kinds, row_places, row_uneven, anchors,
     ):  # fmt: skip
-        sheet = (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors)
+        sheet = (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors)
         for number in range(count * substeps):
             if has_wind:
                 for band in shares(team, member, bands):

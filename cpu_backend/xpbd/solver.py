@@ -207,7 +207,7 @@ class PositionBased(RowsSimulation):
         order = bounds if self.plan.parts & JACOBI else (self._steps, self._starts, *bounds)
         return (
             self._bands, steps, step, method.substeps, method.iterations, *order, self._natural, self._memory, self._places,
-            self.record, self.integers, self.bodies, self.kinds, self._row_places, self._row_uneven, self._anchors,
+            self.parameters, self.integers, self.bodies, self.kinds, self._row_places, self._row_uneven, self._anchors,
         )  # fmt: skip
 
     def _advance(self, step: int, steps: int) -> None:

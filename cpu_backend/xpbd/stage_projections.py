@@ -14,17 +14,12 @@ from numba import prange
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.xpbd.tables import constants_of
+from cpu_backend.xpbd.tables import kind_of
 from model.core.plan import Moment, StageRun
 from model.formulas import distance
 from model.xpbd.parameters import (
-    X_BOTH,
-    X_COMPLIANCE,
-    X_DAMPING,
-    X_ONE,
-    X_REST,
-    X_STIFFENING,
-)  # fmt: skip
+    constants_of,
+)
 from model.xpbd.plan import FAMILIES, colour_order, families
 
 ROOM = 2  # rows and columns of displacements around the sheet, where there are no constraints
@@ -63,12 +58,12 @@ def make_kind(
     zero, one = real(0), real(1)
 
     @compiled
-    def reciprocal(total, record, at):
+    def reciprocal(total, own):
         if by_formula:
-            return reciprocal_of(total, record[at + X_STIFFENING], record[at + X_COMPLIANCE])
+            return reciprocal_of(total, own.stiffening, own.compliance)
         if total > one:
-            return record[at + X_BOTH]
-        return record[at + X_ONE] if total > zero else zero
+            return own.both
+        return own.one if total > zero else zero
 
     @compiled
     def way(sheet, i, j, row, column):
@@ -76,20 +71,19 @@ def make_kind(
         return sheet[0, row, column] - sheet[0, i, j], sheet[1, row, column] - sheet[1, i, j], z
 
     @compiled
-    def solve(position, before, multiplier, total, record, at, i, j, row, column):
+    def solve(position, before, multiplier, total, own, i, j, row, column):
         d = way(position, i, j, row, column)
         e = d
         if damped:
             old = way(before, i, j, row, column)
             e = d[0] - old[0], d[1] - old[1], d[2] - old[2]
         change, scale = change_of(
-            d, e, record[at + X_REST], record[at + X_COMPLIANCE], record[at + X_DAMPING], multiplier,
-            reciprocal(total, record, at),
+            d, e, own.rest, own.compliance, own.damping, multiplier, reciprocal(total, own),
         )  # fmt: skip
         return change, scale, d
 
     @kernel
-    def project(position, before, multipliers, weights, record, at, down, right, colour):
+    def project(position, before, multipliers, weights, own, down, right, colour):
         rows, columns = weights.shape
         for k in prange(rows - down):
             i = np.int64(k)
@@ -99,7 +93,7 @@ def make_kind(
                         first, row, second = j + max(0, -right), i + down, j + max(0, right)
                         w_first, w_second = weights[i, first], weights[row, second]
                         change, scale, d = solve(
-                            position, before, multipliers[i, j], w_first + w_second, record, at, i, first, row, second
+                            position, before, multipliers[i, j], w_first + w_second, own, i, first, row, second
                         )
                         multipliers[i, j] += change
                         for axis in range(axes):
@@ -107,21 +101,20 @@ def make_kind(
                             position[axis, row, second] = moved(position[axis, row, second], w_second, scale, d[axis])
 
     @kernel
-    def displace(position, before, multipliers, weights, valences, record, at, at_odd, down, right, out):
+    def displace(position, before, multipliers, weights, valences, even, odd, down, right, out):
         """`out` (axes, rows + 2 ROOM, columns + 2 ROOM): displacements of the second ends, the first ones' but for the sign.
-        `at_odd`: where the constants of constraints between odd columns and the next, or odd rows, begin."""
+        `odd`: the constants of constraints between odd columns and the next, or odd rows."""
         rows, columns = weights.shape
         for k in prange(rows - down):
             i = np.int64(k)
             for j in range(columns - abs(right)):
                 first, row, second = j + max(0, -right), i + down, j + max(0, right)
-                odd = i % 2 if down > 0 else j % 2
+                own = odd if (i if down > 0 else j) % 2 else even
                 w_first, w_second = weights[i, first], weights[row, second]
                 if weighted:
                     w_first, w_second = share(valences[i, first], w_first), share(valences[row, second], w_second)
                 change, scale, d = solve(
-                    position, before, multipliers[i, j], w_first + w_second, record, at_odd if odd else at, i, first, row,
-                    second,
+                    position, before, multipliers[i, j], w_first + w_second, own, i, first, row, second,
                 )  # fmt: skip
                 multipliers[i, j] += change
                 for axis in range(axes):
@@ -223,11 +216,11 @@ def bind_projections(
     parts = sim.plan.parts
 
     def project(family: Any, colour: int) -> StageRun:
-        run, at = make.kinds[family.kind].project, constants_of(family, colour, parts)
+        run, kind = make.kinds[family.kind].project, kind_of(family, colour, parts)
         mine = multipliers[FAMILIES.index(family)]
 
         def stage(moment: Moment) -> None:
-            run(position, before, mine, weights, sim.record, at, family.rows, family.columns, colour)
+            run(position, before, mine, weights, constants_of(sim.record, kind), family.rows, family.columns, colour)
 
         return stage
 
@@ -241,9 +234,10 @@ def bind_projections(
 
         def project_all(moment: Moment) -> None:
             for family in families(parts):
-                k, at = FAMILIES.index(family), [constants_of(family, colour, parts) for colour in (0, 1)]
+                k, kinds = FAMILIES.index(family), [kind_of(family, colour, parts) for colour in (0, 1)]
                 make.kinds[family.kind].displace(
-                    position, before, multipliers[k], weights, valences, sim.record, *at, family.rows, family.columns,
+                    position, before, multipliers[k], weights, valences,
+                    *(constants_of(sim.record, kind) for kind in kinds), family.rows, family.columns,
                     displacements[k],
                 )  # fmt: skip
             make.gather(position, displacements, weights, valences)

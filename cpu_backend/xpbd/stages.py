@@ -21,9 +21,7 @@ from cpu_backend.mass_spring.cloth.stages import make_collide_stage
 from cpu_backend.xpbd.stage_projections import bind_projections, make_projections
 from model.core.plan import Moment, StageRun
 from model.formulas import distance
-from model.mass_spring.cloth_parameters import C_DT
 from model.scene.cloth import COLLIDER_KINDS
-from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
 from model.xpbd.plan import FAMILIES
 
 
@@ -54,12 +52,12 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
             for j in range(columns):
                 w, keep = weights[i, j], one
                 if has_damping:
-                    keep = kept(record[X_DRAG], w) if has_load else record[X_KEEP]
+                    keep = kept(record[0].braking, w) if has_load else record[0].keep
                 for axis in range(axes):
                     p = position[axis, i, j]
-                    v = kicked(velocity[axis, i, j], keep, record[C_DT], acceleration[axis, i, j])
+                    v = kicked(velocity[axis, i, j], keep, record[0].dt, acceleration[axis, i, j])
                     before[axis, i, j] = p
-                    position[axis, i, j] = predicted(p, record[C_DT], v) if w > zero else p
+                    position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p
 
     @kernel
     def update_velocity(position, velocity, before, weights, record):
@@ -67,7 +65,7 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
         for i in prange(rows):
             for j in range(columns):
                 for axis in range(axes):
-                    v = rate(position[axis, i, j], before[axis, i, j], record[X_INVERSE_SUBSTEP])
+                    v = rate(position[axis, i, j], before[axis, i, j], record[0].inverse_substep)
                     velocity[axis, i, j] = v if weights[i, j] > zero else zero
 
     return SimpleNamespace(

@@ -15,7 +15,7 @@ import numpy as np
 from model.core.build import Body
 from model.formulas import distance
 from model.scene.scene import Scene
-from model.xpbd.parameters import X_BOTH, X_COMPLIANCE, X_CONSTRAINT, X_ONE, X_STIFFENING
+from model.xpbd.parameters import constants_of
 from model.xpbd.plan import FAMILIES, Family, families
 
 
@@ -26,10 +26,10 @@ def mass_weights(scene: Scene, body: Body, real: Any) -> np.ndarray:
     return weights.astype(real).reshape(body.rows, body.columns)
 
 
-def constants_of(family: Family, colour: int, parts: frozenset[str]) -> int:
-    """Where the constants of a colour of a family begin in the record."""
+def kind_of(family: Family, colour: int, parts: frozenset[str]) -> str:
+    """Whose constants a colour of a family has in the record."""
     stiff = family.kind == "structural" and colour == 1 and "alternating" in parts
-    return X_CONSTRAINT["stiff" if stiff else family.kind]
+    return "stiff" if stiff else family.kind
 
 
 def index_columns(family: Family, columns: int) -> tuple[slice, slice]:
@@ -128,17 +128,14 @@ class Tables:
         for colour in (0, 1):
             # along a row the colours that differ, if any do, are every second constraint
             mine = slice(None) if family.rows else slice(colour, None, 2)
-            at = constants_of(family, i % 2 if family.rows else colour, self.parts)
-            out[: len(total)][mine] = self._values(total[mine], record[at:])
+            own = constants_of(record, kind_of(family, i % 2 if family.rows else colour, self.parts))
+            out[: len(total)][mine] = self._values(total[mine], own)
         return out
 
-    def _values(self, total: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    def _values(self, total: np.ndarray, own: Any) -> np.ndarray:
         different, which = np.unique(total, return_inverse=True)
         if self.parts & {"load", "jacobi", "averaged-jacobi"}:
-            values = [
-                self._formulas.reciprocal(weight, constants[X_STIFFENING], constants[X_COMPLIANCE])
-                for weight in different
-            ]
+            values = [self._formulas.reciprocal(weight, own.stiffening, own.compliance) for weight in different]
         else:
-            values = [{2: constants[X_BOTH], 1: constants[X_ONE], 0: self.real(0)}[int(weight)] for weight in different]
+            values = [{2: own.both, 1: own.one, 0: self.real(0)}[int(weight)] for weight in different]
         return np.array(values, self.real)[which]

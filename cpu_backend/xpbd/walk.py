@@ -1,10 +1,10 @@
 """What the kernels of both orderings do to a row before and after its constraints: prediction, attachments, velocity,
 colliders.
 
-`sheet`, which they all pass on: (memory, places, record, integers, bodies, kinds, row_places, row_uneven, anchors). Memory
-and places: xpbd/layout.py; `bodies`, `kinds`: the colliders; `row_places` (2 + families, rows): where a row's weights begin,
-its valences, and the reciprocals of each family; `row_uneven` (rows,): whether a weight is other than 1; `anchors`: flat, of
-each mass, by their place among the pins.
+`sheet`, which they all pass on: (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors).
+Memory and places: xpbd/layout.py; `bodies`, `kinds`: the colliders; `row_places` (2 + families, rows): where a row's weights
+begin, its valences, and the reciprocals of each family; `row_uneven` (rows,): whether a weight is other than 1; `anchors`:
+flat, of each mass, by their place among the pins.
 """
 
 from __future__ import annotations
@@ -30,9 +30,7 @@ from cpu_backend.xpbd.layout import (
 )
 from cpu_backend.xpbd.rows import make_motion_rows
 from model.formulas import distance
-from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY
 from model.scene.cloth import COLLIDER_KINDS
-from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
 
 
 def keeps_velocity(parts: frozenset[str]) -> bool:
@@ -107,19 +105,19 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def begin_row(i, step, position, sheet):
-        memory, places, record, integers, _, _, row_places, row_uneven, _ = sheet
-        keep = keep_of(record[X_KEEP], record[X_DRAG])
+        memory, places, parameters, integers, _, _, row_places, row_uneven, _ = sheet
+        keep = keep_of(parameters.keep, parameters.braking)
         if has_forces:
-            add_forces(i, step, memory, places, record, integers, row_places[0, i])
+            add_forces(i, step, memory, places, parameters, integers, row_places[0, i])
         for axis in range(axes):
-            gravity = record[C_GRAVITY] if has_gravity and axis == 1 else zero
+            gravity = parameters.gravity if has_gravity and axis == 1 else zero
             for c in range(classes):
                 p, v, before = rows_of(i, axis, c, position, places)
                 acceleration = places[P_ACCELERATION] + p - position
                 given = (
                     places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
                     row_at(memory, acceleration), gravity, row_at(memory, row_places[0, i] + c * places[P_CLASS]), keep,
-                    record[X_DRAG], record[C_DT],
+                    parameters.braking, parameters.dt,
                 )  # fmt: skip
                 if row_uneven[i]:
                     predict_uneven(*given)
@@ -133,11 +131,11 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def touch_row(i, substep, position, sheet):
-        memory, places, record, _, bodies, kinds, row_places, row_uneven, _ = sheet
+        memory, places, parameters, _, bodies, kinds, row_places, row_uneven, _ = sheet
         for c in range(classes):
             lane = i * places[P_STRIDE] + c * places[P_CLASS]
             collide_row(
-                bodies, kinds, substep, record, places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
+                bodies, kinds, substep, parameters, places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
                 memory, position + lane, places[P_PLANE],
             )  # fmt: skip
             if row_uneven[i]:
@@ -150,7 +148,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def end_row(i, substep, position, sheet):
-        memory, places, record, _, _, _, _, _, _ = sheet
+        memory, places, parameters, _, _, _, _, _, _ = sheet
         for axis in range(axes):
             for c in range(classes):
                 p, v, before = rows_of(i, axis, c, position, places)
@@ -159,7 +157,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
                     row_at(memory, p),
                     row_at(memory, v),
                     row_at(memory, before),
-                    record[X_INVERSE_SUBSTEP],
+                    parameters.inverse_substep,
                 )
         if apart:
             touch_row(i, substep, position, sheet)

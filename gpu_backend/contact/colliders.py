@@ -30,12 +30,8 @@ from model.mass_spring.cloth_parameters import (
     B_X,
     B_Y,
     B_Z,
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
-    C_GRAVITY,
     COLLIDER_FIELDS,
-)  # fmt: skip
+)
 
 
 def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
@@ -147,7 +143,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
 
 @cache
 def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
+    """collide(before, px, py, pz, vx, vy, vz, parameters, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
 
     `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
     model/mass_spring/cloth_parameters.py one after the other, then trees and fields; how many of each kind says `integers`.
@@ -160,11 +156,11 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_colliders, zero, next_one = bool(parts & COLLIDERS), real(0), np.int64(1)
 
     @inlined(math)
-    def collide(before, px, py, pz, vx, vy, vz, record, bodies, integers, step):
+    def collide(before, px, py, pz, vx, vy, vz, parameters, bodies, integers, step):
         if has_colliders:
-            clock, at = (record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]), np.int32(0)
+            clock, at = (parameters.dt, parameters.first_step, parameters.first_time), np.int32(0)
             end = instant(step + next_one, *clock)
-            slow = settling_speed(record[C_GRAVITY], record[C_DT]) if bounces else zero
+            slow = settling_speed(parameters.gravity, parameters.dt) if bounces else zero
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
                     px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)

@@ -150,7 +150,7 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
-            px, py, pz, vx, vy, vz = settle(b, calmed(b, p, contact_record), record, bodies, integers, number)
+            px, py, pz, vx, vy, vz = settle(b, calmed(b, p, contact_record), record[0], bodies, integers, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -159,7 +159,7 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         if k < position.size // SIZE:
             b = load_quad(before, k)
             p = calmed(b, load_quad(position, k), contact_record)
-            vx, vy, vz = rate_of(p, b, record)
+            vx, vy, vz = rate_of(p, b, record[0])
             store_quad(position, k, p[0], p[1], p[2], b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -168,7 +168,7 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = touch(b, p, v[0], v[1], v[2], record, bodies, integers, number)
+            px, py, pz, vx, vy, vz = touch(b, p, v[0], v[1], v[2], record[0], bodies, integers, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -18,9 +18,6 @@ from model.core.build import Body
 from model.core.errors import SceneError
 from model.formulas import cloth, motion
 from model.mass_spring.cloth_parameters import (
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
     M_DURATION,
     M_SPIN,
     M_START,
@@ -39,7 +36,7 @@ from model.mass_spring.cloth_parameters import (
     P_Y,
     P_Z,
     PIN_FIELDS,
-)  # fmt: skip
+)
 
 STILL = 1
 
@@ -65,7 +62,7 @@ def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
 
 @cache
 def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`hold(mark, p, step, half_way, record, bodies)` -> (x, y, z, vx, vy, vz): a pinned mass, which was at p, at the
+    """`hold(mark, p, step, half_way, parameters, bodies)` -> (x, y, z, vx, vy, vz): a pinned mass, which was at p, at the
     end of the step of that number, or half-way through it; `mark`: its spare number."""
     has_motion = "motion" in parts
     paths, instant = device_formulas(motion.make, real, math), device_formulas(cloth.make, real, math).instant
@@ -85,11 +82,11 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def hold(mark, p, step, half_way, record, bodies):
+    def hold(mark, p, step, half_way, parameters, bodies):
         x, y, z, vx, vy, vz = p[0], p[1], p[2], zero, zero, zero
         if has_motion:
             if mark > still:
-                clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+                clock = parameters.dt, parameters.first_step, parameters.first_time
                 time = middle(step, *clock) if half_way else instant(step + one, *clock)
                 x, y, z, vx, vy, vz = follow(bodies, np.int32(mark), time)
         return x, y, z, vx, vy, vz

@@ -16,14 +16,6 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.contact.self_contact_parameters import (
     MAX_CONTACTS,
-    S_COINCIDENT,
-    S_FLAT,
-    S_INVERSE_CELL,
-    S_MARGIN,
-    S_PUSH,
-    S_REACH,
-    S_SPACING,
-    S_THICKNESS,
     SPAN,
 )
 from model.formulas import contact
@@ -34,7 +26,7 @@ from model.formulas import contact
 
 @cache
 def _make_meet(real: Any, math: str) -> Any:
-    """meet(k, i, j, p, triangle, before, predicted, columns, record, triangles, corners, normals, weights, found): see
+    """meet(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights, found): see
     cpu_backend/contact/self_find.py."""
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
@@ -50,7 +42,7 @@ def _make_meet(real: Any, math: str) -> Any:
 
     @device
     def meet(
-        k, i, j, p, moved, triangle, before, predicted, columns, record, triangles, corners, normals, weights, found
+        k, i, j, p, moved, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights, found
     ):
         second, cell = triangle % two == 1, triangle // two
         a, b, c = corners_of(triangle, columns)
@@ -69,7 +61,7 @@ def _make_meet(real: Any, math: str) -> Any:
         nearer = motion(load_quad(predicted, a), moved[0], moved[1], moved[2], qa)
         nearer = max(nearer, motion(load_quad(predicted, b), moved[0], moved[1], moved[2], qb))
         nearer = max(nearer, motion(load_quad(predicted, c), moved[0], moved[1], moved[2], qc))
-        if not distance < record[S_THICKNESS] + record[S_MARGIN] + nearer:
+        if not distance < parameters.thickness + parameters.margin + nearer:
             return found
         first = k * MAX_CONTACTS
         last = first + min(found, MAX_CONTACTS)
@@ -93,14 +85,14 @@ def _make_meet(real: Any, math: str) -> Any:
         row_a, column_a = a // columns, a % columns
         rest = rest_distance(
             real(i - row_a), real(b // columns - row_a), real(c // columns - row_a),
-            real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, record[S_SPACING],
+            real(j - column_a), real(b % columns - column_a), real(c % columns - column_a), s, t, parameters.spacing,
         )  # fmt: skip
         nx, ny, nz = normal(
-            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, record[S_FLAT], record[S_COINCIDENT], k > a
+            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance, parameters.coincident, k > a
         )  # fmt: skip
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
-        held = held_distance(record[S_THICKNESS], rest, dot(nx, ny, nz, rx, ry, rz), record[S_PUSH])
+        held = held_distance(parameters.thickness, rest, dot(nx, ny, nz, rx, ry, rz), parameters.push)
         store_quad(normals, place, nx, ny, nz, held)
         store_quad(weights, place, s, t, distance, zero)
         return found + 1
@@ -160,6 +152,7 @@ def _hash(real: Any, math: str) -> tuple[Any, ...]:
             largest[0] = zero
 
     def hash_cells(before, predicted, record, boxes, keys, buckets, counts, largest, rows, columns):
+        parameters = record[0]
         q = np.int64(cuda.grid(1))
         rows, columns = np.int64(rows), np.int64(columns)
         if q < keys.size:
@@ -180,8 +173,8 @@ def _hash(real: Any, math: str) -> tuple[Any, ...]:
             extent = max(max(x - x0, x1 - x), max(max(y - y0, y1 - y), max(z - z0, z1 - z)))
             store_quad(boxes, two * q, x0, y0, z0, zero)
             store_quad(boxes, two * q + one, x1, y1, z1, zero)
-            cx, cy = floor(scaled(x, record[S_INVERSE_CELL])), floor(scaled(y, record[S_INVERSE_CELL]))
-            cz = floor(scaled(z, record[S_INVERSE_CELL]))
+            cx, cy = floor(scaled(x, parameters.inverse_cell)), floor(scaled(y, parameters.inverse_cell))
+            cz = floor(scaled(z, parameters.inverse_cell))
             bucket = bucket_of(cx, cy, cz, np.int64(counts.size - 1))
             keys[q], buckets[q] = key_of(cx, cy, cz), bucket
             cuda.atomic.add(counts, bucket, 1)
@@ -205,6 +198,7 @@ def _look_around(real: Any, math: str) -> Any:
         weights, found, link_counts, lost, rows, columns,
     ):  # fmt: skip
         """found[k]: how many triangles mass k may come near; the first MAX_CONTACTS are kept, and counted by corner."""
+        parameters = record[0]
         k = np.int64(cuda.grid(1))
         rows, columns = np.int64(rows), np.int64(columns)
         if k < found.size:
@@ -213,10 +207,10 @@ def _look_around(real: Any, math: str) -> Any:
             reference = (rows // two) * columns + columns // two
             p, now = load_quad(before, k), load_quad(predicted, k)
             moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
-            own = record[S_THICKNESS] + record[S_MARGIN] + relative(
+            own = parameters.thickness + parameters.margin + relative(
                 p, now, load_quad(before, reference), load_quad(predicted, reference)
             )  # fmt: skip
-            reach, scale = min(own + largest[0], record[S_REACH]), record[S_INVERSE_CELL]
+            reach, scale = min(own + largest[0], parameters.reach), parameters.inverse_cell
             x, y, z = (
                 floor(scaled(p[0] - reach, scale)),
                 floor(scaled(p[1] - reach, scale)),
@@ -238,7 +232,7 @@ def _look_around(real: Any, math: str) -> Any:
                         ):  # fmt: skip
                             for second in range(2):
                                 count = meet(
-                                    k, i, j, p, moved, two * q + second, before, predicted, columns, record, triangles,
+                                    k, i, j, p, moved, two * q + second, before, predicted, columns, parameters, triangles,
                                     corners, normals, weights, count,
                                 )  # fmt: skip
             found[k] = count

@@ -13,7 +13,7 @@ from numba import cuda
 from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from model.contact.self_contact_parameters import MAX_CONTACTS, S_DYNAMIC, S_STATIC
+from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.formulas import contact
 
 
@@ -106,6 +106,7 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
 
     def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
         """How a contact moves its mass, for a weight of 1."""
+        parameters = record[0]
         k = np.int64(cuda.grid(1))
         if k < found.size:
             first, last = held(found, k)
@@ -124,7 +125,7 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
                         x, y, z = x - ox, y - oy, z - oz
                         toward = dot(n[0], n[1], n[2], x, y, z)
                         x, y, z = along(x, n[0], toward), along(y, n[1], toward), along(z, n[2], toward)
-                        part = slip(length(x, y, z), depth, record[S_STATIC], record[S_DYNAMIC])
+                        part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
                         x = rubbed(depth, n[0], part, x, scale)
                         y = rubbed(depth, n[1], part, y, scale)
                         z = rubbed(depth, n[2], part, z, scale)

@@ -22,14 +22,14 @@ from model.core.tuples import each_of, tuple_of
 
 @cache
 def make_projections(real: Any, math: str, projection: Projection) -> Any:
-    """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): constraints `start` to
+    """project(position, before, corners, values, multipliers, start, stop, count, fresh, parameters): constraints `start` to
     before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0 where
     `fresh`."""
     one = device_formulas(projection.make, real, math, **dict(projection.flags)).project
     inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
     zero, neutral = real(0), real(1)
     has_constants = projection.constants is not None
-    c_compliance, c_damping, c_stiffening = projection.constants or (0, 0, 0)
+    c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
 
     def quad_at(n: int) -> Any:
         return inline(lambda position, corners, count, k: load_quad(position, corners[n * count + k]))
@@ -84,11 +84,12 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
     keep_all = each_of(projection.multipliers, keep_at, inline)
 
     def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
+        parameters = record[0]
         k, count = np.int32(start + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
         if k < stop:
             constants = zero, zero, neutral
             if has_constants:
-                constants = record[c_compliance], record[c_damping], record[c_stiffening]
+                constants = parameters[c_compliance], parameters[c_damping], parameters[c_stiffening]
             quads = quads_of(position, corners, count, k)
             points = points_of(quads, count, count, k)
             old = points

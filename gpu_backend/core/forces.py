@@ -20,7 +20,6 @@ from gpu_backend.core.integers import EXTERNAL_SEED, POKED
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from model.core.plan import StageRun
 from model.formulas import distance, random
-from model.mass_spring.cloth_parameters import C_EXTERNAL, C_GRAVITY, C_POKE_X, C_POKE_Y, C_POKE_Z
 
 OWN = frozenset({"gravity", "external", "poke", "load"})  # the parts that these functions ask for
 
@@ -28,8 +27,8 @@ OWN = frozenset({"gravity", "external", "poke", "load"})  # the parts that these
 @cache
 def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Device functions, each (ax, ay, az, ...) -> (ax, ay, az): `add_force(..., fx, fy, fz, weight)`; `add_gravity(...,
-    record)`; `add_external(..., k, weight, record, integers, step)`, `add_poke` of the same arguments; `add_own`, both of
-    these, in this order."""
+    parameters)`; `add_external(..., k, weight, parameters, integers, step)`, `add_poke` of the same arguments; `add_own`,
+    both of these, in this order."""
     added = device_formulas(distance.make, real, math).added
     external = device_formulas(random.make, real, math).add_external
     inline = inlined(math)
@@ -44,33 +43,33 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return ax + fx, ay + fy, az + fz
 
     @inline
-    def add_gravity(ax, ay, az, record):
+    def add_gravity(ax, ay, az, parameters):
         if has_gravity:
-            ay = ay + record[C_GRAVITY]
+            ay = ay + parameters.gravity
         return ax, ay, az
 
     @inline
-    def add_external(ax, ay, az, k, weight, record, integers, step):
+    def add_external(ax, ay, az, k, weight, parameters, integers, step):
         if has_external:
             word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
-            magnitude = record[C_EXTERNAL]
+            magnitude = parameters.external
             fx, fy = external(zero, magnitude, word_x), external(zero, magnitude, word_y)
             fz = external(zero, magnitude, word_z)
             ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
         return ax, ay, az
 
     @inline
-    def add_poke(ax, ay, az, k, weight, record, integers, step):
+    def add_poke(ax, ay, az, k, weight, parameters, integers, step):
         if has_poke:
             if np.int64(integers[POKED]) == k + 1:  # as they are, the two kinds of integer would meet as doubles
-                fx, fy, fz = record[C_POKE_X], record[C_POKE_Y], record[C_POKE_Z]
+                fx, fy, fz = parameters.poke_x, parameters.poke_y, parameters.poke_z
                 ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
         return ax, ay, az
 
     @inline
-    def add_own(ax, ay, az, k, weight, record, integers, step):
-        ax, ay, az = add_external(ax, ay, az, k, weight, record, integers, step)
-        return add_poke(ax, ay, az, k, weight, record, integers, step)
+    def add_own(ax, ay, az, k, weight, parameters, integers, step):
+        ax, ay, az = add_external(ax, ay, az, k, weight, parameters, integers, step)
+        return add_poke(ax, ay, az, k, weight, parameters, integers, step)
 
     return SimpleNamespace(
         add_force=add_force, add_gravity=add_gravity, add_external=add_external, add_poke=add_poke, add_own=add_own
@@ -79,24 +78,26 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """The stages of these forces, by name: kernels (position, record, integers, step, a), which add to the accelerations `a`
-    (quads); the weights lie in `position`."""
+    """The stages of these forces, by name: kernels (position, parameters, integers, step, a), which add to the accelerations
+    `a` (quads); the weights lie in `position`."""
     forces, zero = make_forces(real, math, parts), real(0)
     add_gravity = forces.add_gravity
 
     def gravity(position, record, integers, step, a):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         if k < a.size // SIZE:
             b = load_quad(a, k)
-            ax, ay, az = add_gravity(b[0], b[1], b[2], record)
+            ax, ay, az = add_gravity(b[0], b[1], b[2], parameters)
             store_quad(a, k, ax, ay, az, zero)
 
     def stage_of(add: Any) -> Any:
         def force(position, record, integers, step, a):
+            parameters = record[0]
             k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
             if k < a.size // SIZE:
                 b, p = load_quad(a, k), load_quad(position, k)
-                ax, ay, az = add(b[0], b[1], b[2], k, p[3], record, integers, step)
+                ax, ay, az = add(b[0], b[1], b[2], k, p[3], parameters, integers, step)
                 store_quad(a, k, ax, ay, az, zero)
 
         return force

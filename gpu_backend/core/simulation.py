@@ -37,7 +37,7 @@ class CudaSimulation(Simulation):
     velocity: list[Any]
     kept_position: Any
     kept_velocity: Any
-    record: Any
+    parameters: Any
     integers: Any
     stream: Any
     _integers: np.ndarray

@@ -107,20 +107,21 @@ def make_slow(real: Any, math: str) -> Any:
 @cache
 def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """What ends a substep where clusters are damped, before and after `gather`: `rate(before, position, velocity,
-    own_starts, own_clusters, own_members, frames, record)`, the last iteration's way to the goals and velocities;
+    own_starts, own_clusters, own_members, frames, parameters)`, the last iteration's way to the goals and velocities;
     `slow(position, velocity, own_starts, own_clusters, slowing, motions)`; and `finish(before, position, velocity,
-    own_starts, own_clusters, slowing, motions, record, bodies, integers, counter, place, substeps, substep)`, that and
+    own_starts, own_clusters, slowing, motions, parameters, bodies, integers, counter, place, substeps, substep)`, that and
     colliders."""
     points = make_motion(real, math, parts, AXES)
     rate_of, collide = points.rate_of, points.collide
     move_mass, slow_mass, clock, zero = make_move(real, math), make_slow(real, math), make_clock(math, parts), real(0)
 
     def rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             b, p = load_quad(before, k), load_quad(position, k)
             x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
-            vx, vy, vz = rate_of((x, y, z, p[3]), b, record)
+            vx, vy, vz = rate_of((x, y, z, p[3]), b, parameters)
             store_quad(position, k, x, y, z, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -135,12 +136,13 @@ def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         before, position, velocity, own_starts, own_clusters, slowing, motions, record, bodies, integers, counter, place,
         substeps, substep,
     ):  # fmt: skip
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
             vx, vy, vz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
-            px, py, pz, vx, vy, vz = collide(b, p, vx, vy, vz, record, bodies, integers, number)
+            px, py, pz, vx, vy, vz = collide(b, p, vx, vy, vz, parameters, bodies, integers, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

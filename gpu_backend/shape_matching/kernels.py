@@ -128,33 +128,35 @@ def make_move(real: Any, math: str) -> Any:
 
 @cache
 def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The two ends of a substep. `begin(position, velocity, predicted, record, integers)`; `finish(before, position,
-    velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps, substep)`:
-    the last iteration's way to the goals, velocities, colliders."""
+    """The two ends of a substep. `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position,
+    velocity, own_starts, own_clusters, own_members, frames, parameters, bodies, integers, counter, place, substeps,
+    substep)`: the last iteration's way to the goals, velocities, colliders."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
     move_mass, clock, zero = make_move(real, math), make_clock(math, parts), real(0)
     no_step = np.int64(0)  # nothing of bodies depends on it
 
     def begin(position, velocity, predicted, record, integers):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = add_gravity(zero, zero, zero, record)
-            ax, ay, az = add_own(ax, ay, az, k, p[3], record, integers, no_step)
-            x, y, z = predict(p, v, ax, ay, az, record)
+            ax, ay, az = add_gravity(zero, zero, zero, parameters)
+            ax, ay, az = add_own(ax, ay, az, k, p[3], parameters, integers, no_step)
+            x, y, z = predict(p, v, ax, ay, az, parameters)
             store_quad(predicted, k, x, y, z, p[3])
 
     def finish(
         before, position, velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place,
         substeps, substep,
     ):  # fmt: skip
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
             x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
-            px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), record, bodies, integers, number)
+            px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), parameters, bodies, integers, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

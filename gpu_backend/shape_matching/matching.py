@@ -20,7 +20,6 @@ from gpu_backend.xpbd.kernels import make_place
 from model.formulas import shape_matching
 from model.scene.scene import Scene
 from model.shape_matching.lattice import matching_axis
-from model.xpbd.parameters import X_MATCHING, X_MATCHING_REST
 
 SHARE, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
 
@@ -67,12 +66,13 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
             store_quad(clusters, np.int32(i * columns + j), x, y, cosine, sine)
 
     def move(position, target, clusters, row_table, table, record, rows, columns):
+        parameters = record[0]
         i, j = lattice()
         rows, columns = np.int32(rows), np.int32(columns)
         if i < rows and j < columns:
             k = np.int32(i * columns + j)
             p = load_quad(position, k)
-            way_x, way_y, rest = zero, zero, record[X_MATCHING_REST]
+            way_x, way_y, rest = zero, zero, parameters.matching_rest
             top, bottom = window(i, rows)
             left, right = window(j, columns)
             for row in range(top, bottom):
@@ -91,7 +91,7 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
                 )
             x, y = p[0], p[1]
             if p[3] != zero:
-                share, matching = table[SHARE, j], record[X_MATCHING]
+                share, matching = table[SHARE, j], parameters.matching
                 x = moved(x, row_table[SHARE, i], share, matching, way_x)
                 y = moved(y, row_table[SHARE, i], share, matching, way_y)
             store_quad(target, k, x, y, p[2], p[3])

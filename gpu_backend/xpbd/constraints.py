@@ -12,18 +12,12 @@ from typing import Any
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
+from model.core.tuples import reader
 from model.formulas import distance
 from model.xpbd.parameters import (
     CONSTANTS,
     OF_SHEETS,
-    X_BOTH,
-    X_COMPLIANCE,
-    X_CONSTRAINT,
-    X_DAMPING,
-    X_ONE,
-    X_REST,
-    X_STIFFENING,
-)  # fmt: skip
+)
 from model.xpbd.plan import Family
 
 KINDS = ("structural", "shear", "bending")
@@ -41,20 +35,11 @@ def compliant(parts: frozenset[str], family: Family) -> bool:
 
 @cache
 def make_constants(math: str) -> Any:
-    """constants(record): those of the constraints as a tuple, read once: in a loop they would be read again after each
-    barrier. Those of a sheet; of `OF_SHEETS[n]` they begin at n * len(CONSTANTS)."""
-    c = X_CONSTRAINT[OF_SHEETS[0]]
-    assert len(OF_SHEETS) * len(CONSTANTS) == 24
-
-    @inlined(math)
-    def constants(r):
-        return (
-            r[c], r[c + 1], r[c + 2], r[c + 3], r[c + 4], r[c + 5], r[c + 6], r[c + 7],
-            r[c + 8], r[c + 9], r[c + 10], r[c + 11], r[c + 12], r[c + 13], r[c + 14], r[c + 15],
-            r[c + 16], r[c + 17], r[c + 18], r[c + 19], r[c + 20], r[c + 21], r[c + 22], r[c + 23],
-        )  # fmt: skip
-
-    return constants
+    """constants(parameters): of each of `OF_SHEETS` its `CONSTANTS` by name, read once."""
+    inline = inlined(math)
+    of_kind = [reader(CONSTANTS, inline, f"constraint_{kind}_") for kind in OF_SHEETS]
+    structural, stiff, shear, bending = of_kind
+    return inline(lambda record: (structural(record), stiff(record), shear(record), bending(record)))
 
 
 @cache
@@ -86,9 +71,7 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
     """pair(position, before, a, b, multiplier, constants) -> the multiplier afterwards: projects the constraint between the
     masses at places a (the first) and b of both arrays, and moves both in `position`."""
     kind = "stiff" if "alternating" in parts and family.kind == "structural" and colour else family.kind
-    start = OF_SHEETS.index(kind) * len(CONSTANTS)
-    rest, compliance, damping = start + X_REST, start + X_COMPLIANCE, start + X_DAMPING
-    stiffening, both, one_free = start + X_STIFFENING, start + X_BOTH, start + X_ONE
+    number = OF_SHEETS.index(kind)
     change_of = make_change(real, math, parts, family.kind, axes)
     formulas = device_formulas(distance.make, real, math)
     moved, reciprocal_of = formulas.moved, formulas.reciprocal
@@ -98,26 +81,27 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
     inline = inlined(math)
 
     @inline
-    def reciprocal_between(first, second, constants):
+    def reciprocal_between(first, second, own):
         """By the weights of both ends."""
         if has_load:
-            return reciprocal_of(first + second, constants[stiffening], constants[compliance])
+            return reciprocal_of(first + second, own.stiffening, own.compliance)
         if has_pins:
             weight = first + second
-            return constants[both] if weight == two else constants[one_free] if weight == one else zero
-        return constants[both]
+            return own.both if weight == two else own.one if weight == one else zero
+        return own.both
 
     @inline
     def pair(position, before, a, b, multiplier, constants):
+        own = constants[number]
         p, q = load_quad(position, a), load_quad(position, b)
         dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
         ex, ey, ez = zero, zero, zero
         if has_damper:
             old_p, old_q = load_quad(before, a), load_quad(before, b)
             ex, ey, ez = dx - (old_q[0] - old_p[0]), dy - (old_q[1] - old_p[1]), dz - (old_q[2] - old_p[2])
-        reciprocal = reciprocal_between(p[3], q[3], constants)
+        reciprocal = reciprocal_between(p[3], q[3], own)
         change, scale = change_of(
-            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants[rest], constants[compliance], constants[damping]
+            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, own.rest, own.compliance, own.damping
         )  # fmt: skip
         wp, wq = one, one
         if has_pins or has_load:

@@ -19,7 +19,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad
 from gpu_backend.xpbd.constraints import KINDS, make_change
 from model.formulas import distance
-from model.xpbd.parameters import CONSTANTS, OF_SHEETS, X_COMPLIANCE, X_DAMPING, X_REST, X_STIFFENING
+from model.xpbd.parameters import OF_SHEETS
 
 
 def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
@@ -32,15 +32,11 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     inline = inlined(math)
 
     def make_pull(kind: str, number: int) -> Any:
-        start, odd_start = OF_SHEETS.index(kind) * len(CONSTANTS), OF_SHEETS.index("stiff") * len(CONSTANTS)
+        own_kind, odd_kind = OF_SHEETS.index(kind), OF_SHEETS.index("stiff")
         can_alternate = alternates and kind == "structural"
         has_compliance, has_damper = kind in soft, f"{kind}-damping" in parts
         slot = np.int32(4 * soft.index(kind) + number if has_compliance else 0)
         change_of = make_change(real, math, parts, kind, axes)
-        rest_place, compliance_place = start + X_REST, start + X_COMPLIANCE
-        stiffening_place, damping_place = start + X_STIFFENING, start + X_DAMPING
-        odd_rest, odd_compliance = odd_start + X_REST, odd_start + X_COMPLIANCE
-        odd_stiffening = odd_start + X_STIFFENING
 
         @inline
         def pull(other, odd, those):
@@ -51,19 +47,16 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
             if has_damper:
                 old_q = load_quad(before, other - lag)
                 ex, ey, ez = dx - (old_q[0] - old[0]), dy - (old_q[1] - old[1]), dz - (old_q[2] - old[2])
-            rest, compliance, stiffening = (
-                constants[rest_place], constants[compliance_place], constants[stiffening_place]
-            )  # fmt: skip
+            own = constants[own_kind]
             if can_alternate:
                 if odd:
-                    rest, compliance = constants[odd_rest], constants[odd_compliance]
-                    stiffening = constants[odd_stiffening]
+                    own = constants[odd_kind]
             multiplier = zero
             if has_compliance:
                 multiplier = multipliers[first + slot * step]
-            reciprocal = reciprocal_of(p[3] + q[3], stiffening, compliance)
+            reciprocal = reciprocal_of(p[3] + q[3], own.stiffening, own.compliance)
             change, scale = change_of(
-                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, constants[damping_place]
+                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, own.rest, own.compliance, constants[own_kind].damping
             )  # fmt: skip
             if has_compliance:
                 multipliers[first + slot * step] = multiplier + change

@@ -76,7 +76,7 @@ def make_place(math: str) -> Any:
 
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns): from the
+    """begin(position, velocity, predicted, parameters, integers, counter, place, substeps, substep, rows, columns): from the
     state at the substep's beginning to the positions that constraints start from."""
     accelerate = make_accelerations(real, math, parts).accelerate
     predict, gather = make_motion(real, math, parts, axes).predict, make_gather(real, math, parts, axes)
@@ -87,15 +87,16 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     def begin(
         position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns
     ):  # fmt: skip
+        parameters = record[0]
         i, j = lattice()
         rows, columns = np.int32(rows), np.int32(columns)
         step, number = clock(counter, place, substeps, substep)
-        air = block_air(record, integers, number, zero)
+        air = block_air(parameters, integers, number, zero)
         if i < rows and j < columns:
             k = np.int32(i * columns + j)
             p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = accelerate(position, velocity, k, i, j, rows, columns, p, v, record, integers, step, air)
-            x, y, z = predict(p, v, ax, ay, az, record)
+            ax, ay, az = accelerate(position, velocity, k, i, j, rows, columns, p, v, parameters, integers, step, air)
+            x, y, z = predict(p, v, ax, ay, az, parameters)
             spare = p[3]
             if has_shares:
                 spare = share_of(valence_of(i, j, rows, columns), spare)
@@ -106,8 +107,8 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 @cache
 def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Any:
-    """project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour. `plane`: the
-    number of the family's plane of multipliers, which counts as 0 where `fresh`, in a substep's first iteration."""
+    """project(position, before, multipliers, plane, fresh, parameters, rows, columns): all constraints of a colour. `plane`:
+    the number of the family's plane of multipliers, which counts as 0 where `fresh`, in a substep's first iteration."""
     pair, constants = make_pair(real, math, parts, family, colour, axes), make_constants(math)
     lattice, has_multiplier = make_place(math), compliant(parts, family)
     down, along, rising = np.int32(family.rows), np.int32(abs(family.columns)), family.columns < 0
@@ -115,6 +116,7 @@ def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, col
     zero = real(0)
 
     def project(position, before, multipliers, plane, fresh, record, rows, columns):
+        parameters = record[0]
         i, j = lattice()
         rows, columns = np.int32(rows), np.int32(columns)
         if by_rows:
@@ -130,7 +132,7 @@ def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, col
             at = np.int64(plane) * rows * columns + k
             if has_multiplier and not fresh:
                 multiplier = multipliers[at]
-            multiplier = pair(position, before, first, second, multiplier, constants(record))
+            multiplier = pair(position, before, first, second, multiplier, constants(parameters))
             if has_multiplier:
                 multipliers[at] = multiplier
 
@@ -140,13 +142,14 @@ def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, col
 
 @cache
 def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """project_all(position, before, target, multipliers, fresh, record, rows, columns): one Jacobi iteration."""
+    """project_all(position, before, target, multipliers, fresh, parameters, rows, columns): one Jacobi iteration."""
     jacobi, constants = make_gather(real, math, parts, axes), make_constants(math)
     gather, arrive, valence_of = jacobi.gather, jacobi.arrive, jacobi.valence_of
     lattice, slots = make_place(math), multiplier_planes(parts)
     zero, nothing = real(0), np.int32(0)
 
     def project_all(position, before, target, multipliers, fresh, record, rows, columns):
+        parameters = record[0]
         i, j = lattice()
         rows, columns = np.int32(rows), np.int32(columns)
         if i < rows and j < columns:
@@ -157,7 +160,7 @@ def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
             p, old = load_quad(position, k), load_quad(before, k)
             total = gather(
                 position, before, k, nothing, columns, i, j, rows, columns, p, old, multipliers, np.int64(k), count,
-                constants(record),
+                constants(parameters),
             )  # fmt: skip
             x, y, z = arrive(p, old[3], total, valence_of(i, j, rows, columns))
             store_quad(target, k, x, y, z, p[3])
@@ -183,17 +186,18 @@ def make_attach(real: Any, math: str) -> Any:
 
 @cache
 def make_end(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep): velocities of a substep,
-    then its colliders."""
+    """end(before, position, velocity, parameters, bodies, integers, counter, place, substeps, substep): velocities of a
+    substep, then its colliders."""
     settle, clock = make_motion(real, math, parts, axes).settle, make_clock(math, parts)
     zero = real(0)
 
     def end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
-            px, py, pz, vx, vy, vz = settle(b, p, record, bodies, integers, number)
+            px, py, pz, vx, vy, vz = settle(b, p, parameters, bodies, integers, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -20,7 +20,6 @@ from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
 from model.formulas import cloth, wind
-from model.mass_spring.cloth_parameters import C_DRAG, C_LIFT
 from model.scene.cloth import CONSTRAINT_KINDS
 
 AXES = 3
@@ -33,29 +32,29 @@ def forces_of(parts: frozenset[str]) -> frozenset[str]:
 
 @cache
 def make_vertex_wind(real: Any, math: str) -> Any:
-    """wind_of(position, velocity, k, offsets, at_vertex, corners, record, air): over the sheet's mass [m/s^2] on vertex k,
-    the sum over its triangles in their order."""
+    """wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air): over the sheet's mass [m/s^2] on vertex
+    k, the sum over its triangles in their order."""
     triangle_wind = device_formulas(wind.make, real, math).triangle_wind
     mean, inline = device_formulas(cloth.make, real, math).mean, inlined(math)
     zero, three, one, two = real(0), np.int32(3), np.int32(1), np.int32(2)
 
     @inline
-    def triangle(position, velocity, ia, ib, ic, record, air):
+    def triangle(position, velocity, ia, ib, ic, parameters, air):
         a, b, c = load_quad(position, ia), load_quad(position, ib), load_quad(position, ic)
         u, v, w = load_quad(velocity, ia), load_quad(velocity, ib), load_quad(velocity, ic)
         return triangle_wind(
             b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
             air[0] - mean(u[0], v[0], w[0]), air[1] - mean(u[1], v[1], w[1]), air[2] - mean(u[2], v[2], w[2]),
-            record[C_DRAG], record[C_LIFT],
+            parameters.drag, parameters.lift,
         )  # fmt: skip
 
     @inline
-    def wind_of(position, velocity, k, offsets, at_vertex, corners, record, air):
+    def wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air):
         x, y, z = zero, zero, zero
         for n in range(offsets[k], offsets[k + one]):
             place = three * at_vertex[n]
             fx, fy, fz = triangle(
-                position, velocity, corners[place], corners[place + one], corners[place + two], record, air
+                position, velocity, corners[place], corners[place + one], corners[place + two], parameters, air
             )  # fmt: skip
             x, y, z = x + fx, y + fy, z + fz
         return x, y, z
@@ -65,7 +64,7 @@ def make_vertex_wind(real: Any, math: str) -> Any:
 
 @cache
 def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps,
+    """begin(position, velocity, predicted, offsets, at_vertex, corners, parameters, integers, counter, place, substeps,
     substep): from the state at the substep's beginning to the positions that constraints start from."""
     forces, predict = make_forces(real, math, parts), make_motion(real, math, parts, AXES).predict
     add_gravity, add_force, add_own = forces.add_gravity, forces.add_force, forces.add_own
@@ -76,17 +75,18 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
     def begin(
         position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps, substep
     ):  # fmt: skip
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         step, number = clock(counter, place, substeps, substep)
-        air = block_air(record, integers, number, zero)
+        air = block_air(parameters, integers, number, zero)
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = add_gravity(zero, zero, zero, record)
+            ax, ay, az = add_gravity(zero, zero, zero, parameters)
             if has_wind:
-                fx, fy, fz = wind_of(position, velocity, k, offsets, at_vertex, corners, record, air)
+                fx, fy, fz = wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air)
                 ax, ay, az = add_force(ax, ay, az, fx, fy, fz, p[3])
-            ax, ay, az = add_own(ax, ay, az, k, p[3], record, integers, step)
-            x, y, z = predict(p, v, ax, ay, az, record)
+            ax, ay, az = add_own(ax, ay, az, k, p[3], parameters, integers, step)
+            x, y, z = predict(p, v, ax, ay, az, parameters)
             store_quad(predicted, k, x, y, z, p[3])
 
     return make_kernel(begin, f"mesh_{variant_name(real, math, parts)}", **kernel_options(math))

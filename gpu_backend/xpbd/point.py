@@ -17,8 +17,6 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad
 from gpu_backend.mass_spring.cloth.point import make_wind
 from model.formulas import distance
-from model.mass_spring.cloth_parameters import C_DT
-from model.xpbd.parameters import X_DRAG, X_INVERSE_SUBSTEP, X_KEEP
 
 
 @cache
@@ -30,27 +28,28 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
 
     @inline
-    def add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, record, air):
+    def add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, parameters, air):
         if has_wind:
-            fx, fy, fz = wind_sum(position, velocity, k, i, j, rows, columns, p, v, record, air)
+            fx, fy, fz = wind_sum(position, velocity, k, i, j, rows, columns, p, v, parameters, air)
             ax, ay, az = add_force(ax, ay, az, fx, fy, fz, p[3])
         return ax, ay, az
 
     @inline
-    def accelerate(position, velocity, k, i, j, rows, columns, p, v, record, integers, step, air):
+    def accelerate(position, velocity, k, i, j, rows, columns, p, v, parameters, integers, step, air):
         """On mass k in row i, column j, at p and moving at v (quads), from the state at the substep's beginning."""
-        ax, ay, az = add_gravity(zero, zero, zero, record)
-        ax, ay, az = add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, record, air)
-        return add_own(ax, ay, az, k, p[3], record, integers, step)
+        ax, ay, az = add_gravity(zero, zero, zero, parameters)
+        ax, ay, az = add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, parameters, air)
+        return add_own(ax, ay, az, k, p[3], parameters, integers, step)
 
     return SimpleNamespace(add_wind=add_wind, accelerate=accelerate)
 
 
 @cache
 def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """`predict(p, v, ax, ay, az, record)` -> (x, y, z): where a mass would be without constraints; `rate_of(p, b, record)`
-    -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, record, bodies, integers, number)` ->
-    (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two ends."""
+    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `rate_of(p, b,
+    parameters)` -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, parameters, bodies, integers,
+    number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two
+    ends."""
     formulas = device_formulas(distance.make, real, math)
     kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide(real, math, parts)
@@ -59,10 +58,10 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     zero, one = real(0), real(1)
 
     @inline
-    def predict(p, v, ax, ay, az, record):
-        h, keep = record[C_DT], one
+    def predict(p, v, ax, ay, az, parameters):
+        h, keep = parameters.dt, one
         if has_damping:
-            keep = kept(record[X_DRAG], p[3]) if has_load else record[X_KEEP]
+            keep = kept(parameters.braking, p[3]) if has_load else parameters.keep
         x = predicted(p[0], h, kicked(v[0], keep, h, ax))
         y = predicted(p[1], h, kicked(v[1], keep, h, ay))
         z = p[2]
@@ -74,8 +73,8 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         return x, y, z
 
     @inline
-    def rate_of(p, b, record):
-        inverse = record[X_INVERSE_SUBSTEP]
+    def rate_of(p, b, parameters):
+        inverse = parameters.inverse_substep
         vx, vy, vz = rate(p[0], b[0], inverse), rate(p[1], b[1], inverse), zero
         if solid:
             vz = rate(p[2], b[2], inverse)
@@ -85,16 +84,16 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         return vx, vy, vz
 
     @inline
-    def collide(b, p, vx, vy, vz, record, bodies, integers, number):
+    def collide(b, p, vx, vy, vz, parameters, bodies, integers, number):
         if has_pins:
             if b[3] == zero:
                 return p[0], p[1], p[2], vx, vy, vz
-        return touch(b, p[0], p[1], p[2], vx, vy, vz, record, bodies, integers, number)
+        return touch(b, p[0], p[1], p[2], vx, vy, vz, parameters, bodies, integers, number)
 
     @inline
-    def settle(b, p, record, bodies, integers, number):
-        vx, vy, vz = rate_of(p, b, record)
-        return collide(b, p, vx, vy, vz, record, bodies, integers, number)
+    def settle(b, p, parameters, bodies, integers, number):
+        vx, vy, vz = rate_of(p, b, parameters)
+        return collide(b, p, vx, vy, vz, parameters, bodies, integers, number)
 
     return SimpleNamespace(predict=predict, rate_of=rate_of, collide=collide, settle=settle)
 

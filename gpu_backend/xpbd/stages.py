@@ -31,24 +31,26 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
     zero = real(0)
 
     def wind(position, velocity, record, integers, number, a, rows, columns):
-        air = block_air(record, integers, number, zero)
+        parameters = record[0]
+        air = block_air(parameters, integers, number, zero)
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             rows, columns = np.int32(rows), np.int32(columns)
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
             ax, ay, az = add_wind(
-                b[0], b[1], b[2], position, velocity, k, i, j, rows, columns, p, v, record, air
+                b[0], b[1], b[2], position, velocity, k, i, j, rows, columns, p, v, parameters, air
             )  # fmt: skip
             store_quad(a, k, ax, ay, az, zero)
 
     def predict(before, velocity, a, position, record, rows, columns):
         """`a` is 0 afterwards, for the next substep's forces to be added to."""
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             rows, columns = np.int32(rows), np.int32(columns)
             p, b = load_quad(before, k), load_quad(a, k)
-            x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], record)
+            x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], parameters)
             spare = p[3]
             if has_shares:
                 spare = share_of(valence_of(np.int32(k // columns), np.int32(k % columns), rows, columns), spare)
@@ -56,18 +58,20 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             store_quad(a, k, zero, zero, zero, zero)
 
     def update_velocity(before, position, velocity, record):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             b, p = load_quad(before, k), load_quad(position, k)
-            vx, vy, vz = rate_of(p, b, record)
+            vx, vy, vz = rate_of(p, b, parameters)
             store_quad(position, k, p[0], p[1], p[2], b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def collide(before, position, velocity, record, bodies, integers, number):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], record, bodies, integers, number)
+            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], parameters, bodies, integers, number)
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -80,12 +84,12 @@ def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
     first positions are copied aside."""
     axes, parts = sim.scene.dimensions, sim.plan.parts
     stage, flat = make_xpbd_stages(sim.real, sim.options.math, parts, axes), sim._flat
-    position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
+    position, velocity, parameters, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     a, before = sim.new_array(), sim.new_array()
 
     def predict(moment: Moment) -> None:
         before.copy_to_device(position, stream=sim.stream)
-        stage.predict[flat](before, velocity, a, position, record, *sim.shape)
+        stage.predict[flat](before, velocity, a, position, parameters, *sim.shape)
 
     def project(entry: int) -> StageRun:
         return lambda moment: sim.project_colour(entry, before, position, moment.fresh)
@@ -95,17 +99,17 @@ def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
         position.copy_to_device(sim.scratch, stream=sim.stream)
 
     def move(moment: Moment) -> None:
-        sim.matching.move(position, sim.scratch, record)
+        sim.matching.move(position, sim.scratch, parameters)
         position.copy_to_device(sim.scratch, stream=sim.stream)
 
     def wind(moment: Moment) -> None:
-        stage.wind[flat](position, velocity, record, integers, np.int64(moment.number), a, *sim.shape)
+        stage.wind[flat](position, velocity, parameters, integers, np.int64(moment.number), a, *sim.shape)
 
     def update_velocity(moment: Moment) -> None:
-        stage.update_velocity[flat](before, position, velocity, record)
+        stage.update_velocity[flat](before, position, velocity, parameters)
 
     def collide(moment: Moment) -> None:
-        stage.collide[flat](before, position, velocity, record, sim.bodies, integers, np.int64(moment.number))
+        stage.collide[flat](before, position, velocity, parameters, sim.bodies, integers, np.int64(moment.number))
 
     colours = {
         f"project {family.name} {colour}": project(entry) for entry, (family, colour) in enumerate(colour_order(parts))

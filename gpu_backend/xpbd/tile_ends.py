@@ -68,13 +68,15 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
     damped, tethered, zero, inline = dampers(parts), "attachments" in parts, real(0), inlined(math)
 
     @inline
-    def open_substep(position, velocity, shared, before, origin, record, integers, step, air, rows, columns):
+    def open_substep(position, velocity, shared, before, origin, parameters, integers, step, air, rows, columns):
         for slot in range(each):
             there, here, k, i, j = mass(slot, origin, rows, columns)
             if there:
                 p, v = load_quad(position, k), load_quad(velocity, k)
-                ax, ay, az = accelerate(position, velocity, k, i, j, rows, columns, p, v, record, integers, step, air)
-                x, y, z = predict(p, v, ax, ay, az, record)
+                ax, ay, az = accelerate(
+                    position, velocity, k, i, j, rows, columns, p, v, parameters, integers, step, air
+                )
+                x, y, z = predict(p, v, ax, ay, az, parameters)
                 spare = p[3]
                 if has_shares:
                     spare = share_of(valence_of(i, j, rows, columns), spare)
@@ -116,12 +118,14 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
                 store_quad(target, k, p[0], p[1], p[2], p[3])
 
     @inline
-    def close_substep(shared, old, state, target, velocity, origin, record, bodies, integers, number, rows, columns):
+    def close_substep(
+        shared, old, state, target, velocity, origin, parameters, bodies, integers, number, rows, columns
+    ):
         for slot in range(each):
             mine, here, k = owned(slot, origin, rows, columns)
             if mine:
                 b = load_quad(state, k)
-                px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), record, bodies, integers, number)
+                px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), parameters, bodies, integers, number)
                 store_quad(target, k, px, py, pz, b[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -68,8 +68,8 @@ def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: S
 
 @cache
 def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """one_block(position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps, substeps, iterations,
-    rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the tile's threads."""
+    """one_block(position, velocity, anchors, reaches, count, parameters, bodies, integers, counter, steps, substeps,
+    iterations, rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the tile's threads."""
     ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
     open_substep, close_substep = ends.open_substep, ends.close_substep
     constants_of, clock, block_air = make_constants(math), make_clock(math, parts), make_block_air(real, math, parts)
@@ -81,27 +81,28 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
         position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps, substeps, iterations,
         rows, columns,
     ):  # fmt: skip
+        parameters = record[0]
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         before = shared[before_place:]
         multipliers = cuda.local.array(kept, real)
         rows, columns = np.int32(rows), np.int32(columns)
         bounds, origin = (no_place, rows, no_place, columns), (no_place, no_place)
-        constants = constants_of(record)
+        constants = constants_of(parameters)
         for place in range(steps):
             for substep in range(substeps):
                 step, number = clock(counter, place, substeps, substep)
-                air = block_air(record, integers, number, zero)
+                air = block_air(parameters, integers, number, zero)
                 for slot in range(kept):
                     multipliers[slot] = zero
                 open_substep(
-                    position, velocity, shared, before, origin, record, integers, step, air, rows, columns
+                    position, velocity, shared, before, origin, parameters, integers, step, air, rows, columns
                 )  # fmt: skip
                 old = iterate(
                     iterations, shared, before, multipliers, constants, bounds, position, anchors, reaches, count,
                     origin, rows, columns,
                 )  # fmt: skip
                 close_substep(
-                    shared, old, position, position, velocity, origin, record, bodies, integers, number, rows, columns
+                    shared, old, position, position, velocity, origin, parameters, bodies, integers, number, rows, columns
                 )  # fmt: skip
                 cuda.syncthreads()
 
@@ -111,7 +112,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
 
 @cache
 def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record, bodies,
+    """tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, parameters, bodies,
     integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns): some iterations of a substep.
 
     `state` holds the positions and `velocity` the velocities at the substep's beginning; an `opening` launch begins with
@@ -137,6 +138,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
         state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record, bodies,
         integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns,
     ):  # fmt: skip
+        parameters = record[0]
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         before = shared[before_place:]
         multipliers = cuda.local.array(kept, real)
@@ -149,12 +151,12 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
             np.int32(max(no_place, -j)), np.int32(min(size_across, columns - j)),
         )  # fmt: skip
         step, number = clock(counter, place, substeps, substep)
-        constants = constants_of(record)
+        constants = constants_of(parameters)
         for slot in range(kept):
             multipliers[slot] = zero
         if opening:
-            air = block_air(record, integers, number, zero)
-            open_substep(state, velocity, shared, before, origin, record, integers, step, air, rows, columns)
+            air = block_air(parameters, integers, number, zero)
+            open_substep(state, velocity, shared, before, origin, parameters, integers, step, air, rows, columns)
         else:
             fetch(multipliers, planes, origin, rows, columns)
             load(source, state, shared, before, origin, rows, columns)
@@ -164,7 +166,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
         )  # fmt: skip
         if closing:
             close_substep(
-                shared, old, state, target, new_velocity, origin, record, bodies, integers, number, rows, columns
+                shared, old, state, target, new_velocity, origin, parameters, bodies, integers, number, rows, columns
             )  # fmt: skip
         else:
             store(shared, old, target, origin, rows, columns)

@@ -83,7 +83,8 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
         "restitution": "contact.restitution",
         "settling": "gravity.acceleration",
     }
-    return np.concatenate([rounded_record(scene, values, fields, real), rows.reshape(-1).astype(real)])
+    head: np.ndarray = np.array(rounded_record(scene, values, fields, real)[0].tolist(), real)
+    return np.concatenate([head, rows.reshape(-1).astype(real)])
 
 
 def kinds_of_particles(scene: Scene) -> np.ndarray:

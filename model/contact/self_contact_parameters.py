@@ -14,24 +14,12 @@ SELF_CONTACT_PARAMETERS = (
     "reach",  # m: the farthest that is searched, beside the extent of the sheet's cells
     "inverse_cell",  # 1/m, cells of space
     "spacing",  # m
-    "flat",  # m: nearer than this a triangle's own normal is used
+    "normal_distance",  # m: nearer than this a triangle's own normal is used
     "coincident",  # m: nearer than this there is no side
     "push",  # m: how far an overlap is reduced within a substep
     "static_friction",
     "dynamic_friction",
 )
-(
-    S_THICKNESS,
-    S_MARGIN,
-    S_REACH,
-    S_INVERSE_CELL,
-    S_SPACING,
-    S_FLAT,
-    S_COINCIDENT,
-    S_PUSH,
-    S_STATIC,
-    S_DYNAMIC,
-) = range(len(SELF_CONTACT_PARAMETERS))
 MARGIN = 0.1  # thicknesses
 FLAT = 0.0625  # thicknesses: there an ulp of a coordinate is still small beside a distance in float32
 COINCIDENT = 1e-3  # thicknesses
@@ -47,7 +35,7 @@ def cell_size(scene: Scene) -> float:
 
 
 def contact_record(scene: Scene, real: type) -> np.ndarray:
-    """(len(SELF_CONTACT_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """(1,): SELF_CONTACT_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
     part = scene.self_collision
     assert part is not None
     h, size = scene.method.dt / scene.method.substeps, cell_size(scene)
@@ -57,7 +45,7 @@ def contact_record(scene: Scene, real: type) -> np.ndarray:
         "reach": SEARCHED * size,
         "inverse_cell": 1 / size,
         "spacing": scene.grid.spacing,
-        "flat": FLAT * part.thickness,
+        "normal_distance": FLAT * part.thickness,
         "coincident": COINCIDENT * part.thickness,
         "push": part.separation_speed * h,
         "static_friction": part.static_friction,

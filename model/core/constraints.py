@@ -19,7 +19,7 @@ class Projection:
 
     `make`, `flags`: the factory in model/formulas/constraints, and its flags. Of one constraint: how many `corners`, of which
     the first `moves` are moved (None: all); `values`; `multipliers`, which are kept through a substep's iterations where it
-    is `soft`. `damped`: it asks where its corners were when the substep began. `constants`: where in the solver's record
+    is `soft`. `damped`: it asks where its corners were when the substep began. `constants`: what in the solver's record
     compliance, damping and stiffening lie; None: it takes none of them.
     """
 
@@ -32,7 +32,7 @@ class Projection:
     soft: bool = True
     damped: bool = False
     flags: tuple[tuple[str, int], ...] = ()
-    constants: tuple[int, int, int] | None = None
+    constants: tuple[str, str, str] | None = None
 
     @property
     def moved(self) -> int:

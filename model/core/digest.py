@@ -144,10 +144,13 @@ def source_digest(*places: Path) -> str:
 
 @cache
 def backend_sources(backend: str) -> tuple[Path, ...]:
-    """What a backend (`cpu` or `gpu`) is made of, for `source_digest`: its package, the formulas, and the modules of `model`
-    that it imports."""
+    """What a backend (`cpu` or `gpu`) is made of, for `source_digest`: its package, the formulas, the records of
+    constants, and the modules of `model` that it imports."""
     package, formulas = ROOT / f"{backend}_backend", ROOT / "model" / "formulas"
     files = {ROOT / f"{name.replace('.', '/')}.py" for file in package.rglob("*.py") for name in _imported(file)}
+    files |= set(
+        (ROOT / "model").glob("*/*parameters.py")
+    )  # kernels read their fields by name and import nothing of them
     others = (file for file in files if file.is_file() and file.parts[len(ROOT.parts)] == "model")
     return (package, formulas, *sorted(file for file in others if formulas not in file.parents))
 

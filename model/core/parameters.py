@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -34,29 +35,6 @@ PARAMETERS = (
     "stiff",  # stiffness of every second spring over mass, 1/s^2
     "stiff_rest",  # times the rest length, m/s^2
 )
-# The place of each in the record, as compile-time constants of the kernels.
-(
-    K_DT,
-    K_HALF_DT,
-    K_HALF_DT_SQUARED,
-    K_SIXTH_DT,
-    K_THIRD_DT,
-    K_FIRST_STEP,
-    K_FIRST_TIME,
-    K_STIFFNESS,
-    K_STIFFNESS_REST,
-    K_DAMPING,
-    K_INVERSE_DAMPING,
-    K_GRAVITY,
-    K_EXTERNAL,
-    K_POKE_X,
-    K_POKE_Y,
-    K_AMPLITUDE,
-    K_INERTIA,
-    K_SPACING,
-    K_STIFF,
-    K_STIFF_REST,
-) = range(len(PARAMETERS))
 FIELDS = {  # of the scene, by the value that follows from them
     "dt": "method.dt",
     "half_dt_squared": "method.dt",
@@ -77,7 +55,7 @@ FIELDS = {  # of the scene, by the value that follows from them
 def parameter_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """The small record every kernel reads its constants from: (len(PARAMETERS),) in the arithmetic `real`.
+    """The small record every kernel reads its constants from: (1,), a field for each of PARAMETERS, in the arithmetic `real`.
 
     Computed in float64 and rounded once, so that both backends hold the same bits. Raises SceneError for a value that
     the arithmetic cannot hold (it overflows, or vanishes where it must not).
@@ -111,19 +89,29 @@ def parameter_record(
 
 
 def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[str, str], real: type) -> np.ndarray:
-    """`values` (name -> float64, in the record's order) in the arithmetic `real`. `fields`: the scene's field that a value
-    follows from. Raises SceneError for a value that the arithmetic cannot hold."""
-    with np.errstate(over="ignore", under="ignore"):
-        record: np.ndarray = np.array(list(values.values()), dtype=np.float64).astype(real)
+    """(1,): `values` (name -> float64) in the arithmetic `real`, a field each in their order. `fields`: the scene's field
+    that a value follows from. Raises SceneError for a value that the arithmetic cannot hold."""
     limits = np.finfo(real)
-    for kept, (name, exact) in zip(record.tolist(), values.items(), strict=True):
-        if name in fields and (not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny))):
-            given = scene.as_dict()
-            part, _, key = fields[name].partition(".")
-            raise SceneError(
-                fields[name],
-                given.get(part, {}).get(key, exact),
-                f"{name} = {exact:.3g} is outside what {np.dtype(real).name} can hold "
-                f"({float(limits.tiny):.2g} to {float(limits.max):.2g}); change it (or the mass), or use float64",
-            )
+    record: np.ndarray = np.zeros(1, record_type(tuple(values), real))
+    with np.errstate(over="ignore", under="ignore"):
+        for name, exact in values.items():
+            record[name] = exact
+            kept = float(record[0][name])
+            if name in fields and (not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny))):
+                given = scene.as_dict()
+                part, _, key = fields[name].partition(".")
+                raise SceneError(
+                    fields[name],
+                    given.get(part, {}).get(key, exact),
+                    f"{name} = {exact:.3g} is outside what {np.dtype(real).name} can hold "
+                    f"({float(limits.tiny):.2g} to {float(limits.max):.2g}); change it (or the mass), or use float64",
+                )
     return record
+
+
+@cache
+def record_type(names: tuple[str, ...], real: type) -> np.dtype:
+    """The structured type of such a record. Aligned: of a type that is not, compilers read single bytes."""
+    taken = set(names) & set(dir(np.record))
+    assert not taken, f"{taken}: attributes of every record of numpy"
+    return np.dtype((np.record, np.dtype([(name, real) for name in names], align=True)))

@@ -73,7 +73,7 @@ class Simulation(Backend):
         return self._executor.stages
 
     def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
-        """The small record of constants that the kernels read."""
+        """(1,): the small record of constants that the kernels read."""
         return family_of(scene).record(scene, self.real, tuple(poke), clock)
 
     # ------------------------------------------------------------------ what a user calls

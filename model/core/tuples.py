@@ -1,5 +1,8 @@
 """Tuples of a number of things that is known when a kernel is made, as both backends' compilers take them."""
 
+from collections import namedtuple
+from functools import cache
+
 from model.formulas import plain
 
 
@@ -43,3 +46,29 @@ def _calls(n, one, rest, compiled):
             rest(a, b, c, k, given)
 
     return every
+
+
+def reader(fields, compiled=plain, prefix=""):
+    """read(record) -> the record's values of these names, each after `prefix`, as a named tuple of the names without it.
+
+    A loop that reads the tuple keeps the values in registers; of the record it would load them again after each barrier.
+    """
+    made = named(tuple(fields))
+
+    def value(n):
+        name = prefix + fields[n]
+        return compiled(lambda record, unused, unused_too, k: record[name])
+
+    values = tuple_of(len(fields), value, compiled)
+
+    @compiled
+    def read(record):
+        return made(*values(record, 0, 0, 0))
+
+    return read
+
+
+@cache
+def named(fields):
+    """The named tuple of such fields: one type, whoever asks."""
+    return namedtuple("Values", fields)

@@ -1,6 +1,6 @@
 """The constants that a cloth's kernels read: one small record, and rows for colliders and for pins that move.
 
-The first seven lie where they do in a grid's record; of a kind of springs, all three constants lie side by side.
+What both have is called as in a grid's record.
 """
 
 from __future__ import annotations
@@ -48,38 +48,6 @@ CLOTH_PARAMETERS = (
     "gust",  # of the wind, in [0, 1]
     "gust_time",  # s
 )
-(
-    C_DT,
-    C_HALF_DT,
-    C_HALF_DT_SQUARED,
-    C_SIXTH_DT,
-    C_THIRD_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
-    C_DAMPING,
-    C_INVERSE_DAMPING,
-    C_GRAVITY,
-    C_EXTERNAL,
-    C_POKE_X,
-    C_POKE_Y,
-    C_POKE_Z,
-    C_STRUCTURAL,
-    C_STRUCTURAL_REST,
-    C_STRUCTURAL_DAMPING,
-    C_SHEAR,
-    C_SHEAR_REST,
-    C_SHEAR_DAMPING,
-    C_BENDING,
-    C_BENDING_REST,
-    C_BENDING_DAMPING,
-    C_WIND_X,
-    C_WIND_Y,
-    C_WIND_Z,
-    C_DRAG,
-    C_LIFT,
-    C_GUST,
-    C_GUST_TIME,
-) = range(len(CLOTH_PARAMETERS))
 FIELDS = {
     "dt": "method.dt",
     "half_dt_squared": "method.dt",
@@ -96,6 +64,12 @@ FIELDS = {
     "gust_time": "wind.gust_time",
 }
 REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length over spacing
+
+
+def spring_constants(kind: str) -> tuple[str, str, str]:
+    """What a kind's constants are called in the record: stiffness, rest length (times stiffness), damping."""
+    return kind, f"{kind}_rest", f"{kind}_damping"
+
 
 # A collider's row, lengths in m and speeds in m/s, at time 0:
 COLLIDER_FIELDS = 17
@@ -151,7 +125,7 @@ PIN_FIELDS = 4
 def cloth_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(len(CLOTH_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """(1,): CLOTH_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
     return rounded_record(scene, cloth_values(scene, 1, poke, clock), FIELDS, real)
 
 
@@ -272,7 +246,8 @@ def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: n
     """
     real = bodies.dtype.type
     formulas, instant = motion.make(real), cloth.make(real).instant
-    time = instant(step, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+    clock = record[0]
+    time = instant(step, clock.dt, clock.first_step, clock.first_time)
     rows = bodies[first : first + pins * PIN_FIELDS].reshape(pins, PIN_FIELDS)
     velocity = np.zeros((pins, 3), bodies.dtype)
     for place in np.unique(rows[:, P_MOTION]):

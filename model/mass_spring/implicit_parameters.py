@@ -1,6 +1,6 @@
 """The constants of implicit Euler's matrix: the cloth's record with a spring's constants as the matrix has them, and more.
 
-A spring's three constants lie where `model/mass_spring/cloth_parameters.py` has them, times dt^2 (stiffness) or dt
+A spring's three constants are called as `model/mass_spring/cloth_parameters.py` has them, times dt^2 (stiffness) or dt
 (damping), so that the formulas of springs read either record.
 """
 
@@ -9,23 +9,21 @@ from __future__ import annotations
 import numpy as np
 
 from model.core.parameters import rounded_record
-from model.mass_spring.cloth_parameters import C_DT, CLOTH_PARAMETERS, FIELDS, cloth_values
+from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
 from model.scene.cloth import SPRING_KINDS
 from model.scene.scene import Scene
 
-OWN = ("damping_of_step", "diagonal", "speed_squared", "roundoff")  # what only the matrix has
-SYSTEM_PARAMETERS = (*CLOTH_PARAMETERS, *OWN)
-S_DT = C_DT  # s
-(
-    S_RATE,  # dt rate
-    S_OWN,  # 1 + dt rate: a mass's entry without springs
-    S_SPRINGS,  # of all masses, squared: the speed [m/s] that springs of twice their length would give in a step
-    S_ROUNDOFF,  # half of the distance from 1 to the next number
-) = range(len(CLOTH_PARAMETERS), len(SYSTEM_PARAMETERS))
+OWN = (  # what only the matrix has
+    "damping_of_step",  # dt rate
+    "mass_entry",  # 1 + dt rate: a mass's entry without springs
+    "speed_squared",  # of all masses: the speed [m/s] that springs of twice their length would give in a step
+    "roundoff",  # half of the distance from 1 to the next number
+)
+SYSTEM_PARAMETERS = (*OWN, *CLOTH_PARAMETERS)
 
 
 def system_record(scene: Scene, real: type) -> np.ndarray:
-    """(len(SYSTEM_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """(1,): SYSTEM_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
     dt = scene.method.dt
     given = cloth_values(scene, 1, (0.0, 0.0, 0.0))
     values = dict.fromkeys(SYSTEM_PARAMETERS, 0.0)
@@ -36,7 +34,7 @@ def system_record(scene: Scene, real: type) -> np.ndarray:
         values[f"{kind}_damping"] = dt * given[f"{kind}_damping"]
     speed = dt * 4 * sum(given[f"{kind}_rest"] for kind in SPRING_KINDS)
     values["damping_of_step"] = dt * given["damping"]
-    values["diagonal"] = 1 + dt * given["damping"]
+    values["mass_entry"] = 1 + dt * given["damping"]
     values["speed_squared"] = scene.grid.particle_count * speed**2
     values["roundoff"] = float(np.finfo(real).eps) / 2
     return rounded_record(scene, values, FIELDS | {"damping_of_step": FIELDS["damping"]}, real)

@@ -27,7 +27,6 @@ from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.scene.xpbd import MAX_ANCHORS
 from model.xpbd.colouring import colour
-from model.xpbd.parameters import X_COMPLIANCE, X_CONSTRAINT, X_DAMPING, X_STIFFENING
 
 FLAT = 1e-9  # of the edge: a shorter vector k at rest is made of the rounded coordinates of a flat hinge
 SHAKE = 1e-4  # of the mean edge
@@ -110,7 +109,6 @@ def projection_of(kind: str, parts: frozenset[str]) -> Projection:
         return tether_of(next(n for n in range(1, MAX_ANCHORS + 1) if f"attachments-{n}" in parts))
     name = model_of(kind, next((name for name in MODELS if f"{kind}-{name}" in parts), None))
     model, soft, damped = MODELS[name], f"{kind}-compliance" in parts, f"{kind}-damping" in parts
-    begin = X_CONSTRAINT[kind]
     return Projection(
         f"{kind}_{name}",
         model.make,
@@ -120,7 +118,7 @@ def projection_of(kind: str, parts: frozenset[str]) -> Projection:
         soft=soft,
         damped=damped,
         flags=(("soft", soft), ("damped", damped)) if model.can_damp else (),
-        constants=(begin + X_COMPLIANCE, begin + X_DAMPING, begin + X_STIFFENING),
+        constants=(f"constraint_{kind}_compliance", f"constraint_{kind}_damping", f"constraint_{kind}_stiffening"),
     )
 
 

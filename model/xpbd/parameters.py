@@ -1,16 +1,19 @@
 """The constants that the kernels of the position-based solvers read: a cloth's, of a substep, and those of its constraints.
 
-The first are those of model/mass_spring/cloth_parameters.py with the substep for the step, for a grid too: forces and
-colliders read them there. Of a kind of constraints all constants lie side by side.
+They hold those of model/mass_spring/cloth_parameters.py with the substep for the step, for a grid too: forces and
+colliders read them under these names.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from model.core.clock import START, Clock
 from model.core.integrators import damping_rate
 from model.core.parameters import rounded_record
+from model.core.tuples import reader
 from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REACH, cloth_values
 from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
@@ -33,20 +36,14 @@ CONSTANTS = (
     "one",  # the same where one of them is pinned
 )
 XPBD_PARAMETERS = (
-    *CLOTH_PARAMETERS,
     "inverse_substep",  # 1/h, 1/s
     "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
     "braking",  # h c / m
     *(f"constraint_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
     "matching",  # how far masses go towards the goals of their clusters in an iteration
     "matching_rest",  # m, between neighbours of a cluster at rest
+    *CLOTH_PARAMETERS,  # last: numba would take a record that begins as a cloth's for one, and warn
 )
-X_INVERSE_SUBSTEP, X_KEEP, X_DRAG, X_MATCHING, X_MATCHING_REST = (
-    XPBD_PARAMETERS.index(name) for name in ("inverse_substep", "keep", "braking", "matching", "matching_rest")
-)
-# where a kind's constants begin
-X_CONSTRAINT = {kind: XPBD_PARAMETERS.index(f"constraint_{kind}_rest") for kind in CONSTRAINTS}
-X_REST, X_COMPLIANCE, X_DAMPING, X_STIFFENING, X_BOTH, X_ONE = range(len(CONSTANTS))  # from there on
 
 
 OWN_FIELDS = {  # of the scene, by the value that follows from them
@@ -77,17 +74,21 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
     return rest, compliance, gamma, stiffening, 1 / (2 * stiffening + compliance), 1 / (stiffening + compliance)
 
 
+def constants_of(record: np.ndarray, kind: str) -> Any:
+    """The CONSTANTS of a kind of constraints as a named tuple, of a record of such parameters."""
+    return reader(CONSTANTS, prefix=f"constraint_{kind}_")(record[0])
+
+
 def xpbd_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(len(XPBD_PARAMETERS),) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError.
+    """(1,): XPBD_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError.
 
     `poke`: as many components [N] as the scene has dimensions.
     """
     h = scene.method.dt / scene.method.substeps
-    values = cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)
     braking = damping_rate(scene) * h
-    values |= {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
+    values = {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
     for kind in CONSTRAINTS:
         constants = constraint_constants(scene, kind)
         values |= {f"constraint_{kind}_{name}": value for name, value in zip(CONSTANTS, constants, strict=True)}
@@ -96,5 +97,6 @@ def xpbd_record(
         matching = matching_share(matching_stiffness(scene), h, method.iterations)
     rest = scene.springs.rest_length if scene.springs else scene.grid.spacing
     values |= {"matching": matching, "matching_rest": rest}
+    values |= cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)
     assert tuple(values) == XPBD_PARAMETERS, f"{set(values) ^ set(XPBD_PARAMETERS)} or their order differ"
     return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -19,8 +20,9 @@ def test_the_scatters_compile(real):
     kernels = make_scatter(real, "fast", frozenset({"springs", "gravity", "damping", "pins"}))
     pair = (types.complex64 if real is np.float32 else types.complex128)[::1]
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]
-    spring = (pair, scalars, scalars, types.int32, types.int32)
-    move = (pair, pair, scalars, scalars, types.uint64[::1], types.int64[::1], types.int64, types.uint8[::1],
+    record = record_of(real, "grid")
+    spring = (pair, scalars, record, types.int32, types.int32)
+    move = (pair, pair, scalars, record, types.uint64[::1], types.int64[::1], types.int64, types.uint8[::1],
             types.uint8[::1], types.int32, types.int32)  # fmt: skip
 
     def text(kernel, signature):

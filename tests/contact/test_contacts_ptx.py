@@ -7,19 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 
 FIND = {
     "clear": "iif",
-    "hash_cells": "ffffliifss",
+    "hash_cells": "ffpfliifss",
     "fill_buckets": "iii",
-    "find_contacts": "ffffliiifiiffiilss",
+    "find_contacts": "ffpfliiifiiffiilss",
 }
 PROJECT = {
     "fill_links": "iiii",
     "sort_links": "iii",
     "deepen": "fiifff",
     "load_up": "ifiiiff",
-    "push": "ffiiffffff",
+    "push": "ffiiffffpf",
     "gather": "fifiiifff",
 }
 SCAN = {"chunks": "iii", "totals": "i", "add": "iii"}
@@ -29,10 +30,12 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(kernel: Any, arguments: str, math: str) -> str:
-    """The kernel's text. `arguments`, a letter each: f float32, i 32-bit and l 64-bit integers of arrays, s a 32-bit one."""
+    """The kernel's text. `arguments`, a letter each: f float32, i 32-bit and l 64-bit integers of arrays, s a 32-bit one, p
+    the record of constants."""
     from numba import cuda, types
 
     kinds = {"f": types.float32[::1], "i": types.int32[::1], "l": types.int64[::1], "s": types.int32}
+    kinds["p"] = record_of(np.float32, "contacts")
     text, _ = cuda.compile_ptx(
         kernel.py_func, tuple(kinds[letter] for letter in arguments), cc=(9, 0), fastmath=math == "fast"
     )

@@ -18,7 +18,7 @@ FIND = {
     "find_neighbours": "RRIIRIIIIiRIIL",
 }
 PROJECT = {"count": "RIIRIIiR", "project": "RRIIRIIiR"}
-ENDS = {"finish": "RRRRRRULlll", "update_velocity": "RRRRR"}
+ENDS = {"finish": "RRRRPRULlll", "update_velocity": "RRRRP"}
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction"})
 ATOMICS = {"hash_particles", "fill_buckets", "find_neighbours"}
 

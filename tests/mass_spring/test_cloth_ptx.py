@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 
 SPRINGS = frozenset({"structural", "shear", "bending"})
 PLAIN = SPRINGS | {"damping", "gravity", "pins"}
@@ -23,7 +24,7 @@ def ptx(kernel: Any, kind: str, real: Any, math: str) -> str:
 
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]
     arrays = {"pass": 4, "rk4": 8, "block": 4}[kind]
-    constants = (scalars, scalars, types.uint64[::1], types.int64[::1], types.int64)
+    constants = (record_of(real, "quads"), scalars, types.uint64[::1], types.int64[::1], types.int64)
     passes = (types.int64,) if kind == "block" else ()
     signature = ((scalars,) * arrays) + constants + passes + (types.int32, types.int32)
     text, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=math == "fast")
@@ -122,7 +123,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
     from gpu_backend.mass_spring.cloth.stages import make_bound_stages, make_force_stages, make_motion_stages
 
     kind = types.float32 if real is np.float32 else types.float64
-    quads, words = kind[::1], types.uint64[::1]
+    quads, words, record = kind[::1], types.uint64[::1], record_of(real, "quads")
     shape, step = (types.int32, types.int32), types.int64
     tools, variant = make_cloth_tools(real), (real, "fast", "velocity-verlet", EVERYTHING)
     force, motion, bound = make_force_stages(*variant), make_motion_stages(*variant), make_bound_stages(*variant)
@@ -132,18 +133,18 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
         (tools.first_diverged, (quads, quads, kind, types.int32[::1])),
         (tools.write_position, (quads, kind[:, ::1])),
         (tools.write_normal, (quads, kind[:, ::1], *shape)),
-        (force.spring_forces, (quads, quads, quads, quads, *shape)),
+        (force.spring_forces, (quads, quads, record, quads, *shape)),
         (force.no_forces, (quads,)),
-        (force.wind, (quads, quads, quads, words, step, kind, quads, *shape)),
-        *((kernel, (quads, quads, words, step, quads)) for kernel in own.values()),
-        (force.damping, (quads, quads, quads)),
-        (motion.integrate, (quads,) * 4),
-        (motion.first_kick, (quads,) * 4),
-        (motion.second_kick, (quads,) * 3),
-        (motion.accumulate, (types.int32, *(quads,) * 5)),
-        (bound.collide, (*(quads,) * 5, words, step)),
+        (force.wind, (quads, quads, record, words, step, kind, quads, *shape)),
+        *((kernel, (quads, record, words, step, quads)) for kernel in own.values()),
+        (force.damping, (quads, record, quads)),
+        (motion.integrate, (quads, quads, quads, record)),
+        (motion.first_kick, (quads, quads, quads, record)),
+        (motion.second_kick, (quads, quads, record)),
+        (motion.accumulate, (types.int32, quads, quads, quads, record, quads)),
+        (bound.collide, (quads, quads, quads, record, quads, words, step)),
         (bound.pins, (quads,) * 3),
-        (bound.moving_pins, (*(quads,) * 4, step, types.int32)),
+        (bound.moving_pins, (quads, quads, record, quads, step, types.int32)),
     ):
         text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0))
         text = text[text.index(".entry") :]

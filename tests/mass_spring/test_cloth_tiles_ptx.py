@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 from test_cloth_ptx import EVERYTHING, PLAIN, SPRINGS
 
 FOUR = frozenset({"structural", "gravity"})
@@ -24,7 +25,7 @@ def text_of(
     make = make_cloth_resident if kernel == "resident" else make_cloth_tiles
     compiled = make(real, math, integrator, parts, parsed_tile(tile))
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]
-    constants = (scalars, scalars, types.uint64[::1], types.int64[::1])
+    constants = (record_of(real, "quads"), scalars, types.uint64[::1], types.int64[::1])
     if kernel == "resident":
         head: tuple = (scalars,) * 6 + (types.int32, types.int32[::1]) + constants + (types.int64,)
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 
 SPRINGS = frozenset({"structural", "shear", "bending"})
 AIR = frozenset({"wind", "gust", "external", "poke", "gravity", "pins", "motion"})
@@ -21,8 +22,9 @@ def test_float32_holds_no_double_and_no_local_memory(parts, math) -> None:
     from gpu_backend.mass_spring.cloth.implicit import make_cloth_implicit
 
     quads, count = types.float32[::1], types.int64[::1]
+    records = record_of(np.float32, "quads"), record_of(np.float32, "matrix")
     signature = (
-        *(quads,) * 12, types.int32[::1], count, quads, quads, quads, types.uint64[::1], count, types.int64, types.int32,
+        *(quads,) * 12, types.int32[::1], count, *records, quads, types.uint64[::1], count, types.int64, types.int32,
         types.int32,
     )  # fmt: skip
     kernel = make_cloth_implicit(np.float32, math, False, parts)

@@ -32,15 +32,15 @@ CPU: tuple[Mistake, ...] = (
         {
             "the spring from the left has lost its sign (cpu)": ("ax = sum_accelerations(right_x, left_x, below_x, above_x[j])\n                    ay", "ax = sum_accelerations(right_x, -left_x, below_x, above_x[j])\n                    ay"),
             "velocities change axes (cpu)": ("new_vx[j] = qx\n                new_vy[j] = qy", "new_vx[j] = qy\n                new_vy[j] = qx"),
-            "the closing pass drifts (cpu)": ("return position, second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])", "return position + velocity * record[K_DT], second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])"),
+            "the closing pass drifts (cpu)": ("return position, second_half(velocity, closing, parameters.half_dt, parameters.inverse_damping)", "return position + velocity * parameters.dt, second_half(velocity, closing, parameters.half_dt, parameters.inverse_damping)"),
         },
     ),
     *in_file(
         "cpu_backend/mass_spring/grid/rk4.py",
         "test_cpu_reference.py::test_odd_grids_free[fused-1-7-rk4] " + GRID,
         {
-            "Runge-Kutta's middle stages weigh a sixth (cpu)": ("elif stage == 1:\n            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT]", "elif stage == 1:\n            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_SIXTH_DT]"),
-            "Runge-Kutta's third stage goes half a step (cpu)": ("middle_stage(blocks, base, rate, record[K_DT], record[K_THIRD_DT]", "middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT] * record[K_DT] / record[K_DT]"),
+            "Runge-Kutta's middle stages weigh a sixth (cpu)": ("elif stage == 1:\n            middle_stage(blocks, base, rate, parameters.half_dt, parameters.third_dt", "elif stage == 1:\n            middle_stage(blocks, base, rate, parameters.half_dt, parameters.sixth_dt"),
+            "Runge-Kutta's third stage goes half a step (cpu)": ("middle_stage(blocks, base, rate, parameters.dt, parameters.third_dt", "middle_stage(blocks, base, rate, parameters.half_dt, parameters.third_dt * parameters.dt / parameters.dt"),
         },
     ),
     *in_file(
@@ -76,8 +76,8 @@ CPU: tuple[Mistake, ...] = (
         "cpu_backend/shape_matching/particles.py",
         "test_bodies_solver.py",
         {
-            "bodies move with twice the substep (cpu)": ("inverse = record[X_INVERSE_SUBSTEP]\n", "inverse = record[X_INVERSE_SUBSTEP] + record[X_INVERSE_SUBSTEP]\n"),
-            "a body's poke is along x alone (cpu)": ("ay = added(ay, w, here * record[C_POKE_X + 1])", "ay = added(ay, w, here * record[C_POKE_X])"),
+            "bodies move with twice the substep (cpu)": ("inverse = parameters.inverse_substep\n", "inverse = parameters.inverse_substep + parameters.inverse_substep\n"),
+            "a body's poke is along x alone (cpu)": ("ay = added(ay, w, here * parameters.poke_y)", "ay = added(ay, w, here * parameters.poke_x)"),
         },
     ),
     *in_file(
@@ -99,7 +99,7 @@ CPU: tuple[Mistake, ...] = (
     *in_file(
         "cpu_backend/xpbd/stages.py",
         "test_xpbd_cpu_reference.py::test_stages_follow_the_reference",
-        {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[C_DT], v) if w > zero else p", "position[axis, i, j] = predicted(p, record[C_DT], velocity[axis, i, j]) if w > zero else p")},
+        {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p", "position[axis, i, j] = predicted(p, record[0].dt, velocity[axis, i, j]) if w > zero else p")},
     ),
 )  # fmt: skip
 
@@ -109,7 +109,7 @@ GPU: tuple[Mistake, ...] = (
         SIMULATED_GRID,
         {
             "the second column has no left neighbour (gpu)": ("return zero, zero\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 0 else k)", "return zero, zero\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 1 else k)"),
-            "the kicks take each other's random force (gpu)": ("            bx, by = add_external(bx, by, k, record, integers, step)", "            bx, by = add_external(bx, by, k, record, integers, step - 1)"),
+            "the kicks take each other's random force (gpu)": ("            bx, by = add_external(bx, by, k, parameters, integers, step)", "            bx, by = add_external(bx, by, k, parameters, integers, step - 1)"),
             "axes are exchanged in a step (gpu)": ("py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)\n        return px, py, vx, vy", "py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)\n        return py, px, vx, vy"),
             "the poke acts on the next mass (gpu)": ("if np.int64(integers[1]) == k + 1:  # compared", "if np.int64(integers[1]) == k:  # compared"),
         },
@@ -120,7 +120,7 @@ GPU: tuple[Mistake, ...] = (
         {
             "threads beyond the last row (gpu)": ("if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step =", "if i <= rows and j < columns:\n                k = np.int32(i * columns + j)\n                step ="),
             "blocks overlap (gpu)": ("j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)\n            i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)\n            rows = np.int32(rows)\n            columns = np.int32(columns)\n            if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step", "j = np.int32(cuda.blockIdx.x * (cuda.blockDim.x - 1) + cuda.threadIdx.x)\n            i = np.int32(cuda.blockIdx.y * (cuda.blockDim.y - 1) + cuda.threadIdx.y)\n            rows = np.int32(rows)\n            columns = np.int32(columns)\n            if i < rows and j < columns:\n                k = np.int32(i * columns + j)\n                step"),
-            "Runge-Kutta's offsets are exchanged (gpu)": ("(K_SIXTH_DT, K_THIRD_DT, K_THIRD_DT, K_SIXTH_DT)", "(K_THIRD_DT, K_SIXTH_DT, K_SIXTH_DT, K_THIRD_DT)"),
+            "Runge-Kutta's offsets are exchanged (gpu)": ('("sixth_dt", "third_dt", "third_dt", "sixth_dt")', '("third_dt", "sixth_dt", "sixth_dt", "third_dt")'),
             "no mass is called bad for its velocity (gpu)": ("if not (inside and still):", "if not inside and not still:"),
         },
     ),

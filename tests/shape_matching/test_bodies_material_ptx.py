@@ -14,9 +14,9 @@ PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction", "l
 LETTERS = {  # of each kernel's arguments, see kernel_text.py
     "turn": "RIRRRRRRRR",
     "gather": "RRIIIRRR",
-    "rate": "RRRIIRRR",
+    "rate": "RRRIIRRP",
     "slow": "RRIIRR",
-    "finish": "RRRIIRRRRULlll",
+    "finish": "RRRIIRRPRULlll",
 }
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")

@@ -16,9 +16,9 @@ LETTERS = {  # of each kernel's arguments, see kernel_text.py
     "sum_up": "RIIIRR",
     "turn": "RIRRRRR",
     "move": "RIIRR",
-    "begin": "RRRRU",
-    "finish": "RRRIIRRRRULlll",
-    "project": "RRIRRiiiiR",
+    "begin": "RRRPU",
+    "finish": "RRRIIRRPRULlll",
+    "project": "RRIRRiiiiP",
 }
 
 

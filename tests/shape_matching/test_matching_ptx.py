@@ -10,7 +10,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("kernel,arguments", [("match", "RRWWii"), ("move", "RRRWWRii")])
+@pytest.mark.parametrize("kernel,arguments", [("match", "RRWWii"), ("move", "RRRWWPii")])
 def test_float32_has_no_doubles(kernel: str, arguments: str, math: str) -> None:
     from gpu_backend.shape_matching.matching import make_matching
 

@@ -14,7 +14,7 @@ from kernel_text import kernel_text
 PAIRS = {"count": "RRRIIRIIiR", "bounce": "RRRIIRIIiR"}
 BODIES = {"weigh": "RRIIRRR", "go": "RRRIIRR", "differ": "RR"}
 GIVEN = {"give": "RRRIIRIIiRRR", "spread": "IIRRR", "join": "RRRIIRR"}
-ENDS = {"collide": "RRRRRULlll", "strike": "RRRRIIRRRRULlll"}
+ENDS = {"collide": "RRRPRULlll", "strike": "RRRRIIRRPRULlll"}
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction", "restitution"})
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")

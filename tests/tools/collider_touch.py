@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY, collider_numbers
+from model.core.parameters import record_type
+from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, collider_numbers
 from model.scene.scene import Scene
 
 DT, STEP = 0.5, 0  # s: so that the step ends at 0.5 s, and colliders at 1 m/s have moved by half a metre
@@ -55,6 +56,6 @@ def numbers_of(scene: Scene, real: Any) -> np.ndarray:
 
 def record(real: Any) -> np.ndarray:
     """What kernels read of a scene's record where it has no gravity."""
-    made = np.zeros(64, real)
-    made[C_DT], made[C_GRAVITY] = DT, 0.0
+    made = np.zeros(1, record_type(CLOTH_PARAMETERS, real))
+    made["dt"] = DT
     return made

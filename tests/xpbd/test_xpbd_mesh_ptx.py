@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 
 from model.xpbd.mesh_constraints import projection_of
 
@@ -26,13 +27,14 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def ptx(kernel: Any, real: Any, math: str, *arguments: str) -> str:
-    """The text of a kernel whose arguments are told in letters: R, I arrays of reals and of indices (W: of two axes), i, l
-    numbers."""
+    """The text of a kernel whose arguments are told in letters: R, I arrays of reals and of indices, P the record (W: of two
+    axes), i, l numbers."""
     from numba import cuda, types
 
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": scalars, "I": types.int32[::1], "U": types.uint64[::1], "L": types.int64[::1]}
     known["W"] = (types.float32 if real is np.float32 else types.float64)[:, ::1]
+    known["P"] = record_of(real, "quads")
     known |= {"i": types.int32, "l": types.int64}
     text, _ = cuda.compile_ptx(
         kernel.py_func, tuple(known[a] for a in "".join(arguments)), cc=(9, 0), fastmath=math == "fast"
@@ -45,7 +47,7 @@ def projection(name: str, real: Any, math: str) -> str:
 
     kind, parts = FAMILIES[name]
     projection = projection_of(kind, parts | {kind})
-    return ptx(make_projections(real, math, projection), real, math, "RRIRRiiiiR")
+    return ptx(make_projections(real, math, projection), real, math, "RRIRRiiiiP")
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
@@ -74,8 +76,8 @@ def test_multipliers_are_only_there_for_what_gives() -> None:
 def test_the_prediction_and_normals_compile(math: str) -> None:
     from gpu_backend.xpbd.mesh_kernels import make_mesh_begin, make_mesh_tools
 
-    text = ptx(make_mesh_begin(np.float32, math, AIR), np.float32, math, "RRRIIIRULlll")
+    text = ptx(make_mesh_begin(np.float32, math, AIR), np.float32, math, "RRRIIIPULlll")
     assert ".f64" not in text and ".local" not in text
-    bare = ptx(make_mesh_begin(np.float32, math, frozenset({"gravity"})), np.float32, math, "RRRIIIRULlll")
+    bare = ptx(make_mesh_begin(np.float32, math, frozenset({"gravity"})), np.float32, math, "RRRIIIPULlll")
     assert "rsqrt" not in bare and "bar.sync" not in bare and bare.count("ld.global.v4.f32") == 2
     assert ".f64" not in ptx(make_mesh_tools(np.float32).write_normal, np.float32, "exact", "RWIII")

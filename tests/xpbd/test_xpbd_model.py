@@ -11,18 +11,9 @@ from model.core.energy import energies
 from model.core.errors import SceneError
 from model.core.families import scene_plan, stability_limit
 from model.core.parameters import parameter_record
-from model.mass_spring.cloth_parameters import C_DT, C_GRAVITY
 from model.scene.scene import Scene, load_scene
 from model.xpbd.parameters import (
-    CONSTANTS,
-    X_BOTH,
-    X_COMPLIANCE,
-    X_CONSTRAINT,
-    X_DAMPING,
-    X_KEEP,
-    X_ONE,
-    X_REST,
-    X_STIFFENING,
+    constants_of,
     xpbd_record,
 )
 from model.xpbd.plan import FAMILIES, colour_order, constraint_count, families, xpbd_parts
@@ -150,21 +141,21 @@ def test_the_record_holds_the_papers_constants():
     """XPBD 2016, eq. 18 and 26, with masses counted in the sheet's: a~ m = alpha m / h^2, gamma = alpha beta / h."""
     scene = Scene(CLOTH | {"damping": {"coefficient": 0.05}, "gravity": {}})
     h, m = 0.01 / 4, 0.02
-    record = xpbd_record(scene, np.float64)
-    assert (record[C_DT], record[C_GRAVITY]) == (h, -9.81)
-    assert record[X_KEEP] == 1 - h * 0.05 / m
-    at = X_CONSTRAINT["structural"]
+    record = xpbd_record(scene, np.float64)[0]
+    assert (record.dt, record.gravity) == (h, -9.81)
+    assert record.keep == 1 - h * 0.05 / m
     alpha, gamma = m / 200 / h**2, 0.3 / 200 / h
-    expected = {
-        X_REST: 0.1, X_COMPLIANCE: alpha, X_DAMPING: gamma, X_STIFFENING: 1 + gamma,
-        X_BOTH: 1 / (2 * (1 + gamma) + alpha), X_ONE: 1 / (1 + gamma + alpha),
-    }  # fmt: skip
-    for place, value in expected.items():
-        assert record[at + place] == pytest.approx(value, rel=1e-14)
-    shear = record[X_CONSTRAINT["shear"] :][: len(CONSTANTS)]
-    assert shear.tolist() == [pytest.approx(0.1 * 2**0.5), 0, 0, 1, 0.5, 1]
+    structural, shear = (constants_of(xpbd_record(scene, np.float64), kind) for kind in ("structural", "shear"))
+    assert structural._asdict() == pytest.approx(
+        {
+            "rest": 0.1, "compliance": alpha, "damping": gamma, "stiffening": 1 + gamma,
+            "both": 1 / (2 * (1 + gamma) + alpha), "one": 1 / (1 + gamma + alpha),
+        },
+        rel=1e-14,
+    )  # fmt: skip
+    assert shear == (pytest.approx(0.1 * 2**0.5), 0, 0, 1, 0.5, 1)
     soft = xpbd_record(scene.replace({"method.solver": "pbd", "method.pbd_stiffness": 0.25}), np.float64)
-    assert soft[at : at + len(CONSTANTS)].tolist() == [0.1, 0, 0, 4, 0.125, 0.25]
+    assert constants_of(soft, "structural") == (0.1, 0, 0, 4, 0.125, 0.25)
 
 
 def test_the_masses_damper_sets_the_only_limit():

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import record_of
 
 KINDS = frozenset({"structural", "shear", "bending"})
 SOFT = KINDS | {f"{kind}-compliance" for kind in KINDS} | {"damping", "gravity", "pins"}
@@ -23,12 +24,13 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 def ptx(kernel: Any, arguments: str, real: Any, math: str) -> str:
     """The kernel's text. `arguments`, a letter each: f scalars, i 32-bit and l 64-bit integers of arrays, u the integer
-    record, s a 32-bit integer, b a 64-bit one."""
+    record, p that of reals, s a 32-bit integer, b a 64-bit one."""
     from numba import cuda, types
 
     kinds = {
         "f": (types.float32 if real is np.float32 else types.float64)[::1], "i": types.int32[::1],
         "l": types.int64[::1], "u": types.uint64[::1], "s": types.int32, "b": types.int64,
+        "p": record_of(real, "quads"),
     }  # fmt: skip
     signature = tuple(kinds[letter] for letter in arguments)
     text, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=math == "fast")
@@ -40,8 +42,8 @@ def assert_lean(text: str, real: Any = np.float32) -> None:
     assert real is np.float64 or ".f64" not in text
 
 
-BLOCK = "ffifsffulbbbss"
-TILED = "fffffffifsffulbbbssbss"
+BLOCK = "ffifspfulbbbss"
+TILED = "fffffffifspfulbbbssbss"
 
 
 @pytest.mark.parametrize("ordering", ["gauss-seidel", "jacobi"])
@@ -84,7 +86,7 @@ def test_a_grid_is_projected_in_two_dimensions() -> None:
     flat = frozenset({"structural", "gauss-seidel"})
     counts = []
     for axes in (2, 3):
-        text = ptx(make_colour(np.float32, "fast", flat, family, colour, axes), "fffbsfss", np.float32, "fast")
+        text = ptx(make_colour(np.float32, "fast", flat, family, colour, axes), "fffbspss", np.float32, "fast")
         assert_lean(text)
         counts.append(sum(text.count(f"{word}.ftz.f32") for word in ("add", "sub", "mul", "fma.rn")))
     assert counts[1] - counts[0] >= 4  # a difference, a square, its product with the scale, two ends
@@ -99,11 +101,11 @@ def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
     rising = next(entry for entry in colour_order(parts) if entry[0].name == "rising")
     jacobi = GRID | {"jacobi"}
     for kernel, arguments in (
-        (make_begin(real, "exact", parts, 3), "ffffulbbbss"),
-        (make_colour(real, "exact", parts, *rising, 3), "fffbsfss"),
-        (make_jacobi(real, "exact", jacobi, 2), "ffffsfss"),
+        (make_begin(real, "exact", parts, 3), "fffpulbbbss"),
+        (make_colour(real, "exact", parts, *rising, 3), "fffbspss"),
+        (make_jacobi(real, "exact", jacobi, 2), "ffffspss"),
         (make_attach(real, "exact"), "ffifs"),
-        (make_end(real, "exact", parts, 3), "fffffulbbb"),
+        (make_end(real, "exact", parts, 3), "fffpfulbbb"),
     ):
         text = ptx(kernel, arguments, real, "exact")
         assert_lean(text, real)
@@ -123,10 +125,10 @@ def test_stages_hold_no_double() -> None:
     stage = make_xpbd_stages(np.float32, "fast", EVERYTHING | {"jacobi"}, 3)
     own = make_force_stages(np.float32, "fast", EVERYTHING | {"load"})
     for kernel, arguments in (
-        (stage.wind, "fffubfss"),
-        *((kernel, "ffubf") for kernel in own.values()),
-        (stage.predict, "fffffss"),
-        (stage.update_velocity, "ffff"),
-        (stage.collide, "fffffub"),
+        (stage.wind, "ffpubfss"),
+        *((kernel, "fpubf") for kernel in own.values()),
+        (stage.predict, "ffffpss"),
+        (stage.update_velocity, "fffp"),
+        (stage.collide, "fffpfub"),
     ):
         assert_lean(ptx(kernel, arguments, np.float32, "fast"))

@@ -20,18 +20,15 @@ from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, cloth_variant, tr
 from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from model.formulas import cloth, implicit
 from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
-from model.mass_spring.cloth_parameters import C_DT, C_FIRST_STEP, C_FIRST_TIME
 from model.mass_spring.implicit_parameters import (
     LANES,
-    S_ROUNDOFF,
-    S_SPRINGS,
     SEGMENT,
     SUMS,
     TREE,
     segments_of,
     system_record,
     without_dampers,
-)  # fmt: skip
+)
 
 N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # of `control`: what the next pass is, steps done, what the formulas count (three)
 VALUES = 7  # numbers that the formulas keep from pass to pass
@@ -71,7 +68,7 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def pass_band(
-        band, kind, first_iteration, step, alpha, beta, source, work, target, layout, record, system, integers, bodies,
+        band, kind, first_iteration, step, alpha, beta, source, work, target, layout, parameters, system, integers, bodies,
         kinds, pin_start, pin_column, scratches, lanes, sums,
     ):  # fmt: skip
         rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
@@ -81,34 +78,34 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
         count, end, air = rows * segments, zero, (zero, zero, zero)
         if has_motion:
-            end = instant(step + 1, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
+            end = instant(step + 1, parameters.dt, parameters.first_step, parameters.first_time)
         if kind == START:
             if has_wind:
-                air = air_now(record, integers, step, zero)
-            walk_else(first, blocks, layout, source, record, air, scratch, width)
+                air = air_now(parameters, integers, step, zero)
+            walk_else(first, blocks, layout, source, parameters, air, scratch, width)
         springs = kind in (RESIDUAL, PRODUCT)
         if springs and first < REACH:
             clear(scratch, width)
         for i in range(max(first - REACH, 0) if springs else first, last):
             if kind == RESIDUAL:  # the springs that lead down from the two rows above the first one, too
-                pull_end(i, i >= first, blocks, layout, work, record, scratch, width)
+                pull_end(i, i >= first, blocks, layout, work, parameters, scratch, width)
             elif kind == PRODUCT:
                 pull_matrix(i, i >= first, blocks, layout, row_at(work, X * plane), system, scratch, width)
             if i < first:
                 continue
             if kind == START:
-                sum_else(i, step, step, blocks, layout, source, record, integers, air, scratch, width)
-                start_row(i, blocks, layout, source, work, record, scratch, width)
+                sum_else(i, step, step, blocks, layout, source, parameters, integers, air, scratch, width)
+                start_row(i, blocks, layout, source, work, parameters, scratch, width)
             elif kind == RESIDUAL:
-                residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width)
+                residual_row(i, blocks, layout, work, parameters, system, pin_start, pin_column, scratch, width)
             elif kind == PRODUCT:
                 product_row(i, blocks, layout, work, system, pin_start, pin_column, scratch, width)
             elif kind == UPDATE:
                 update_row(i, first_iteration, blocks, layout, work, alpha, beta)
             elif kind in (MOVE, RETREAT):
-                move_row(i, kind == RETREAT, blocks, layout, source, work, record)
+                move_row(i, kind == RETREAT, blocks, layout, source, work, parameters)
             else:
-                finish_row(i, step, blocks, layout, source, work, target, record, bodies, kinds)
+                finish_row(i, step, blocks, layout, source, work, target, parameters, bodies, kinds)
             for n in range(sums_of(kind)):
                 one, other = factors_at(kind, n)
                 add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
@@ -116,14 +113,14 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 into = target if kind == FINISH else row_at(work, X * plane)
                 settle(i, blocks, layout, source, into, pin_start, pin_column, end, bodies, integers)
             if kind == START:
-                leave_row(i, blocks, layout, work, record)
+                leave_row(i, blocks, layout, work, parameters)
 
     return pass_band
 
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start,
+    """advance(bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds, pin_start,
     pin_column, scratches, lanes, sums, tree, done, control, values): `steps` steps, ping-pong between the two states of
     `states` (see core/layout.py).
 
@@ -150,7 +147,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                 total(sums, count, tree), total(row_at(sums, count), count, tree),
                 total(row_at(sums, 2 * count), count, tree),
             )  # fmt: skip
-            later, counts, new = after_residual(counts, old, found, system[S_SPRINGS], system[S_ROUNDOFF])
+            later, counts, new = after_residual(counts, old, found, system.speed_squared, system.roundoff)
             done[3] += later == RETREAT
         elif kind == PRODUCT:
             squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
@@ -171,8 +168,8 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2] = counts
 
     def advance(
-        team, member, bands, steps, step, states, current, work, layout, record, system, integers, bodies, kinds, pin_start,
-        pin_column, scratches, lanes, sums, tree, done, control, values,
+        team, member, bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
+        pin_start, pin_column, scratches, lanes, sums, tree, done, control, values,
     ):  # fmt: skip
         size = PLANES * layout[L_PLANE]
         count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
@@ -182,8 +179,8 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                 source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
                 pass_band(
                     band, control[N_KIND], control[N_COUNTS + 2] == 1, step + control[N_STEPS], values[5], values[6],
-                    source, work, target, layout, record, system, integers, bodies, kinds, pin_start, pin_column, scratches,
-                    lanes, sums,
+                    source, work, target, layout, parameters, system, integers, bodies, kinds, pin_start, pin_column,
+                    scratches, lanes, sums,
                 )  # fmt: skip
             for _ in shares(team, member, 1):
                 go_on(control, values, count, system, sums, tree, done)
@@ -215,14 +212,14 @@ class ImplicitSteps:
 
     def renew(self) -> None:
         """Take the scene's fields as they are now."""
-        self._system = system_record(self.simulation.scene, self.simulation.real)
+        self._system = system_record(self.simulation.scene, self.simulation.real)[0]
 
     def advance(self, step: int, steps: int) -> None:
         sim = self.simulation
-        layout, record, *rest = sim._given()
+        layout, parameters, *rest = sim._given()
         self._control[:], self._values[:] = START, 0
         self._kernel(
-            sim._bands, steps, step, sim._states, sim._current, self._work, layout, record, self._system, *rest, self._lanes,
-            self._sums, self._tree, self.done, self._control, self._values,
+            sim._bands, steps, step, sim._states, sim._current, self._work, layout, parameters, self._system, *rest,
+            self._lanes, self._sums, self._tree, self.done, self._control, self._values,
         )  # fmt: skip
         sim._current = (sim._current + steps) % 2

@@ -9,10 +9,9 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.mass_spring.cloth.rows import CONSTANTS
 from cpu_backend.mass_spring.cloth.scratch import AXES
 from model.formulas import implicit
-from model.mass_spring.cloth_parameters import C_DT
+from model.mass_spring.cloth_parameters import spring_constants
 
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 
@@ -20,7 +19,7 @@ BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, name: str) -> Any:
     """As rows.make_accelerations, by `formula(d, w, stiffness, rest, damping, dt)`: d and w differences of both vectors."""
     block = block_of(real)
-    k_stiffness, k_rest, k_damping = CONSTANTS[kind]
+    k_stiffness, k_rest, k_damping = spring_constants(kind)
 
     def pull_row(
         blocks, x, y, z, wx, wy, wz, far_x, far_y, far_z, far_wx, far_wy, far_wz, stiffness, rest, damping, dt, out_x,
@@ -38,14 +37,14 @@ def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, na
     pull_row.__name__ = f"{kind}_{name}_row"
     pull_row = compiler.row(pull_row)
 
-    def pulls(blocks, source, plane, here, there, record, scratch, triple, width):
+    def pulls(blocks, source, plane, here, there, parameters, scratch, triple, width):
         first, far = here + BESIDE * plane, there + BESIDE * plane
         pull_row(
             blocks, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
             row_at(source, first), row_at(source, first + plane), row_at(source, first + 2 * plane),
             row_at(source, there), row_at(source, there + plane), row_at(source, there + 2 * plane),
-            row_at(source, far), row_at(source, far + plane), row_at(source, far + 2 * plane), record[k_stiffness],
-            record[k_rest], record[k_damping], record[C_DT], row_at(scratch, place(triple, 0, width)),
+            row_at(source, far), row_at(source, far + plane), row_at(source, far + 2 * plane), parameters[k_stiffness],
+            parameters[k_rest], parameters[k_damping], parameters.dt, row_at(scratch, place(triple, 0, width)),
             row_at(scratch, place(triple, 1, width)), row_at(scratch, place(triple, 2, width)),
         )  # fmt: skip
 

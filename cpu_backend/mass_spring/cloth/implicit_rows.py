@@ -19,8 +19,6 @@ from cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_reach, ma
 from cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
 from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from model.formulas import implicit
-from model.mass_spring.cloth_parameters import C_DT
-from model.mass_spring.implicit_parameters import S_OWN, S_RATE
 from model.scene.cloth import SPRING_KINDS
 
 # First planes of the vectors: position without the velocity at the step's end, position and velocity there as far as they
@@ -142,13 +140,13 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
             clear_triple(scratch, np.int64(triple), width)
 
     @compiled
-    def residual_row(i, blocks, layout, work, record, system, pin_start, pin_column, scratch, width):
+    def residual_row(i, blocks, layout, work, parameters, system, pin_start, pin_column, scratch, width):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
-        sum_accelerations(i, blocks, record, scratch, width)
+        sum_accelerations(i, blocks, parameters, scratch, width)
         for axis in range(AXES):
             missing(
                 blocks, row_at(work, here + (BEGIN + axis) * plane), row_at(work, here + (U + axis) * plane),
-                row_at(scratch, place(close, axis, width)), system[C_DT], system[S_RATE],
+                row_at(scratch, place(close, axis, width)), system.dt, system.damping_of_step,
                 row_at(work, here + (R + axis) * plane),
             )  # fmt: skip
         hold(i, layout, work, R, pin_start, pin_column)
@@ -160,7 +158,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
         for axis in range(AXES):
             apply(
                 blocks, row_at(work, here + (R + axis) * plane), row_at(scratch, place(close, axis, width)),
-                system[S_OWN], row_at(work, here + (AR + axis) * plane),
+                system.mass_entry, row_at(work, here + (AR + axis) * plane),
             )  # fmt: skip
         hold(i, layout, work, AR, pin_start, pin_column)
 
@@ -192,41 +190,41 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
     place, else_close = make_scratch(compiler, real).place, elsewhere.a_close
 
     @compiled
-    def start_row(i, blocks, layout, source, work, record, scratch, width):
+    def start_row(i, blocks, layout, source, work, parameters, scratch, width):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         for axis in range(AXES):
             begin(
                 blocks, row_at(source, here + axis * plane), row_at(source, here + (AXES + axis) * plane),
-                row_at(scratch, place(else_close, axis, width)), record[C_DT], row_at(work, here + (X + axis) * plane),
+                row_at(scratch, place(else_close, axis, width)), parameters.dt, row_at(work, here + (X + axis) * plane),
                 row_at(work, here + (U + axis) * plane), row_at(work, here + (BEGIN + axis) * plane),
             )  # fmt: skip
 
     @compiled
-    def leave_row(i, blocks, layout, work, record):
+    def leave_row(i, blocks, layout, work, parameters):
         """Where masses are without the velocity that they end the step with: where they were, but for pins that move."""
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         for axis in range(AXES):
             x, u = row_at(work, here + (X + axis) * plane), row_at(work, here + (U + axis) * plane)
-            leave(blocks, x, u, record[C_DT], row_at(work, here + (BASE + axis) * plane))
+            leave(blocks, x, u, parameters.dt, row_at(work, here + (BASE + axis) * plane))
 
     @compiled
-    def move_row(i, back, blocks, layout, source, work, record):
+    def move_row(i, back, blocks, layout, source, work, parameters):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         for axis in range(AXES):
             position, s = row_at(source, here + axis * plane), row_at(work, here + (S + axis) * plane)
             u, x = row_at(work, here + (U + axis) * plane), row_at(work, here + (X + axis) * plane)
             if back:
-                retreat(blocks, position, record[C_DT], s, u, x)
+                retreat(blocks, position, parameters.dt, s, u, x)
             else:
-                move(blocks, position, record[C_DT], s, u, x)
+                move(blocks, position, parameters.dt, s, u, x)
 
     @compiled
-    def finish_row(i, step, blocks, layout, source, work, target, record, bodies, kinds):
+    def finish_row(i, step, blocks, layout, source, work, target, parameters, bodies, kinds):
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         for axis in range(2 * AXES):
             copy(blocks, row_at(work, here + (X + axis) * plane), row_at(target, here + axis * plane))
         if has_colliders:
-            collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
+            collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, here, plane)
 
     return SimpleNamespace(
         elsewhere=elsewhere, settle=settle, start_row=start_row, leave_row=leave_row, move_row=move_row,

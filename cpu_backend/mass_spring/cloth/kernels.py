@@ -23,11 +23,6 @@ from cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_o
 from cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
 from model.formulas import cloth, springs
 from model.mass_spring.cloth_parameters import (
-    C_DAMPING,
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
-    C_INVERSE_DAMPING,
     P_MOTION,
     PIN_FIELDS,
 )
@@ -80,12 +75,10 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
 
 
 def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
-    """finish(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity): one axis of a row
+    """finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): one axis of a row
     from its sums of accelerations to its new state."""
     _, damped = springs.make(real, compiler.compiled)
-    finishes = make_finishes(
-        compiler, real, integrator, "damping" in parts, damped, (C_DAMPING, C_INVERSE_DAMPING)
-    )  # fmt: skip
+    finishes = make_finishes(compiler, real, integrator, "damping" in parts, damped)
     return make_finish_axis(compiler, real, finishes)
 
 
@@ -93,11 +86,11 @@ def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: froz
 def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
     """The kernel of a variant, for one-force integrators and velocity Verlet:
 
-    advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds, pin_start,
-    pin_column, scratches) does `passes` passes over the sheet, ping-pong between the two states that the flat array
-    `states` holds one after the other (see core/layout.py), the first reading from number `current`. Where velocity Verlet's
-    kicks cannot meet (model/cloth_plan.kicks_meet) passes open and close steps in turn. `bodies`, `kinds`: the colliders;
-    `scratches`: a flat row a band.
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, bodies, kinds,
+    pin_start, pin_column, scratches) does `passes` passes over the sheet, ping-pong between the two states that the flat
+    array `states` holds one after the other (see core/layout.py), the first reading from number `current`. Where velocity
+    Verlet's kicks cannot meet (model/cloth_plan.kicks_meet) passes open and close steps in turn. `bodies`, `kinds`: the
+    colliders; `scratches`: a flat row a band.
     """
     compiler = Compiler(cloth_variant(f"fused_{integrator}", real, math, parts), math)
     forces = make_cloth_forces(compiler, real, integrator, parts)
@@ -114,7 +107,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
 
     @compiler.compiled
     def advance_band(
-        band, kind, step, states, current, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+        band, kind, step, states, current, layout, parameters, integers, bodies, kinds, pin_start, pin_column, scratches
     ):  # fmt: skip
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
@@ -124,31 +117,31 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
         blocks = (columns + block - 1) // block
         air = (zero, zero, zero)
         if has_wind:
-            air = air_now(record, integers, step, zero)
+            air = air_now(parameters, integers, step, zero)
         closing = step - 1 if verlet and (two_sums or kind == CLOSING) else step
         end = zero
         if has_motion:
             ended = step if verlet and kind == CLOSING else step + 1
-            end = instant(ended, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
-        begin_walk(first, blocks, layout, source, record, air, scratch, width)
+            end = instant(ended, parameters.dt, parameters.first_step, parameters.first_time)
+        begin_walk(first, blocks, layout, source, parameters, air, scratch, width)
         for i in range(first, last):
             here = i * stride
-            sum_forces(i, closing, step, blocks, layout, source, record, integers, air, scratch, width)
+            sum_forces(i, closing, step, blocks, layout, source, parameters, integers, air, scratch, width)
             for axis in range(AXES):
                 position, velocity = here + axis * plane, here + (AXES + axis) * plane
                 close = row_at(scratch, place(a_close, axis, width))
                 also = row_at(scratch, place(a_open, axis, width)) if two_sums else close
                 finish_axis(
-                    kind, blocks, row_at(source, position), row_at(source, velocity), close, also, record,
+                    kind, blocks, row_at(source, position), row_at(source, velocity), close, also, parameters,
                     row_at(target, position), row_at(target, velocity),
                 )  # fmt: skip
             if has_colliders and not (verlet and kind == CLOSING):
-                collide_row(bodies, kinds, step, record, blocks, source, here, plane, target, here, plane)
+                collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, here, plane)
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
 
     def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, bodies, kinds,
-        pin_start, pin_column, scratches,
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, bodies,
+        kinds, pin_start, pin_column, scratches,
     ):  # fmt: skip
         for k in range(passes):
             kind, begun = kind_of(k, passes, first_kind, last_kind), k
@@ -156,7 +149,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                 kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
             for band in shares(team, member, bands):
                 advance_band(
-                    np.int64(band), kind, step + begun, states, (current + k) % 2, layout, record, integers, bodies,
+                    np.int64(band), kind, step + begun, states, (current + k) % 2, layout, parameters, integers, bodies,
                     kinds, pin_start, pin_column, scratches,
                 )  # fmt: skip
 

@@ -15,17 +15,16 @@ from cpu_backend.mass_spring.cloth.rows import make_cloth_forces
 from cpu_backend.mass_spring.cloth.scratch import AXES, cloth_variant, triples_of
 from cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
 from model.formulas import cloth, motion, springs
-from model.mass_spring.cloth_parameters import C_DAMPING, C_DT, C_FIRST_STEP, C_FIRST_TIME
 
 
 def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """times(stage, step, record) -> (where in the step the stage's forces are, in steps; the time [s] that it leads to, 0
+    """times(stage, step, parameters) -> (where in the step the stage's forces are, in steps; the time [s] that it leads to, 0
     where no pin moves)."""
     instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
     has_motion, zero, half, one = "motion" in parts, real(0), real(0.5), real(1)
 
     @compiler.compiled
-    def times(stage, step, record):
+    def times(stage, step, parameters):
         offset = zero
         if stage == 1 or stage == 2:
             offset = half
@@ -33,7 +32,7 @@ def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             offset = one
         end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
         if has_motion:
-            clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+            clock = parameters.dt, parameters.first_step, parameters.first_time
             end = middle(step, *clock) if stage < 2 else instant(step + 1, *clock)
         return offset, end
 
@@ -56,9 +55,9 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     times, zero = make_times(compiler, real, parts), real(0)
 
     @row
-    def damp(blocks, velocity, record, out):
+    def damp(blocks, velocity, parameters, out):
         for j in range(blocks * block):
-            out[j] = damped(out[j], velocity[j], record[C_DAMPING])
+            out[j] = damped(out[j], velocity[j], parameters.damping)
 
     @row
     def copy_row(blocks, source, target):
@@ -67,7 +66,7 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
     @compiled
     def stage_band(
-        band, stage, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+        band, stage, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column, scratches
     ):  # fmt: skip
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
@@ -78,14 +77,14 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
         source, target = row_at(states, SOURCE[stage] * size), row_at(states, TARGET[stage] * size)
         scratch = scratches[band]
         blocks = (columns + block - 1) // block
-        offset, end = times(stage, step, record)
+        offset, end = times(stage, step, parameters)
         air = (zero, zero, zero)
         if has_wind:
-            air = air_now(record, integers, step, offset)
-        begin_walk(first, blocks, layout, source, record, air, scratch, width)
+            air = air_now(parameters, integers, step, offset)
+        begin_walk(first, blocks, layout, source, parameters, air, scratch, width)
         for i in range(first, last):
             here = i * stride
-            sum_forces(i, step, step, blocks, layout, source, record, integers, air, scratch, width)
+            sum_forces(i, step, step, blocks, layout, source, parameters, integers, air, scratch, width)
             into = target
             if has_colliders and stage == 3:
                 into = spare
@@ -93,16 +92,16 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                 position, velocity = here + axis * plane, here + (AXES + axis) * plane
                 rate = row_at(scratch, place(a_close, axis, width))
                 if has_damping:
-                    damp(blocks, row_at(source, velocity), record, rate)
+                    damp(blocks, row_at(source, velocity), parameters, rate)
                 update(
-                    stage, blocks, row_at(base, position), row_at(source, velocity), record, row_at(total, position),
+                    stage, blocks, row_at(base, position), row_at(source, velocity), parameters, row_at(total, position),
                     row_at(into, position),
                 )  # fmt: skip
                 update(
-                    stage, blocks, row_at(base, velocity), rate, record, row_at(total, velocity), row_at(into, velocity)
+                    stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(into, velocity)
                 )  # fmt: skip
             if has_colliders and stage == 3:
-                collide_row(bodies, kinds, step, record, blocks, base, here, plane, spare, here, plane)
+                collide_row(bodies, kinds, step, parameters, blocks, base, here, plane, spare, here, plane)
                 for axis in range(PLANES):
                     copy_row(blocks, row_at(spare, here + axis * plane), row_at(base, here + axis * plane))
             settle(i, blocks, layout, source, target, pin_start, pin_column, end, bodies, integers)
@@ -112,7 +111,7 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
 @cache
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches).
+    """advance(bands, steps, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column, scratches).
 
     `states` holds what that of mass_spring/grid/rk4.py holds; the rest is as in mass_spring/cloth/kernels.py.
     """
@@ -120,12 +119,13 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     stage_band = make_stage_band(compiler, real, parts)
 
     def advance(
-        team, member, bands, steps, step, states, layout, record, integers, bodies, kinds, pin_start, pin_column, scratches
+        team, member, bands, steps, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column,
+        scratches
     ):  # fmt: skip
         for k in range(4 * steps):
             for band in shares(team, member, bands):
                 stage_band(
-                    np.int64(band), k % 4, step + k // 4, states, layout, record, integers, bodies, kinds, pin_start,
+                    np.int64(band), k % 4, step + k // 4, states, layout, parameters, integers, bodies, kinds, pin_start,
                     pin_column, scratches,
                 )  # fmt: skip
 

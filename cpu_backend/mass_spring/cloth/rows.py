@@ -20,34 +20,18 @@ from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, tri
 from cpu_backend.mass_spring.cloth.wind import make_winds
 from model.formulas import cloth_springs, random
 from model.mass_spring.cloth_parameters import (
-    C_BENDING,
-    C_BENDING_DAMPING,
-    C_BENDING_REST,
-    C_EXTERNAL,
-    C_GRAVITY,
-    C_POKE_X,
-    C_SHEAR,
-    C_SHEAR_DAMPING,
-    C_SHEAR_REST,
-    C_STRUCTURAL,
-    C_STRUCTURAL_DAMPING,
-    C_STRUCTURAL_REST,
-)  # fmt: skip
-
-CONSTANTS = {
-    "structural": (C_STRUCTURAL, C_STRUCTURAL_REST, C_STRUCTURAL_DAMPING),
-    "shear": (C_SHEAR, C_SHEAR_REST, C_SHEAR_DAMPING),
-    "bending": (C_BENDING, C_BENDING_REST, C_BENDING_DAMPING),
-}
+    spring_constants,
+)
+from model.scene.cloth import SPRING_KINDS
 
 
 def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
-    """pulls(blocks, source, plane, here, there, record, scratch, triple, width): on the masses from `here` on, by springs
+    """pulls(blocks, source, plane, here, there, parameters, scratch, triple, width): on the masses from `here` on, by springs
     of a kind that lead to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
     formulas = cloth_springs.make(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
-    k_stiffness, k_rest, k_damping = CONSTANTS[kind]
+    k_stiffness, k_rest, k_damping = spring_constants(kind)
 
     def pull_row(blocks, x, y, z, far_x, far_y, far_z, stiffness, rest, out_x, out_y, out_z):
         for j in range(blocks * block):
@@ -72,12 +56,12 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
     pull_row.__name__, damped_row.__name__ = f"{kind}_pull_row", f"{kind}_damped_row"
     pull_row, damped_row = compiler.row(pull_row), compiler.row(damped_row)
 
-    def pulls(blocks, source, plane, here, there, record, scratch, triple, width):
+    def pulls(blocks, source, plane, here, there, parameters, scratch, triple, width):
         x, y, z = row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane)
         far_x, far_y, far_z = row_at(source, there), row_at(source, there + plane), row_at(source, there + 2 * plane)
         out_x, out_y = row_at(scratch, place(triple, 0, width)), row_at(scratch, place(triple, 1, width))
         out_z = row_at(scratch, place(triple, 2, width))
-        stiffness, rest = record[k_stiffness], record[k_rest]
+        stiffness, rest = parameters[k_stiffness], parameters[k_rest]
         if has_damper:
             vx, vy, vz = (
                 row_at(source, here + 3 * plane),
@@ -88,7 +72,7 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
             far_vz = row_at(source, there + 5 * plane)
             damped_row(
                 blocks, x, y, z, vx, vy, vz, far_x, far_y, far_z, far_vx, far_vy, far_vz, stiffness, rest,
-                record[k_damping], out_x, out_y, out_z,
+                parameters[k_damping], out_x, out_y, out_z,
             )  # fmt: skip
         else:
             pull_row(blocks, x, y, z, far_x, far_y, far_z, stiffness, rest, out_x, out_y, out_z)
@@ -100,17 +84,17 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
 def make_reach(
     compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_accelerations
 ) -> Any:
-    """reach(i, across, blocks, layout, source, record, scratch, width): the pulls of the springs that lead from row `i`
+    """reach(i, across, blocks, layout, source, parameters, scratch, width): the pulls of the springs that lead from row `i`
     down and, if `across`, to the right. Those that would lead out of the sheet are 0. `make`: of what pulls."""
     at = triples_of(parts)
     forget, place = scratches.forget, scratches.place
-    structural, shear, bending = (make(compiler, real, parts, kind, place) for kind in CONSTANTS)
-    has_structural, has_shear, has_bending = (kind in parts for kind in CONSTANTS)
+    structural, shear, bending = (make(compiler, real, parts, kind, place) for kind in SPRING_KINDS)
+    has_structural, has_shear, has_bending = (kind in parts for kind in SPRING_KINDS)
     a_across, a_down, a_right = at.get("across", 0), at.get("down", 0), at.get("right", 0)
     a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)
 
     @compiler.compiled
-    def reach(i, across, blocks, layout, source, record, scratch, width):
+    def reach(i, across, blocks, layout, source, parameters, scratch, width):
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         here, below_right, below_left = i * stride, i * stride, i * stride  # coincident masses do not pull
         below, beyond = here, here
@@ -121,34 +105,34 @@ def make_reach(
             beyond = here + 2 * stride
         if has_structural:
             if across:
-                structural(blocks, source, plane, here, here + 1, record, scratch, a_across, width)
+                structural(blocks, source, plane, here, here + 1, parameters, scratch, a_across, width)
                 forget(scratch, a_across, columns - 1, width)
-            structural(blocks, source, plane, here, below, record, scratch, a_down + i % 2, width)
+            structural(blocks, source, plane, here, below, parameters, scratch, a_down + i % 2, width)
         if has_shear:
             right, left = a_right + i % 2, a_left + i % 2
-            shear(blocks, source, plane, here, below_right, record, scratch, right, width)
+            shear(blocks, source, plane, here, below_right, parameters, scratch, right, width)
             forget(scratch, right, columns - 1, width)
-            shear(blocks, source, plane, here, below_left, record, scratch, left, width)
+            shear(blocks, source, plane, here, below_left, parameters, scratch, left, width)
             forget(scratch, left, 0, width)
             forget(scratch, left, columns, width)
         if has_bending:
             if across:
-                bending(blocks, source, plane, here, here + 2, record, scratch, a_far_across, width)
+                bending(blocks, source, plane, here, here + 2, parameters, scratch, a_far_across, width)
                 forget(scratch, a_far_across, columns - 2, width)
                 forget(scratch, a_far_across, columns - 1, width)
-            bending(blocks, source, plane, here, beyond, record, scratch, a_far_down + i % 3, width)
+            bending(blocks, source, plane, here, beyond, parameters, scratch, a_far_down + i % 3, width)
 
     return reach
 
 
 def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
-    """sum_accelerations(i, blocks, record, scratch, width): the springs' pulls and gravity on row `i` into `close`.
+    """sum_accelerations(i, blocks, parameters, scratch, width): the springs' pulls and gravity on row `i` into `close`.
 
     A kind's four springs in pairs, then (structural + shear) + bending, then gravity.
     """
     at, block, zero = triples_of(parts), block_of(real), real(0)
     edge, place, a_close = scratches.edge, scratches.place, at["close"]
-    has_structural, has_shear, has_bending = (kind in parts for kind in CONSTANTS)
+    has_structural, has_shear, has_bending = (kind in parts for kind in SPRING_KINDS)
     a_across, a_down, a_right = at.get("across", 0), at.get("down", 0), at.get("right", 0)
     a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)
 
@@ -176,7 +160,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
     plain_sum, vertical_sum = make_loop(False), make_loop("gravity" in parts)
 
     @compiler.compiled
-    def sum_accelerations(i, blocks, record, scratch, width):
+    def sum_accelerations(i, blocks, parameters, scratch, width):
         now, before = i % 2, (i + 1) % 2
         far_now, far_before = i % 3, (i + 1) % 3
         for axis in range(AXES):
@@ -190,7 +174,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
             )  # fmt: skip
             out = row_at(scratch, place(a_close, axis, width))
             if axis == 1:
-                vertical_sum(blocks, *pulls, record[C_GRAVITY], out)
+                vertical_sum(blocks, *pulls, parameters.gravity, out)
             else:
                 plain_sum(blocks, *pulls, zero, out)
 
@@ -198,7 +182,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
 
 
 def make_random_and_poke(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
-    """add(i, closing, opening, layout, record, integers, scratch, width): external force and poke onto row `i`'s sums.
+    """add(i, closing, opening, layout, parameters, integers, scratch, width): external force and poke onto row `i`'s sums.
 
     `closing`: the number of the step whose random force the sum `close` gets; `opening`: the one of `open`, if `two_sums`.
     """
@@ -208,7 +192,7 @@ def make_random_and_poke(compiler: Compiler, real: Any, two_sums: bool, parts: f
     a_close, a_open = (triples_of(parts)[name] for name in ("close", "open"))
 
     @compiled
-    def add_external(i, step, columns, record, integers, scratch, triple, width):
+    def add_external(i, step, columns, parameters, integers, scratch, triple, width):
         x, y, z = (
             row_at(scratch, place(triple, 0, width)),
             row_at(scratch, place(triple, 1, width)),
@@ -216,32 +200,33 @@ def make_random_and_poke(compiler: Compiler, real: Any, two_sums: bool, parts: f
         )
         for j in range(columns):
             word_x, word_y, word_z, _ = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
-            x[j] = external(x[j], record[C_EXTERNAL], word_x)
-            y[j] = external(y[j], record[C_EXTERNAL], word_y)
-            z[j] = external(z[j], record[C_EXTERNAL], word_z)
+            x[j] = external(x[j], parameters.external, word_x)
+            y[j] = external(y[j], parameters.external, word_y)
+            z[j] = external(z[j], parameters.external, word_z)
 
     @compiled
-    def add(i, closing, opening, layout, record, integers, scratch, width):
+    def add(i, closing, opening, layout, parameters, integers, scratch, width):
         columns = layout[L_COLUMNS]
         if two_sums:
             for axis in range(AXES):
                 close, also = row_at(scratch, place(a_close, axis, width)), row_at(scratch, place(a_open, axis, width))
                 for j in range(columns):
                     also[j] = close[j]
-            add_external(i, opening, columns, record, integers, scratch, a_open, width)
+            add_external(i, opening, columns, parameters, integers, scratch, a_open, width)
         if has_external:
-            add_external(i, closing, columns, record, integers, scratch, a_close, width)
+            add_external(i, closing, columns, parameters, integers, scratch, a_close, width)
         if has_poke:
             poked = np.int64(integers[1]) - 1  # -1: none
+            force = parameters.poke_x, parameters.poke_y, parameters.poke_z
             if poked >= 0 and poked // columns == i:
                 for axis in range(AXES):
                     close, also = (
                         row_at(scratch, place(a_close, axis, width)),
                         row_at(scratch, place(a_open, axis, width)),
                     )
-                    close[poked % columns] += record[C_POKE_X + axis]
+                    close[poked % columns] += force[axis]
                     if two_sums:
-                        also[poked % columns] += record[C_POKE_X + axis]
+                        also[poked % columns] += force[axis]
 
     return add
 
@@ -261,25 +246,25 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
     clear, count = scratches.clear, at["count"]
 
     @compiler.compiled
-    def begin_walk(first, blocks, layout, source, record, air, scratch, width):
+    def begin_walk(first, blocks, layout, source, parameters, air, scratch, width):
         """The springs and triangles that lead down from the two rows above `first`, where there are any."""
         if first < REACH:
             for triple in range(count):
                 clear(scratch, np.int64(triple), width)
         for i in range(max(first - REACH, 0), first):
-            reach(i, False, blocks, layout, source, record, scratch, width)
+            reach(i, False, blocks, layout, source, parameters, scratch, width)
         if has_wind and first > 0:
-            wind_cells(first - 1, blocks, layout, source, record, air, scratch, width)
+            wind_cells(first - 1, blocks, layout, source, parameters, air, scratch, width)
 
     @compiler.compiled
-    def sum_forces(i, closing, opening, blocks, layout, source, record, integers, air, scratch, width):
-        reach(i, True, blocks, layout, source, record, scratch, width)
-        sum_accelerations(i, blocks, record, scratch, width)
+    def sum_forces(i, closing, opening, blocks, layout, source, parameters, integers, air, scratch, width):
+        reach(i, True, blocks, layout, source, parameters, scratch, width)
+        sum_accelerations(i, blocks, parameters, scratch, width)
         if has_wind:
-            wind_cells(i, blocks, layout, source, record, air, scratch, width)
+            wind_cells(i, blocks, layout, source, parameters, air, scratch, width)
             add_wind(i, blocks, scratch, width)
         if later_parts:
-            add_random_and_poke(i, closing, opening, layout, record, integers, scratch, width)
+            add_random_and_poke(i, closing, opening, layout, parameters, integers, scratch, width)
 
     return SimpleNamespace(
         begin_walk=begin_walk, sum_forces=sum_forces, air_now=winds.air_now, two_sums=two_sums, place=scratches.place,

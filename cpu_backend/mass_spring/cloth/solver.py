@@ -77,7 +77,7 @@ class ClothMassSpring(RowsSimulation):
     def _given(self) -> tuple[Any, ...]:
         """What both kernels get last."""
         return (
-            self._integers_of_layout, self.record, self.integers, self.bodies, self.kinds, self._pin_start,
+            self._integers_of_layout, self.parameters, self.integers, self.bodies, self.kinds, self._pin_start,
             self._pin_column, self._scratch,
         )  # fmt: skip
 

@@ -12,37 +12,37 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from cpu_backend.mass_spring.cloth.rows import CONSTANTS
 from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
 from model.formulas import cloth_springs
-from model.mass_spring.cloth_parameters import C_DRAG, C_LIFT
+from model.mass_spring.cloth_parameters import spring_constants
+from model.scene.cloth import SPRING_KINDS
 
 
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:
-    """pull(state, i, j, row, column, record): on mass (i, j), by its spring of a kind to (row, column)."""
+    """pull(state, i, j, row, column, parameters): on mass (i, j), by its spring of a kind to (row, column)."""
     formulas = cloth_springs.make(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
-    k_stiffness, k_rest, k_damping = CONSTANTS[kind]
+    k_stiffness, k_rest, k_damping = spring_constants(kind)
 
     @compiler.compiled
-    def pull(state, i, j, row, column, record):
+    def pull(state, i, j, row, column, parameters):
         x, y, z, vx, vy, vz = state
         dx, dy, dz = x[row, column] - x[i, j], y[row, column] - y[i, j], z[row, column] - z[i, j]
         if has_damper:
             wx, wy, wz = vx[row, column] - vx[i, j], vy[row, column] - vy[i, j], vz[row, column] - vz[i, j]
             return damped_pull_3d(
-                dx, dy, dz, wx, wy, wz, record[k_stiffness], record[k_rest], record[k_damping]
+                dx, dy, dz, wx, wy, wz, parameters[k_stiffness], parameters[k_rest], parameters[k_damping]
             )  # fmt: skip
-        return spring_acceleration_3d(dx, dy, dz, record[k_stiffness], record[k_rest])
+        return spring_acceleration_3d(dx, dy, dz, parameters[k_stiffness], parameters[k_rest])
 
     return pull
 
 
 def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """spring_forces(state, record, acceleration): `state` (x, y, z, vx, vy, vz), `acceleration` (ax, ay, az), each an array
-    (rows, columns). A kind's four springs in pairs, then (structural + shear) + bending."""
-    structural, shear, bending = (make_pull(compiler, real, k, f"{k}-damping" in parts) for k in CONSTANTS)
-    has_structural, has_shear, has_bending = (kind in parts for kind in CONSTANTS)
+    """spring_forces(state, parameters, acceleration): `state` (x, y, z, vx, vy, vz), `acceleration` (ax, ay, az), each an
+    array (rows, columns). A kind's four springs in pairs, then (structural + shear) + bending."""
+    structural, shear, bending = (make_pull(compiler, real, k, f"{k}-damping" in parts) for k in SPRING_KINDS)
+    has_structural, has_shear, has_bending = (kind in parts for kind in SPRING_KINDS)
     compiled, zero = compiler.compiled, real(0)
 
     @compiled
@@ -50,12 +50,12 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
         return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
 
     @compiled
-    def structural_sum(state, i, j, rows, columns, record):
+    def structural_sum(state, i, j, rows, columns, parameters):
         return pairs(
-            structural(state, i, j, i, min(j + 1, columns - 1), record),
-            structural(state, i, j, i, max(j - 1, 0), record),
-            structural(state, i, j, min(i + 1, rows - 1), j, record),
-            structural(state, i, j, max(i - 1, 0), j, record),
+            structural(state, i, j, i, min(j + 1, columns - 1), parameters),
+            structural(state, i, j, i, max(j - 1, 0), parameters),
+            structural(state, i, j, min(i + 1, rows - 1), j, parameters),
+            structural(state, i, j, max(i - 1, 0), j, parameters),
         )
 
     @compiled
@@ -67,21 +67,21 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
         return row, column
 
     @compiled
-    def shear_sum(state, i, j, rows, columns, record):
+    def shear_sum(state, i, j, rows, columns, parameters):
         a, b = beside(i, j, 1, 1, rows, columns), beside(i, j, -1, -1, rows, columns)
         c, d = beside(i, j, 1, -1, rows, columns), beside(i, j, -1, 1, rows, columns)
         return pairs(
-            shear(state, i, j, a[0], a[1], record), shear(state, i, j, b[0], b[1], record),
-            shear(state, i, j, c[0], c[1], record), shear(state, i, j, d[0], d[1], record),
+            shear(state, i, j, a[0], a[1], parameters), shear(state, i, j, b[0], b[1], parameters),
+            shear(state, i, j, c[0], c[1], parameters), shear(state, i, j, d[0], d[1], parameters),
         )  # fmt: skip
 
     @compiled
-    def bending_sum(state, i, j, rows, columns, record):
+    def bending_sum(state, i, j, rows, columns, parameters):
         a, b = beside(i, j, 0, 2, rows, columns), beside(i, j, 0, -2, rows, columns)
         c, d = beside(i, j, 2, 0, rows, columns), beside(i, j, -2, 0, rows, columns)
         return pairs(
-            bending(state, i, j, a[0], a[1], record), bending(state, i, j, b[0], b[1], record),
-            bending(state, i, j, c[0], c[1], record), bending(state, i, j, d[0], d[1], record),
+            bending(state, i, j, a[0], a[1], parameters), bending(state, i, j, b[0], b[1], parameters),
+            bending(state, i, j, c[0], c[1], parameters), bending(state, i, j, d[0], d[1], parameters),
         )  # fmt: skip
 
     def spring_forces(state, record, acceleration):
@@ -92,14 +92,14 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
             for j in range(columns):
                 fx, fy, fz = zero, zero, zero
                 if has_structural:
-                    fx, fy, fz = structural_sum(state, i, j, rows, columns, record)
+                    fx, fy, fz = structural_sum(state, i, j, rows, columns, record[0])
                 if has_shear:
-                    hx, hy, hz = shear_sum(state, i, j, rows, columns, record)
+                    hx, hy, hz = shear_sum(state, i, j, rows, columns, record[0])
                     if has_structural:
                         hx, hy, hz = fx + hx, fy + hy, fz + hz
                     fx, fy, fz = hx, hy, hz
                 if has_bending:
-                    bx, by, bz = bending_sum(state, i, j, rows, columns, record)
+                    bx, by, bz = bending_sum(state, i, j, rows, columns, record[0])
                     if has_structural or has_shear:
                         bx, by, bz = fx + bx, fy + by, fz + bz
                     fx, fy, fz = bx, by, bz
@@ -111,7 +111,7 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
 
 
 def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """wind(state, record, integers, step, offset, acceleration): the six triangles of each mass."""
+    """wind(state, parameters, integers, step, offset, acceleration): the six triangles of each mass."""
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
     compiled = compiler.compiled
 
@@ -124,18 +124,18 @@ def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
         return (x[i, j], y[i, j], z[i, j]), (vx[i, j], vy[i, j], vz[i, j])
 
     @compiled
-    def cell(state, i, j, upper, rows, columns, own_row, own_column, air, record):
+    def cell(state, i, j, upper, rows, columns, own_row, own_column, air, parameters):
         """The wind on each corner of a triangle of cell (i, j): the upper one (A, D, B) or the lower one (A, C, D)."""
         if i < 0 or i >= rows - 1 or j < 0 or j >= columns - 1:
             a, va = corner(state, own_row, own_column, rows, columns, own_row, own_column)
-            return triangle(a, a, a, va, va, va, air, record[C_DRAG], record[C_LIFT])
+            return triangle(a, a, a, va, va, va, air, parameters.drag, parameters.lift)
         a, va = corner(state, i, j, rows, columns, own_row, own_column)
         d, vd = corner(state, i + 1, j + 1, rows, columns, own_row, own_column)
         if upper:
             b, vb = corner(state, i, j + 1, rows, columns, own_row, own_column)
-            return triangle(a, d, b, va, vd, vb, air, record[C_DRAG], record[C_LIFT])
+            return triangle(a, d, b, va, vd, vb, air, parameters.drag, parameters.lift)
         c, vc = corner(state, i + 1, j, rows, columns, own_row, own_column)
-        return triangle(a, c, d, va, vc, vd, air, record[C_DRAG], record[C_LIFT])
+        return triangle(a, c, d, va, vc, vd, air, parameters.drag, parameters.lift)
 
     @compiled
     def plus(a, b):
@@ -144,21 +144,21 @@ def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     def wind(state, record, integers, step, offset, acceleration):
         ax, ay, az = acceleration
         rows, columns = ax.shape
-        air = air_now(record, integers, step, offset)
+        air = air_now(record[0], integers, step, offset)
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):
                 own = plus(
-                    cell(state, i, j, False, rows, columns, i, j, air, record),
-                    cell(state, i, j, True, rows, columns, i, j, air, record),
+                    cell(state, i, j, False, rows, columns, i, j, air, record[0]),
+                    cell(state, i, j, True, rows, columns, i, j, air, record[0]),
                 )
                 beside = plus(
-                    cell(state, i, j - 1, True, rows, columns, i, j, air, record),
-                    cell(state, i - 1, j, False, rows, columns, i, j, air, record),
+                    cell(state, i, j - 1, True, rows, columns, i, j, air, record[0]),
+                    cell(state, i - 1, j, False, rows, columns, i, j, air, record[0]),
                 )
                 opposite = plus(
-                    cell(state, i - 1, j - 1, False, rows, columns, i, j, air, record),
-                    cell(state, i - 1, j - 1, True, rows, columns, i, j, air, record),
+                    cell(state, i - 1, j - 1, False, rows, columns, i, j, air, record[0]),
+                    cell(state, i - 1, j - 1, True, rows, columns, i, j, air, record[0]),
                 )
                 push_x, push_y, push_z = plus(plus(own, beside), opposite)
                 ax[i, j] += push_x

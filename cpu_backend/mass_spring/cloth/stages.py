@@ -21,21 +21,18 @@ from cpu_backend.core.force_stages import bind_forces
 from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage
-from cpu_backend.mass_spring.motion_stages import IN_SPACE, bind_motion, make_motion_stages
+from cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from model.core.plan import Moment, StageRun
 from model.formulas import cloth, motion
 from model.mass_spring.cloth_parameters import (
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
     P_MOTION,
     PIN_FIELDS,
-)  # fmt: skip
+)
 from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide(bodies, kinds, step, record, before, state): the masses at the step's end, `before` where they began it."""
+    """collide(bodies, kinds, step, parameters, before, state): the masses at the step's end, `before` where they began it."""
     collide_mass = make_collide_mass(compiler, real, parts)
 
     def collide(bodies, kinds, step, record, before, state):
@@ -45,7 +42,7 @@ def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> 
         for i in prange(rows):
             for j in range(columns):
                 x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = collide_mass(
-                    bodies, kinds, step, record, ax[i, j], ay[i, j], az[i, j], x[i, j], y[i, j], z[i, j], vx[i, j],
+                    bodies, kinds, step, record[0], ax[i, j], ay[i, j], az[i, j], x[i, j], y[i, j], z[i, j], vx[i, j],
                     vy[i, j], vz[i, j],
                 )  # fmt: skip
 
@@ -53,7 +50,7 @@ def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> 
 
 
 def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """pins(bodies, first, rows, columns, step, half_way, record, state): those that follow a motion, at the step's end or
+    """pins(bodies, first, rows, columns, step, half_way, parameters, state): those that follow a motion, at the step's end or
     half-way through it. `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses."""
     follow = make_follow(compiler, real)
     instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
@@ -61,7 +58,7 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     def pins(bodies, first, rows, columns, step, half_way, record, state):
         x, y, z, vx, vy, vz = state
-        clock = record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME]
+        clock = record[0].dt, record[0].first_step, record[0].first_time
         time = middle(step, *clock) if half_way else instant(step + 1, *clock)
         for k in prange(rows.size):
             pin = first + PIN_FIELDS * k
@@ -82,7 +79,7 @@ def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
     kicks = parts & {"damping"}
     compiler = Compiler(cloth_variant(f"stage_{integrator}", real, math, kicks), math)
-    stages = make_motion_stages(compiler, real, integrator, IN_SPACE, "damping" in kicks)
+    stages = make_motion_stages(compiler, real, integrator, "damping" in kicks)
     stages.spring_forces = made(make_spring_stage, *SPRING_KINDS)
     stages.wind = made(make_wind_stage, "wind", "gust")
     stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")

@@ -15,22 +15,10 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from cpu_backend.mass_spring.cloth.scratch import AXES, REACH
 from model.formulas import cloth, manufactured, random, wind
-from model.mass_spring.cloth_parameters import (
-    C_DRAG,
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
-    C_GUST,
-    C_GUST_TIME,
-    C_LIFT,
-    C_WIND_X,
-    C_WIND_Y,
-    C_WIND_Z,
-)  # fmt: skip
 
 
 def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """air_now(record, integers, step, offset): the air's velocity [m/s] as (x, y, z), `offset` steps into the step."""
+    """air_now(parameters, integers, step, offset): the air's velocity [m/s] as (x, y, z), `offset` steps into the step."""
     compiled = compiler.compiled
     formulas, gusty = wind.make(real, compiled), cloth.make(real, compiled).gusty
     gust_interval, gust = formulas.gust_interval, formulas.gust
@@ -39,14 +27,14 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     has_gust = "gust" in parts
 
     @compiled
-    def air_now(record, integers, step, offset):
-        x, y, z = record[C_WIND_X], record[C_WIND_Y], record[C_WIND_Z]
+    def air_now(parameters, integers, step, offset):
+        x, y, z = parameters.wind_x, parameters.wind_y, parameters.wind_z
         if has_gust:
-            time = stage_time(step, offset, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
-            interval, passed = gust_interval(time, record[C_GUST_TIME])
+            time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
+            interval, passed = gust_interval(time, parameters.gust_time)
             before, _, _, _ = philox(integers[2], np.uint64(interval), stream)
             after, _, _, _ = philox(integers[2], np.uint64(interval + 1), stream)
-            g, most = gust(before, after, passed), record[C_GUST]
+            g, most = gust(before, after, passed), parameters.gust
             x, y, z = gusty(x, most, g), gusty(y, most, g), gusty(z, most, g)
         return x, y, z
 
@@ -54,7 +42,7 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_triangle(compiler: Compiler, real: Any) -> Any:
-    """triangle(a, b, c, velocities of a, b and c, air, record): the wind over mass [m/s^2] on each corner; all three
+    """triangle(a, b, c, velocities of a, b and c, air, parameters): the wind over mass [m/s^2] on each corner; all three
     numbers each, one after the other."""
     triangle_wind = wind.make(real, compiler.compiled).triangle_wind
     mean = cloth.make(real, compiler.compiled).mean
@@ -107,7 +95,7 @@ def make_winds(
             second_z[j] = qz
 
     @compiled
-    def wind_cells(i, blocks, layout, source, record, air, scratch, width):
+    def wind_cells(i, blocks, layout, source, parameters, air, scratch, width):
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         here, below = i * stride, (i + 1) * stride
         first, second = a_first + i % 2, a_second + i % 2
@@ -117,7 +105,7 @@ def make_winds(
                 row_at(source, here + 3 * plane), row_at(source, here + 4 * plane), row_at(source, here + 5 * plane),
                 row_at(source, below), row_at(source, below + plane), row_at(source, below + 2 * plane),
                 row_at(source, below + 3 * plane), row_at(source, below + 4 * plane), row_at(source, below + 5 * plane),
-                air, record[C_DRAG], record[C_LIFT], row_at(scratch, place(first, 0, width)),
+                air, parameters.drag, parameters.lift, row_at(scratch, place(first, 0, width)),
                 row_at(scratch, place(first, 1, width)), row_at(scratch, place(first, 2, width)),
                 row_at(scratch, place(second, 0, width)), row_at(scratch, place(second, 1, width)),
                 row_at(scratch, place(second, 2, width)),

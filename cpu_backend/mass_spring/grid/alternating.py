@@ -12,7 +12,6 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import block_of
-from model.core.parameters import K_STIFF, K_STIFF_REST, K_STIFFNESS, K_STIFFNESS_REST
 
 
 def make_alternating_rows(
@@ -23,27 +22,27 @@ def make_alternating_rows(
     block = block_of(real)
 
     @compiler.compiled
-    def spring_constants(lower, record):
+    def spring_constants(lower, parameters):
         """(stiffness, stiffness * rest length), both over mass, of a spring from row or column `lower` to the next."""
         if lower & 1:
-            return record[K_STIFF], record[K_STIFF_REST]
-        return record[K_STIFFNESS], record[K_STIFFNESS_REST]
+            return parameters.stiff, parameters.stiff_rest
+        return parameters.stiffness, parameters.stiffness_rest
 
     @compiler.row
-    def pull_from_below(i, blocks, x, y, x_below, y_below, record, out_x, out_y):
+    def pull_from_below(i, blocks, x, y, x_below, y_below, parameters, out_x, out_y):
         """Pulls on the masses of row `i` from those below; also what the row below is pulled up by, with the other sign."""
-        stiffness, rest = spring_constants(i, record)
+        stiffness, rest = spring_constants(i, parameters)
         for j in range(blocks * block):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
             out_x[j] = pull_x
             out_y[j] = pull_y
 
     @compiler.row
-    def sum_row(i, blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, record, close_x, close_y):
+    def sum_row(i, blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, parameters, close_x, close_y):
         """Springs and gravity of row `i` into `close`; otherwise as rows.sum_row."""
-        soft, soft_rest = spring_constants(0, record)
-        stiff, stiff_rest = spring_constants(1, record)
-        down, down_rest = spring_constants(i, record)
+        soft, soft_rest = spring_constants(0, parameters)
+        stiff, stiff_rest = spring_constants(1, parameters)
+        down, down_rest = spring_constants(i, parameters)
         for j in range(blocks * block):
             odd = j & 1
             across, across_rest = stiff if odd else soft, stiff_rest if odd else soft_rest
@@ -55,6 +54,6 @@ def make_alternating_rows(
             above_x[j] = below_x
             above_y[j] = below_y
             close_x[j] = ax
-            close_y[j] = with_gravity(ay, record)
+            close_y[j] = with_gravity(ay, parameters)
 
     return SimpleNamespace(spring_constants=spring_constants, pull_from_below=pull_from_below, sum_row=sum_row)

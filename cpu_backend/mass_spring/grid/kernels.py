@@ -27,7 +27,7 @@ SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
 def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
     """The kernel of a variant, for one-force integrators and velocity Verlet:
 
-    advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start, pin_column,
     scratches) does `passes` passes over the grid, ping-pong between the two states that the flat array `states` holds one
     after the other (see core/layout.py), the first reading from number `current`. `scratches`: SCRATCH_ROWS rows a band.
     """
@@ -38,7 +38,7 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
 
     @compiler.compiled
     def advance_band(
-        band, kind, step, states, current, layout, record, integers, pin_start, pin_column, scratches
+        band, kind, step, states, current, layout, parameters, integers, pin_start, pin_column, scratches
     ):  # fmt: skip
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
@@ -47,8 +47,8 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
         above = scratches[band]
         sums = row_at(above, ABOVE_ROWS * width)
         blocks = (columns + block - 1) // block
-        given = (layout, record, integers, pin_start, pin_column)
-        begin_walk(first, blocks, source, first * stride, stride, plane, record, above, width)
+        given = (layout, parameters, integers, pin_start, pin_column)
+        begin_walk(first, blocks, source, first * stride, stride, plane, parameters, above, width)
         for i in range(first, last):
             here = i * stride
             below = here + stride if i < rows - 1 else here
@@ -58,14 +58,14 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
             )  # fmt: skip
 
     def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
         pin_column, scratches,
     ):  # fmt: skip
         for k in range(passes):
             kind = kind_of(k, passes, first_kind, last_kind)
             for band in shares(team, member, bands):
                 advance_band(
-                    np.int64(band), kind, step + k, states, (current + k) % 2, layout, record, integers, pin_start,
+                    np.int64(band), kind, step + k, states, (current + k) % 2, layout, parameters, integers, pin_start,
                     pin_column, scratches,
                 )  # fmt: skip
 

@@ -34,13 +34,13 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
 
     @compiler.compiled
     def walk(
-        start, end, kind, step, states, current, layout, record, integers, pin_start, pin_column, above, sums, width
+        start, end, kind, step, states, current, layout, parameters, integers, pin_start, pin_column, above, sums, width
     ):
         """Rows from `start` to before `end`, their walk begun."""
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
         blocks = (columns + block - 1) // block
-        given = (layout, record, integers, pin_start, pin_column)
+        given = (layout, parameters, integers, pin_start, pin_column)
         for i in range(start, end):
             here = i * stride
             below = here + stride if i < rows - 1 else here
@@ -50,14 +50,14 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
             )  # fmt: skip
 
     @compiler.compiled
-    def begin(i, states, current, layout, record, above, width):
+    def begin(i, states, current, layout, parameters, above, width):
         columns, stride, plane = layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         source = row_at(states, current * PLANES * plane)
-        begin_walk(i, (columns + block - 1) // block, source, i * stride, stride, plane, record, above, width)
+        begin_walk(i, (columns + block - 1) // block, source, i * stride, stride, plane, parameters, above, width)
 
     @compiler.compiled
     def pass_band(
-        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
         pin_column, scratches, progress,
     ):  # fmt: skip
         rows = layout[L_ROWS]
@@ -68,23 +68,23 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
         above_border = row_at(above, SCRATCH_ROWS * width)
         kind, now, source = kind_of(k, passes, first_kind, last_kind), step + k, (current + k) % 2
         inner_first, inner_last = first, last
-        begin(first, states, source, layout, record, above, width)
+        begin(first, states, source, layout, parameters, above, width)
         if band > 0:
             inner_first = first + 1
             walk(
-                first, inner_first, kind, now, states, source, layout, record, integers, pin_start, pin_column, above,
+                first, inner_first, kind, now, states, source, layout, parameters, integers, pin_start, pin_column, above,
                 sums, width,
             )  # fmt: skip
         if band < bands - 1 and inner_first < last:
             inner_last = last - 1
-            begin(inner_last, states, source, layout, record, above_border, width)
+            begin(inner_last, states, source, layout, parameters, above_border, width)
             walk(
-                inner_last, last, kind, now, states, source, layout, record, integers, pin_start, pin_column,
+                inner_last, last, kind, now, states, source, layout, parameters, integers, pin_start, pin_column,
                 above_border, sums, width,
             )  # fmt: skip
         store_release(progress, BORDER * bands + band, k + 1)
         walk(
-            inner_first, inner_last, kind, now, states, source, layout, record, integers, pin_start, pin_column, above,
+            inner_first, inner_last, kind, now, states, source, layout, parameters, integers, pin_start, pin_column, above,
             sums, width,
         )  # fmt: skip
         store_release(progress, DONE * bands + band, k + 1)
@@ -94,9 +94,9 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
 
 @cache
 def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
-    scratches, progress): as the kernel `fused` (mass_spring/grid/kernels.py). `progress`: TEAM_FLAGS flags a band, all 0;
-    `scratches`: TEAM_SCRATCH_ROWS rows a band."""
+    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
+    pin_column, scratches, progress): as the kernel `fused` (mass_spring/grid/kernels.py). `progress`: TEAM_FLAGS flags a
+    band, all 0; `scratches`: TEAM_SCRATCH_ROWS rows a band."""
     compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
     pass_band = make_band_pass(compiler, real, integrator, parts)
 
@@ -111,7 +111,7 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
         return exchange(progress, band, k, k + 1)
 
     def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
         pin_column, scratches, progress,
     ):  # fmt: skip
         patience, looks, left, stepped_in = np.int64(SPINS), 0, True, False
@@ -123,7 +123,7 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
                 left = left or k < passes
                 if k < passes and (n == 0 or looks >= patience) and taken(band, bands, k, progress):
                     pass_band(
-                        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, record, integers,
+                        band, bands, k, passes, first_kind, last_kind, step, states, current, layout, parameters, integers,
                         pin_start, pin_column, scratches, progress,
                     )  # fmt: skip
                     if n > 0:

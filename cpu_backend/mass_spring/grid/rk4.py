@@ -12,13 +12,6 @@ from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
-from model.core.parameters import (
-    K_DAMPING,
-    K_DT,
-    K_HALF_DT,
-    K_SIXTH_DT,
-    K_THIRD_DT,
-)  # fmt: skip
 from model.formulas import integrators
 
 BASE, STAGE_1, STAGE_2, TOTAL = 0, 1, 2, 3  # the states; each stage reads neighbours in one and writes another
@@ -27,8 +20,8 @@ TARGET = (STAGE_1, STAGE_2, STAGE_1, BASE)
 
 
 def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
-    """update(stage, blocks, base, rate, record, total, out): one unknown of a row of masses, from the sum of stages so far
-    and the derivative `rate` to the next stage's value and the new sum; of the fourth stage, to the new state."""
+    """update(stage, blocks, base, rate, parameters, total, out): one unknown of a row of masses, from the sum of stages so
+    far and the derivative `rate` to the next stage's value and the new sum; of the fourth stage, to the new state."""
     compiled, row = compiler.compiled, compiler.row
     rk4_stage = integrators.make(real, compiled).rk4_stage
     block, zero = block_of(real), real(0)
@@ -54,22 +47,22 @@ def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
             out[j] = value
 
     @compiled
-    def update(stage, blocks, base, rate, record, total, out):
+    def update(stage, blocks, base, rate, parameters, total, out):
         if stage == 0:
-            first_stage(blocks, base, rate, record[K_HALF_DT], record[K_SIXTH_DT], total, out)
+            first_stage(blocks, base, rate, parameters.half_dt, parameters.sixth_dt, total, out)
         elif stage == 1:
-            middle_stage(blocks, base, rate, record[K_HALF_DT], record[K_THIRD_DT], total, out)
+            middle_stage(blocks, base, rate, parameters.half_dt, parameters.third_dt, total, out)
         elif stage == 2:
-            middle_stage(blocks, base, rate, record[K_DT], record[K_THIRD_DT], total, out)
+            middle_stage(blocks, base, rate, parameters.dt, parameters.third_dt, total, out)
         else:
-            last_stage(blocks, total, rate, record[K_SIXTH_DT], out)
+            last_stage(blocks, total, rate, parameters.sixth_dt, out)
 
     return update
 
 
 @cache
 def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, layout, record, integers, pin_start, pin_column, scratches).
+    """advance(bands, steps, step, states, layout, parameters, integers, pin_start, pin_column, scratches).
 
     The flat array `states` holds, one after the other (see core/layout.py): the state, two stages in turn, the running sum.
     Each step is four passes over the grid; the last writes the state, which nothing reads any more. `scratches`:
@@ -87,12 +80,12 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     zero, half, one = real(0), real(0.5), real(1)
 
     @row
-    def damp(blocks, velocity, record, out):
+    def damp(blocks, velocity, parameters, out):
         for j in range(blocks * block):
-            out[j] = damped(out[j], velocity[j], record[K_DAMPING])
+            out[j] = damped(out[j], velocity[j], parameters.damping)
 
     @compiled
-    def stage_band(band, stage, step, states, layout, record, integers, pin_start, pin_column, scratches):
+    def stage_band(band, stage, step, states, layout, parameters, integers, pin_start, pin_column, scratches):
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
         first, last = rows * band // bands, rows * (band + 1) // bands
@@ -107,13 +100,13 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             offset = half
         elif stage == 3:
             offset = one
-        begin_walk(first, blocks, source, first * stride, stride, plane, record, above, width)
+        begin_walk(first, blocks, source, first * stride, stride, plane, parameters, above, width)
         for i in range(first, last):
             here = i * stride
             below = here + stride if i < rows - 1 else here
             given = (
                 row_at(source, here), row_at(source, here + plane), row_at(source, below), row_at(source, below + plane),
-                zero, zero, row_at(above, 0), row_at(above, width), record, row_at(sums, CLOSE_X * width),
+                zero, zero, row_at(above, 0), row_at(above, width), parameters, row_at(sums, CLOSE_X * width),
                 row_at(sums, CLOSE_Y * width),
             )  # fmt: skip
             if alternating:
@@ -121,28 +114,30 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
             else:
                 sum_row(blocks, *given)
             if later_parts:
-                add_later_parts(i, np.int64(0), blocks, layout, record, integers, step, offset, sums, width)
+                add_later_parts(i, np.int64(0), blocks, layout, parameters, integers, step, offset, sums, width)
             for axis in range(2):
                 position, velocity = here + axis * plane, here + (2 + axis) * plane
                 rate = row_at(sums, (CLOSE_X + axis) * width)
                 if has_damping:
-                    damp(blocks, row_at(source, velocity), record, rate)
+                    damp(blocks, row_at(source, velocity), parameters, rate)
                 update(
-                    stage, blocks, row_at(base, position), row_at(source, velocity), record, row_at(total, position),
+                    stage, blocks, row_at(base, position), row_at(source, velocity), parameters, row_at(total, position),
                     row_at(target, position),
                 )  # fmt: skip
                 update(
-                    stage, blocks, row_at(base, velocity), rate, record, row_at(total, velocity), row_at(target, velocity)
+                    stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(target, velocity)
                 )  # fmt: skip
             if has_pins:  # a pinned mass stands still, so any stage holds its place
                 hold_pins(i, np.int64(0), blocks, source, here, plane, target, here, plane, pin_start, pin_column)
             place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 
-    def advance(team, member, bands, steps, step, states, layout, record, integers, pin_start, pin_column, scratches):
+    def advance(
+        team, member, bands, steps, step, states, layout, parameters, integers, pin_start, pin_column, scratches
+    ):
         for k in range(4 * steps):
             for band in shares(team, member, bands):
                 stage_band(
-                    np.int64(band), k % 4, step + k // 4, states, layout, record, integers, pin_start, pin_column,
+                    np.int64(band), k % 4, step + k // 4, states, layout, parameters, integers, pin_start, pin_column,
                     scratches,
                 )  # fmt: skip
 

@@ -13,15 +13,6 @@ from typing import Any
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import block_of, row_at
 from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
-from model.core.parameters import (
-    K_DAMPING,
-    K_DT,
-    K_HALF_DT,
-    K_HALF_DT_SQUARED,
-    K_INVERSE_DAMPING,
-    K_STIFFNESS,
-    K_STIFFNESS_REST,
-)  # fmt: skip
 from model.formulas import integrators
 
 OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators know MIDDLE alone
@@ -37,46 +28,35 @@ def pass_kind(k, passes, first_kind, last_kind):
     return kind
 
 
-def make_finishes(
-    compiler: Compiler,
-    real: Any,
-    integrator: str,
-    has_damping: bool,
-    damped: Any,
-    places: tuple[int, int] = (K_DAMPING, K_INVERSE_DAMPING),
-) -> dict[str, Any]:
-    """How an axis of a mass ends a pass, by the pass's name: finish(p, v, closing, opening, record) -> (p', v').
-
-    `places`: of the damping rate and of 1 / (1 + dt rate / 2) in the record.
-    """
-    k_rate, k_inverse = places
+def make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: bool, damped: Any) -> dict[str, Any]:
+    """How an axis of a mass ends a pass, by the pass's name: finish(p, v, closing, opening, parameters) -> (p', v')."""
     compiled = compiler.compiled
     formulas = integrators.make(real, compiled, has_damping)
     if integrator != "velocity-verlet":
         one_force = getattr(formulas, integrator.replace("-", "_"))
 
         @compiled
-        def step(position, velocity, closing, opening, record):
+        def step(position, velocity, closing, opening, parameters):
             if has_damping:
-                closing = damped(closing, velocity, record[k_rate])
-            return one_force(position, velocity, closing, record[K_DT], record[K_HALF_DT_SQUARED])
+                closing = damped(closing, velocity, parameters.damping)
+            return one_force(position, velocity, closing, parameters.dt, parameters.half_dt_squared)
 
         return {"middle": step}
 
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
 
     @compiled
-    def opening_kick(position, velocity, closing, opening, record):
-        return first_half(position, velocity, opening, record[K_DT], record[K_HALF_DT], record[k_rate])
+    def opening_kick(position, velocity, closing, opening, parameters):
+        return first_half(position, velocity, opening, parameters.dt, parameters.half_dt, parameters.damping)
 
     @compiled
-    def both_kicks(position, velocity, closing, opening, record):
-        whole = second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])
-        return first_half(position, whole, opening, record[K_DT], record[K_HALF_DT], record[k_rate])
+    def both_kicks(position, velocity, closing, opening, parameters):
+        whole = second_half(velocity, closing, parameters.half_dt, parameters.inverse_damping)
+        return first_half(position, whole, opening, parameters.dt, parameters.half_dt, parameters.damping)
 
     @compiled
-    def closing_kick(position, velocity, closing, opening, record):
-        return position, second_half(velocity, closing, record[K_HALF_DT], record[k_inverse])
+    def closing_kick(position, velocity, closing, opening, parameters):
+        return position, second_half(velocity, closing, parameters.half_dt, parameters.inverse_damping)
 
     return {"opening": opening_kick, "middle": both_kicks, "closing": closing_kick}
 
@@ -88,7 +68,7 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
     width, given) takes row `i` of the grid, `blocks` blocks from `column` on, one pass further. `here` and `below`:
     where that part of the row, and of the row below it, begins in the flat array `source`, its planes `source_plane`
     apart; it is written to `target` from `there` on. For the grid's last row `below` is `here`. `above`: the walk's
-    carried pulls, two rows of `width`. `sums`: scratch of SUM_ROWS such rows. `given`: (layout, record, integers,
+    carried pulls, two rows of `width`. `sums`: scratch of SUM_ROWS such rows. `given`: (layout, parameters, integers,
     pin_start, pin_column).
     """
     forces = make_row_forces(compiler, real, integrator, parts)
@@ -103,8 +83,8 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
         kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums, width,
         given,
     ):  # fmt: skip
-        layout, record, integers, pin_start, pin_column = given
-        left = pull_from_left(source, here, source_plane, column, record)
+        layout, parameters, integers, pin_start, pin_column = given
+        left = pull_from_left(source, here, source_plane, column, parameters)
         old = (
             row_at(source, here), row_at(source, here + source_plane), row_at(source, here + 2 * source_plane),
             row_at(source, here + 3 * source_plane), row_at(source, below), row_at(source, below + source_plane),
@@ -113,7 +93,7 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
             row_at(target, there), row_at(target, there + target_plane), row_at(target, there + 2 * target_plane),
             row_at(target, there + 3 * target_plane),
         )  # fmt: skip
-        advance_row(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers)
+        advance_row(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, parameters, integers)
         if has_pins and pin_start[i] < pin_start[i + 1]:
             hold_pins(
                 i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column
@@ -146,13 +126,13 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
             left_y,
             above_x,
             above_y,
-            record,
+            parameters,
             new_x,
             new_y,
             new_vx,
             new_vy,
         ):
-            stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+            stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
             for j in range(blocks * block):
                 ax, ay = zero, zero
                 if has_springs:
@@ -167,9 +147,9 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
                     left_x, left_y = right_x, right_y
                     above_x[j] = below_x
                     above_y[j] = below_y
-                ay = with_gravity(ay, record)
-                px, qx = finish(x[j], vx[j], ax, ax, record)
-                py, qy = finish(y[j], vy[j], ay, ay, record)
+                ay = with_gravity(ay, parameters)
+                px, qx = finish(x[j], vx[j], ax, ax, parameters)
+                py, qy = finish(y[j], vy[j], ay, ay, parameters)
                 new_x[j] = px
                 new_y[j] = py
                 new_vx[j] = qx
@@ -181,23 +161,23 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
     opening, middle, closing = make_loop("opening"), make_loop("middle"), make_loop("closing")
 
     @compiler.inlined
-    def in_one_loop(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers):
+    def in_one_loop(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, parameters, integers):
         x, y, vx, vy, x_below, y_below = old
         new_x, new_y, new_vx, new_vy = new
         above_x, above_y = row_at(above, 0), row_at(above, width)
         if verlet and kind == OPENING:
             opening(
-                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, record, new_x, new_y, new_vx,
+                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, parameters, new_x, new_y, new_vx,
                 new_vy,
             )  # fmt: skip
         elif verlet and kind == CLOSING:
             closing(
-                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, record, new_x, new_y, new_vx,
+                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, parameters, new_x, new_y, new_vx,
                 new_vy,
             )  # fmt: skip
         else:
             middle(
-                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, record, new_x, new_y, new_vx,
+                blocks, x, y, vx, vy, x_below, y_below, left[0], left[1], above_x, above_y, parameters, new_x, new_y, new_vx,
                 new_vy,
             )  # fmt: skip
 
@@ -205,16 +185,16 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
 
 
 def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) -> Any:
-    """finish_axis(kind, blocks, position, velocity, closing, opening, record, new_position, new_velocity): one axis of a row
-    from its sums of accelerations to its new state, as `finishes` (of `make_finishes`) say."""
+    """finish_axis(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): one axis of a
+    row from its sums of accelerations to its new state, as `finishes` (of `make_finishes`) say."""
     block, verlet = block_of(real), len(finishes) > 1
 
     def make_loop(name: str) -> Any:
         finish = finishes.get(name, finishes["middle"])
 
-        def finish_row(blocks, position, velocity, closing, opening, record, new_position, new_velocity):
+        def finish_row(blocks, position, velocity, closing, opening, parameters, new_position, new_velocity):
             for j in range(blocks * block):
-                p, v = finish(position[j], velocity[j], closing[j], opening[j], record)
+                p, v = finish(position[j], velocity[j], closing[j], opening[j], parameters)
                 new_position[j] = p
                 new_velocity[j] = v
 
@@ -224,13 +204,13 @@ def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) ->
     opening, middle, closing = make_loop("opening"), make_loop("middle"), make_loop("closing")
 
     @compiler.compiled
-    def finish_axis(kind, blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity):
+    def finish_axis(kind, blocks, position, velocity, closing_sum, opening_sum, parameters, new_position, new_velocity):
         if verlet and kind == OPENING:
-            opening(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+            opening(blocks, position, velocity, closing_sum, opening_sum, parameters, new_position, new_velocity)
         elif verlet and kind == CLOSING:
-            closing(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+            closing(blocks, position, velocity, closing_sum, opening_sum, parameters, new_position, new_velocity)
         else:
-            middle(blocks, position, velocity, closing_sum, opening_sum, record, new_position, new_velocity)
+            middle(blocks, position, velocity, closing_sum, opening_sum, parameters, new_position, new_velocity)
 
     return finish_axis
 
@@ -243,7 +223,7 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
     finish_axis = make_finish_axis(compiler, real, finishes)
 
     @compiler.inlined
-    def through_sums(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, record, integers):
+    def through_sums(kind, step, i, column, blocks, old, new, left, above, sums, width, layout, parameters, integers):
         x, y, vx, vy, x_below, y_below = old
         new_x, new_y, new_vx, new_vy = new
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
@@ -253,12 +233,12 @@ def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: An
         above_x, above_y = row_at(above, 0), row_at(above, width)
         if alternating:
             sum_uneven_row(
-                i, blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, record, close_x, close_y
+                i, blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, parameters, close_x, close_y
             )  # fmt: skip
         else:
-            sum_row(blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, record, close_x, close_y)
-        add_later_parts(i, column, blocks, layout, record, integers, step, zero, sums, width)
-        finish_axis(kind, blocks, x, vx, close_x, open_x, record, new_x, new_vx)
-        finish_axis(kind, blocks, y, vy, close_y, open_y, record, new_y, new_vy)
+            sum_row(blocks, x, y, x_below, y_below, left[0], left[1], above_x, above_y, parameters, close_x, close_y)
+        add_later_parts(i, column, blocks, layout, parameters, integers, step, zero, sums, width)
+        finish_axis(kind, blocks, x, vx, close_x, open_x, parameters, new_x, new_vx)
+        finish_axis(kind, blocks, y, vy, close_y, open_y, parameters, new_y, new_vy)
 
     return through_sums

@@ -16,21 +16,6 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import L_COLUMNS, L_ROWS, block_of, row_at
 from cpu_backend.mass_spring.grid.alternating import make_alternating_rows
-from model.core.parameters import (
-    K_AMPLITUDE,
-    K_DAMPING,
-    K_DT,
-    K_EXTERNAL,
-    K_FIRST_STEP,
-    K_FIRST_TIME,
-    K_GRAVITY,
-    K_INERTIA,
-    K_POKE_X,
-    K_POKE_Y,
-    K_SPACING,
-    K_STIFFNESS,
-    K_STIFFNESS_REST,
-)  # fmt: skip
 from model.formulas import manufactured, random, springs
 
 # rows of accelerations of a band: two sums that belong to the step, and two to the step before (velocity Verlet)
@@ -56,43 +41,43 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
         return (right - left) + (below - above)
 
     @compiled
-    def with_gravity(acceleration, record):
+    def with_gravity(acceleration, parameters):
         if has_gravity:
-            return acceleration + record[K_GRAVITY]
+            return acceleration + parameters.gravity
         return acceleration
 
     uneven = make_alternating_rows(compiler, real, spring_acceleration_2d, sum_accelerations, with_gravity)
     spring_constants, uneven_pull_from_below = uneven.spring_constants, uneven.pull_from_below
 
     @compiler.row
-    def pull_from_below(blocks, x, y, x_below, y_below, record, out_x, out_y):
+    def pull_from_below(blocks, x, y, x_below, y_below, parameters, out_x, out_y):
         """Pulls on the masses of a row from those below; also what the row below is pulled up by, with the other sign."""
-        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(blocks * block):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
             out_x[j] = pull_x
             out_y[j] = pull_y
 
     @compiled
-    def pull_from_left(source, here, plane, column, record):
+    def pull_from_left(source, here, plane, column, parameters):
         """The pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's edge."""
         if alternating and column > 0:
-            stiffness, rest = spring_constants(column - 1, record)
+            stiffness, rest = spring_constants(column - 1, parameters)
             return spring_acceleration_2d(
                 source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], stiffness, rest
             )  # fmt: skip
         if has_springs and column > 0:
             return spring_acceleration_2d(
-                source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], record[K_STIFFNESS],
-                record[K_STIFFNESS_REST],
+                source[here] - source[here - 1], source[here + plane] - source[here + plane - 1], parameters.stiffness,
+                parameters.stiffness_rest,
             )  # fmt: skip
         return zero, zero
 
     @compiler.row
-    def sum_row(blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, record, close_x, close_y):
+    def sum_row(blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, parameters, close_x, close_y):
         """Springs and gravity of a row into `close`. `above` comes in as the pulls between this row and the one above,
         and leaves as those between it and the one below; the last row is its own row below, which does not pull."""
-        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(blocks * block):
             ax, ay = zero, zero
             if has_springs:
@@ -106,10 +91,10 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 above_x[j] = below_x
                 above_y[j] = below_y
             close_x[j] = ax
-            close_y[j] = with_gravity(ay, record)
+            close_y[j] = with_gravity(ay, parameters)
 
     @compiled
-    def begin_walk(i, blocks, source, here, stride, plane, record, above, width):
+    def begin_walk(i, blocks, source, here, stride, plane, parameters, above, width):
         """The pulls between row `i`, where a walk begins, and the row above it; `here`: where row i begins."""
         if has_springs:
             above_x, above_y = row_at(above, 0), row_at(above, width)
@@ -119,9 +104,9 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                     row_at(source, up), row_at(source, up + plane), row_at(source, here), row_at(source, here + plane),
                 )  # fmt: skip
                 if alternating:
-                    uneven_pull_from_below(i - 1, blocks, *both, record, above_x, above_y)
+                    uneven_pull_from_below(i - 1, blocks, *both, parameters, above_x, above_y)
                 else:
-                    pull_from_below(blocks, *both, record, above_x, above_y)
+                    pull_from_below(blocks, *both, parameters, above_x, above_y)
             else:
                 for j in range(blocks * block):
                     above_x[j] = zero
@@ -152,7 +137,7 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
             out_y[j] = external(out_y[j], magnitude, word_y)
 
     @compiled
-    def add_later_parts(i, column, blocks, layout, record, integers, step, offset, sums, width):
+    def add_later_parts(i, column, blocks, layout, parameters, integers, step, offset, sums, width):
         """External, manufactured and poke forces onto the sums of row `i` from `column` on, in this order."""
         rows, columns = layout[L_ROWS], layout[L_COLUMNS]
         count = min(blocks * block, columns - column)
@@ -162,16 +147,16 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
             for j in range(count):
                 open_x[j] = close_x[j]
                 open_y[j] = close_y[j]
-            add_external(open_x, open_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
-            add_external(close_x, close_y, count, i * columns + column, step - 1, integers[0], record[K_EXTERNAL])
+            add_external(open_x, open_y, count, i * columns + column, step, integers[0], parameters.external)
+            add_external(close_x, close_y, count, i * columns + column, step - 1, integers[0], parameters.external)
         elif has_external:
-            add_external(close_x, close_y, count, i * columns + column, step, integers[0], record[K_EXTERNAL])
+            add_external(close_x, close_y, count, i * columns + column, step, integers[0], parameters.external)
         if has_manufactured:
-            time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
+            time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
             for j in range(count):
                 force_x, force_y = manufactured_acceleration(
-                    i, column + j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
-                    record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
+                    i, column + j, rows, columns, time, parameters.amplitude, parameters.inertia, parameters.spacing,
+                    parameters.stiffness, parameters.stiffness_rest, parameters.gravity, parameters.damping,
                 )  # fmt: skip
                 close_x[j] += force_x
                 close_y[j] += force_y
@@ -182,11 +167,11 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
             poked = np.int64(integers[1]) - 1  # -1: none
             j = poked - i * columns - column
             if poked >= 0 and poked // columns == i and j >= 0 and j < count:
-                close_x[j] += record[K_POKE_X]
-                close_y[j] += record[K_POKE_Y]
+                close_x[j] += parameters.poke_x
+                close_y[j] += parameters.poke_y
                 if two_sums:
-                    open_x[j] += record[K_POKE_X]
-                    open_y[j] += record[K_POKE_Y]
+                    open_x[j] += parameters.poke_x
+                    open_y[j] += parameters.poke_y
 
     return SimpleNamespace(
         two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke, add_later_parts=add_later_parts

@@ -71,7 +71,7 @@ class MassSpring(RowsSimulation):
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
         return (
-            steps + verlet, first, last, step, self._states, self._current, self._integers_of_layout, self.record,
+            steps + verlet, first, last, step, self._states, self._current, self._integers_of_layout, self.parameters,
             self.integers, self._pin_start, self._pin_column, self._scratch,
         )  # fmt: skip
 
@@ -93,7 +93,7 @@ class MassSpring(RowsSimulation):
 
     def _advance_rk4(self, step: int, steps: int) -> None:
         self._kernel(
-            self._bands, steps, step, self._states, self._integers_of_layout, self.record, self.integers, self._pin_start,
+            self._bands, steps, step, self._states, self._integers_of_layout, self.parameters, self.integers, self._pin_start,
             self._pin_column, self._scratch,
         )  # fmt: skip
 

@@ -14,23 +14,8 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from cpu_backend.core.force_stages import OF_GRID as FORCES_OF_GRID
 from cpu_backend.core.force_stages import bind_forces
-from cpu_backend.mass_spring.motion_stages import OF_GRID, bind_motion, make_motion_stages
-from model.core.parameters import (
-    K_AMPLITUDE,
-    K_DAMPING,
-    K_DT,
-    K_FIRST_STEP,
-    K_FIRST_TIME,
-    K_GRAVITY,
-    K_INERTIA,
-    K_SPACING,
-    K_STIFF,
-    K_STIFF_REST,
-    K_STIFFNESS,
-    K_STIFFNESS_REST,
-)  # fmt: skip
+from cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from model.core.plan import Moment, StageRun
 from model.formulas import manufactured, springs
 
@@ -46,7 +31,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     @kernel
     def spring_forces(x, y, record, ax, ay):
         rows, columns = x.shape
-        stiffness, stiffness_rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        stiffness, stiffness_rest = record[0].stiffness, record[0].stiffness_rest
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):
@@ -66,11 +51,11 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
                 ay[i, j] = (right_y + left_y) + (down_y + up_y)
 
     @compiled
-    def pull(x, y, i, j, row, column, lower, record):
+    def pull(x, y, i, j, row, column, lower, parameters):
         """The pull on mass (i, j) from (row, column), by a spring from row or column `lower` to the next."""
         odd = lower & 1
-        stiffness = record[K_STIFF] if odd else record[K_STIFFNESS]
-        rest = record[K_STIFF_REST] if odd else record[K_STIFFNESS_REST]
+        stiffness = parameters.stiff if odd else parameters.stiffness
+        rest = parameters.stiff_rest if odd else parameters.stiffness_rest
         return spring_acceleration_2d(x[row, column] - x[i, j], y[row, column] - y[i, j], stiffness, rest)
 
     @kernel
@@ -80,30 +65,30 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
             i = np.int64(row)
             for j in range(columns):
                 up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
-                right_x, right_y = pull(x, y, i, j, i, right, j, record)
-                left_x, left_y = pull(x, y, i, j, i, left, left, record)
-                down_x, down_y = pull(x, y, i, j, down, j, i, record)
-                up_x, up_y = pull(x, y, i, j, up, j, up, record)
+                right_x, right_y = pull(x, y, i, j, i, right, j, record[0])
+                left_x, left_y = pull(x, y, i, j, i, left, left, record[0])
+                down_x, down_y = pull(x, y, i, j, down, j, i, record[0])
+                up_x, up_y = pull(x, y, i, j, up, j, up, record[0])
                 ax[i, j] = (right_x + left_x) + (down_x + up_x)
                 ay[i, j] = (right_y + left_y) + (down_y + up_y)
 
     @kernel
     def manufactured_force(ax, ay, record, step, offset):
         rows, columns = ax.shape
-        time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
+        time = stage_time(step, offset, record[0].dt, record[0].first_step, record[0].first_time)
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):
                 fx, fy = manufactured_acceleration(
-                    i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
-                    record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
+                    i, j, rows, columns, time, record[0].amplitude, record[0].inertia, record[0].spacing,
+                    record[0].stiffness, record[0].stiffness_rest, record[0].gravity, record[0].damping,
                 )  # fmt: skip
                 ax[i, j] += fx
                 ay[i, j] += fy
 
     return SimpleNamespace(
         spring_forces=alternating_spring_forces if alternating else spring_forces, manufactured=manufactured_force,
-        **vars(make_motion_stages(compiler, real, integrator, OF_GRID)),
+        **vars(make_motion_stages(compiler, real, integrator)),
     )  # fmt: skip
 
 
@@ -129,9 +114,7 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
             at["state"][axis][pin_rows, pin_columns] = sim.pinned_position[axis]
             at["state"][2 + axis][pin_rows, pin_columns] = 0
 
-    bound = bind_forces(sim, acceleration, FORCES_OF_GRID) | bind_motion(
-        sim, make, at, sim.current, acceleration, lambda: None
-    )
+    bound = bind_forces(sim, acceleration) | bind_motion(sim, make, at, sim.current, acceleration, lambda: None)
     return bound | {
         "spring forces": spring_forces,
         "no forces": no_forces,

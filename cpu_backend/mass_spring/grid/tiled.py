@@ -42,9 +42,9 @@ def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
 
 @cache
 def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start, pin_column,
-    scratches, levels, tile, halo, width): as the kernel `fused` (mass_spring/grid/kernels.py), but the states change places
-    only once for `levels` passes. `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
+    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
+    pin_column, scratches, levels, tile, halo, width): as the kernel `fused` (mass_spring/grid/kernels.py), but the states
+    change places only once for `levels` passes. `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
     """
     compiler = Compiler(variant_name("tiled", real, math, integrator, parts), math)
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
@@ -54,11 +54,11 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     @compiler.compiled
     def walk_tile(
         first, last, start, tile, halo, width, buffer, first_pass, levels, passes, first_kind, last_kind, step, source,
-        target, layout, record, integers, pin_start, pin_column,
+        target, layout, parameters, integers, pin_start, pin_column,
     ):  # fmt: skip
         """`levels` passes of rows `first` to before `last`, columns `start` to before `start + tile`."""
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
-        given = (layout, record, integers, pin_start, pin_column)
+        given = (layout, parameters, integers, pin_start, pin_column)
         left = max(start - halo, 0)
         all_blocks = (min(start + tile + halo, columns) - left + block - 1) // block
         last_blocks = (min(start + tile, columns) - start + block - 1) // block
@@ -82,10 +82,10 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                     here = ring + (i % 2) * PLANES * width + column - left
                     below = ring + ((i + 1) % 2) * PLANES * width + column - left
                 if i < top:  # all that is wanted of this row is how it pulls the next
-                    begin_walk(i + 1, blocks, level_source, below, below - here, source_plane, record, above, width)
+                    begin_walk(i + 1, blocks, level_source, below, below - here, source_plane, parameters, above, width)
                     continue
                 if i == 0:
-                    begin_walk(i, blocks, level_source, here, below - here, source_plane, record, above, width)
+                    begin_walk(i, blocks, level_source, here, below - here, source_plane, parameters, above, width)
                 if i == rows - 1:
                     below = here
                 if level == levels:
@@ -102,7 +102,7 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     @compiler.compiled
     def walk_band(
         band, tile, halo, width, scratches, first_pass, levels, passes, first_kind, last_kind, step, states, current,
-        layout, record, integers, pin_start, pin_column,
+        layout, parameters, integers, pin_start, pin_column,
     ):  # fmt: skip
         rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
         bands = np.int64(scratches.shape[0])
@@ -111,11 +111,11 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
         for start in range(0, columns, tile):
             walk_tile(
                 first, last, np.int64(start), tile, halo, width, scratches[band], first_pass, levels, passes, first_kind,
-                last_kind, step, source, target, layout, record, integers, pin_start, pin_column,
+                last_kind, step, source, target, layout, parameters, integers, pin_start, pin_column,
             )  # fmt: skip
 
     def advance(
-        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, record, integers, pin_start,
+        team, member, bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
         pin_column, scratches, levels, tile, halo, width,
     ):  # fmt: skip
         for way in range((passes + levels - 1) // levels):
@@ -123,7 +123,7 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
             for band in shares(team, member, bands):
                 walk_band(
                     np.int64(band), tile, halo, width, scratches, first_pass, min(levels, passes - first_pass), passes,
-                    first_kind, last_kind, step, states, (current + way) % 2, layout, record, integers, pin_start,
+                    first_kind, last_kind, step, states, (current + way) % 2, layout, parameters, integers, pin_start,
                     pin_column,
                 )  # fmt: skip
 

@@ -41,11 +41,11 @@ def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
 
     @inlined(math)
     def phase(
-        positions, velocities, old, new, inside, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
+        positions, velocities, old, new, inside, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air
     ):
         if inside:
             px, py, pz, vx, vy, vz = move(
-                positions, velocities, np.int32(old + k), k, i, j, rows, columns, p, v, record, bodies, integers,
+                positions, velocities, np.int32(old + k), k, i, j, rows, columns, p, v, parameters, bodies, integers,
                 step, air,
             )  # fmt: skip
             p, v = (px, py, pz, p[3]), (vx, vy, vz, zero)
@@ -60,8 +60,8 @@ def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
 
 @cache
 def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str], threads: int) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
-    columns): `passes` steps of the whole sheet, from the old state to the new one; where velocity Verlet's kicks meet,
+    """kernel(position, velocity, new_position, new_velocity, parameters, bodies, integers, counter, pass_number, passes,
+    rows, columns): `passes` steps of the whole sheet, from the old state to the new one; where velocity Verlet's kicks meet,
     `passes` of its middle passes.
 
     Launched with one block of `threads` threads, a mass each, and `block_bytes` of shared memory.
@@ -87,6 +87,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
         columns,
     ):  # fmt: skip
+        parameters = record[0]
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         rows, columns = np.int32(rows), np.int32(columns)
         masses = np.int32(rows * columns)
@@ -105,10 +106,10 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         air = (zero, zero, zero)
         if has_gust:
             if k == 0:
-                x, y, z = air_now(record, integers, first, zero)
+                x, y, z = air_now(parameters, integers, first, zero)
                 store_quad(airs, 0, x, y, z, zero)
         elif has_wind:
-            air = air_now(record, integers, first, zero)
+            air = air_now(parameters, integers, first, zero)
         cuda.syncthreads()
         old = np.int32(0)
         for number in range(passes):
@@ -117,16 +118,32 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
             if has_gust:  # the first thread computes the next step's air beside its mass
                 air = read_air(airs, now)
                 if k == 0:
-                    x, y, z = air_now(record, integers, step + 1, zero)
+                    x, y, z = air_now(parameters, integers, step + 1, zero)
                     store_quad(airs, 1 - now, x, y, z, zero)
             p, v = first_phase(
-                shared, velocities, old, new, inside, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
+                shared,
+                velocities,
+                old,
+                new,
+                inside,
+                k,
+                i,
+                j,
+                rows,
+                columns,
+                p,
+                v,
+                parameters,
+                bodies,
+                integers,
+                step,
+                air,
             )
             if pairs:
                 if has_gust:
                     air = read_air(airs, 1 - now)
                 p, v = second_phase(
-                    shared, velocities, new, old, inside, k, i, j, rows, columns, p, v, record, bodies, integers,
+                    shared, velocities, new, old, inside, k, i, j, rows, columns, p, v, parameters, bodies, integers,
                     step + 1, air,
                 )  # fmt: skip
             else:

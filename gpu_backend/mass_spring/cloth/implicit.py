@@ -27,15 +27,13 @@ from model.formulas import implicit
 from model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
 from model.mass_spring.implicit_parameters import (
     LANES,
-    S_ROUNDOFF,
-    S_SPRINGS,
     SEGMENT,
     SUMS,
     TREE,
     segments_of,
     system_record,
     without_dampers,
-)  # fmt: skip
+)
 from model.scene.scene import Scene
 
 COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
@@ -134,7 +132,7 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, system, bodies, integers,
+    """kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies, integers,
     counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`.
 
     The nine arrays of quads that follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the
@@ -152,9 +150,10 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     segment, residual_sums, product_sums = np.int32(SEGMENT), np.int32(SUMS), np.int32(2)
 
     def implicit_steps(
-        position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, system, bodies, integers, counter,
+        position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies, integers, counter,
         steps, rows, columns,
     ):  # fmt: skip
+        parameters, system = record[0], matrix[0]
         products = cuda.shared.array(shared, real)
         rows, columns = np.int32(rows), np.int32(columns)
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
@@ -168,7 +167,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                 air = (zero, zero, zero)
                 if has_wind:
                     if kind == START:
-                        air = air_now(record, integers, step, zero)
+                        air = air_now(parameters, integers, step, zero)
                 first_iteration, alpha, beta = counts[2] == 1, values[5], values[6]
                 for g in range(np.int32(cuda.blockIdx.x), count, np.int32(cuda.gridDim.x)):
                     i, first = np.int32(g // across), np.int32((g % across) * segment)
@@ -182,17 +181,17 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                         elif kind == UPDATE:
                             update(r, s, q, aq, ar, k, first_iteration, alpha, beta)
                         elif kind == RESIDUAL:
-                            a, b, d = residual(base, u, r, s, begin, k, i, j, rows, columns, record, system)
+                            a, b, d = residual(base, u, r, s, begin, k, i, j, rows, columns, parameters, system)
                             products[c], products[segment + c], products[2 * segment + c] = a, b, d
                         elif kind == START:
                             start(
-                                position, velocity, base, x, u, begin, k, i, j, rows, columns, record, bodies, integers, step,
-                                air,
+                                position, velocity, base, x, u, begin, k, i, j, rows, columns, parameters, bodies, integers,
+                                step, air,
                             )  # fmt: skip
                         elif kind == FINISH:
-                            finish(position, velocity, x, u, k, step, record, bodies, integers)
+                            finish(position, velocity, x, u, k, step, parameters, bodies, integers)
                         else:
-                            move(position, x, u, s, k, kind == RETREAT, step, record, bodies)
+                            move(position, x, u, s, k, kind == RETREAT, step, parameters, bodies)
                     if kind == PRODUCT:
                         add_segment(products, product_sums, g, width, count, sums)
                     elif kind == RESIDUAL:
@@ -208,7 +207,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                 elif kind == RESIDUAL:
                     total(products, residual_sums, count, sums)
                     found = products[0], products[TREE], products[2 * TREE]
-                    kind, counts, values = after_residual(counts, values, found, system[S_SPRINGS], system[S_ROUNDOFF])
+                    kind, counts, values = after_residual(counts, values, found, system.speed_squared, system.roundoff)
                     if first_thread and kind == RETREAT:
                         done[3] += 1
                 elif kind == UPDATE:

@@ -18,8 +18,6 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
 from model.formulas import implicit
-from model.mass_spring.cloth_parameters import C_DT
-from model.mass_spring.implicit_parameters import S_OWN, S_RATE
 from model.scene.cloth import SPRING_KINDS
 
 
@@ -49,7 +47,7 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
     def product(x, r, ar, k, i, j, rows, columns, system):
         p, v = load_quad(x, k), load_quad(r, k)
         ax, ay, az = product_sum(x, r, k, i, j, rows, columns, p, v, system)
-        own = system[S_OWN]
+        own = system.mass_entry
         wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
         if has_pins:
             if p[3] != zero:
@@ -92,33 +90,33 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     zero, half, one, inline = real(0), real(0.5), real(1), inlined(math)
 
     @inline
-    def put(x, u, k, p, position, velocity, step, record, bodies):
+    def put(x, u, k, p, position, velocity, step, parameters, bodies):
         """The state at the step's end as far as it is known; a pinned mass is where it will be."""
         px, py, pz = position
         vx, vy, vz = velocity
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record, bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, parameters, bodies)
         store_quad(x, k, px, py, pz, p[3])
         store_quad(u, k, vx, vy, vz, zero)
         return (px, py, pz), (vx, vy, vz)
 
     @inline
-    def start(position, velocity, base, x, u, begin, k, i, j, rows, columns, record, bodies, integers, step, air):
+    def start(position, velocity, base, x, u, begin, k, i, j, rows, columns, parameters, bodies, integers, step, air):
         p, v = load_quad(position, k), load_quad(velocity, k)
-        ax, ay, az = steady(position, velocity, k, i, j, rows, columns, p, v, record, air)
-        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
-        bx, by, bz = added_3(v, record[C_DT], (ax, ay, az))
+        ax, ay, az = steady(position, velocity, k, i, j, rows, columns, p, v, parameters, air)
+        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        bx, by, bz = added_3(v, parameters.dt, (ax, ay, az))
         store_quad(begin, k, bx, by, bz, zero)
-        end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, record, bodies)
-        px, py, pz = added_3(end, -record[C_DT], speed)
+        end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, parameters, bodies)
+        px, py, pz = added_3(end, -parameters.dt, speed)
         store_quad(base, k, px, py, pz, p[3])
 
     @inline
-    def residual(base, u, r, s, begin, k, i, j, rows, columns, record, system):
+    def residual(base, u, r, s, begin, k, i, j, rows, columns, parameters, system):
         p, v, b = load_quad(base, k), load_quad(u, k), load_quad(begin, k)
-        ax, ay, az = pull_sum(base, u, k, i, j, rows, columns, p, v, record)
-        dt, rate = system[C_DT], system[S_RATE]
+        ax, ay, az = pull_sum(base, u, k, i, j, rows, columns, p, v, parameters)
+        dt, rate = system.dt, system.damping_of_step
         rx, ry, rz = (
             missing(b[0], v[0], ax, dt, rate), missing(b[1], v[1], ay, dt, rate), missing(b[2], v[2], az, dt, rate),
         )  # fmt: skip
@@ -130,19 +128,21 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         return dot_3(own, own), dot_3(own, load_quad(s, k)), dot_3(v, v)
 
     @inline
-    def move(position, x, u, s, k, back, step, record, bodies):
+    def move(position, x, u, s, k, back, step, parameters, bodies):
         p, v, way = load_quad(position, k), load_quad(u, k), load_quad(s, k)
         sx, sy, sz, sign = way[0], way[1], way[2], one
         if back:
             sx, sy, sz, sign = half * sx, half * sy, half * sz, -one
             store_quad(s, k, sx, sy, sz, zero)
         new = added_3(v, sign, (sx, sy, sz))
-        put(x, u, k, p, added_3(p, record[C_DT], new), new, step, record, bodies)
+        put(x, u, k, p, added_3(p, parameters.dt, new), new, step, parameters, bodies)
 
     @inline
-    def finish(position, velocity, x, u, k, step, record, bodies, integers):
+    def finish(position, velocity, x, u, k, step, parameters, bodies, integers):
         p, new, v = load_quad(position, k), load_quad(x, k), load_quad(u, k)
-        px, py, pz, vx, vy, vz = collide(p, new[0], new[1], new[2], v[0], v[1], v[2], record, bodies, integers, step)
+        px, py, pz, vx, vy, vz = collide(
+            p, new[0], new[1], new[2], v[0], v[1], v[2], parameters, bodies, integers, step
+        )
         if has_pins:
             if p[3] != zero:
                 px, py, pz, vx, vy, vz = new[0], new[1], new[2], v[0], v[1], v[2]

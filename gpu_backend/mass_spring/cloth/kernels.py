@@ -23,21 +23,21 @@ from model.formulas import cloth
 
 @cache
 def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """air(record, integers, step, offset) -> (x, y, z) [m/s]; every thread of the block must call it."""
+    """air(parameters, integers, step, offset) -> (x, y, z) [m/s]; every thread of the block must call it."""
     air_now = make_cloth_forces(real, math, parts).air_now
     has_wind, has_gust = "wind" in parts, "gust" in parts
     zero = real(0)
 
     @inlined(math)
-    def block_air(record, integers, step, offset):
+    def block_air(parameters, integers, step, offset):
         if has_gust:
             shared = cuda.shared.array(3, real)
             if cuda.threadIdx.x == 0 and cuda.threadIdx.y == 0:
-                shared[0], shared[1], shared[2] = air_now(record, integers, step, offset)
+                shared[0], shared[1], shared[2] = air_now(parameters, integers, step, offset)
             cuda.syncthreads()
             return shared[0], shared[1], shared[2]
         if has_wind:
-            return air_now(record, integers, step, offset)
+            return air_now(parameters, integers, step, offset)
         return zero, zero, zero
 
     return block_air
@@ -47,7 +47,7 @@ def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
 def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
-    Each is kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
+    Each is kernel(position, velocity, new_position, new_velocity, parameters, bodies, integers, counter, pass_number, rows,
     columns): flat arrays of quads, the constants, the colliders' rows one after the other, the integer record
     (mass_spring/cloth/point.py), the step counter and the pass's place after it.
     """
@@ -59,17 +59,18 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
             position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
             columns,
         ):  # fmt: skip
+            parameters = record[0]
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)
             columns = np.int32(columns)
             step = current_step(counter, pass_number)
-            air = block_air(record, integers, step, zero)
+            air = block_air(parameters, integers, step, zero)
             if i < rows and j < columns:
                 k = np.int32(i * columns + j)
                 p, v = load_quad(position, k), load_quad(velocity, k)
                 px, py, pz, vx, vy, vz = move(
-                    position, velocity, k, k, i, j, rows, columns, p, v, record, bodies, integers, step, air
+                    position, velocity, k, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air
                 )
                 store_quad(new_position, k, px, py, pz, p[3])
                 store_quad(new_velocity, k, vx, vy, vz, zero)
@@ -85,7 +86,7 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
     """The four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
-    record, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the state
+    parameters, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the state
     of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
@@ -100,12 +101,13 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
             position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
             record, bodies, integers, counter, pass_number, rows, columns,
         ):  # fmt: skip
+            parameters = record[0]
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)
             columns = np.int32(columns)
             step = current_step(counter, pass_number)
-            air = block_air(record, integers, step, offset)
+            air = block_air(parameters, integers, step, offset)
             if i < rows and j < columns:
                 k = np.int32(i * columns + j)
                 p, v = load_quad(position, k), load_quad(velocity, k)
@@ -115,7 +117,7 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
                 else:
                     total_p, total_v = load_quad(total_position, k), load_quad(total_velocity, k)
                 new_p, new_v, sum_p, sum_v = move(
-                    position, velocity, k, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, record, bodies,
+                    position, velocity, k, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, parameters, bodies,
                     integers, step, air,
                 )  # fmt: skip
                 if not last:

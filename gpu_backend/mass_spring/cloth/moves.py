@@ -13,26 +13,17 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from model.formulas import integrators
-from model.mass_spring.cloth_parameters import (
-    C_DAMPING,
-    C_DT,
-    C_HALF_DT,
-    C_HALF_DT_SQUARED,
-    C_INVERSE_DAMPING,
-    C_SIXTH_DT,
-    C_THIRD_DT,
-)  # fmt: skip
 
 RK4_OFFSETS = (0.0, 0.5, 0.5, 1.0)  # of a stage's time, in steps
-RK4_DERIVATIVE = (C_HALF_DT, C_HALF_DT, C_DT, C_DT)
-RK4_TOTAL = (C_SIXTH_DT, C_THIRD_DT, C_THIRD_DT, C_SIXTH_DT)
+RK4_DERIVATIVE = ("half_dt", "half_dt", "dt", "dt")
+RK4_TOTAL = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")
 
 
 @cache
 def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """Device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is kick(ax, ay, az, k, p, v, record, bodies, integers, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and
+    Each is kick(ax, ay, az, k, p, v, parameters, bodies, integers, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and
     moving at v (quads), which springs, gravity and wind accelerate by a. `step` is the number of the step that begins.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
@@ -47,36 +38,36 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     inline = inlined(math)
 
     @inline
-    def settle(p, px, py, pz, vx, vy, vz, record, bodies, integers, step):
+    def settle(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step):
         """Colliders, then pins: a pinned mass stays where it was, or follows its motion."""
-        px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, record, bodies, integers, step)
+        px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, record, bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, parameters, bodies)
         return px, py, pz, vx, vy, vz
 
     @inline
-    def step_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
-        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
-        ax, ay, az = damp(ax, ay, az, v, record)
-        dt, half_dt_squared = record[C_DT], record[C_HALF_DT_SQUARED]
+    def step_mass(ax, ay, az, k, p, v, parameters, bodies, integers, step):
+        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        ax, ay, az = damp(ax, ay, az, v, parameters)
+        dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         px, vx = one_force(p[0], v[0], ax, dt, half_dt_squared)
         py, vy = one_force(p[1], v[1], ay, dt, half_dt_squared)
         pz, vz = one_force(p[2], v[2], az, dt, half_dt_squared)
-        return settle(p, px, py, pz, vx, vy, vz, record, bodies, integers, step)
+        return settle(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step)
 
     @inline
-    def kick_and_drift(p, vx, vy, vz, ax, ay, az, record, bodies, integers, step):
+    def kick_and_drift(p, vx, vy, vz, ax, ay, az, parameters, bodies, integers, step):
         """The first half of a step from the velocity (vx, vy, vz)."""
-        dt, half_dt, rate = record[C_DT], record[C_HALF_DT], record[C_DAMPING]
+        dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
         px, vx = first_half(p[0], vx, ax, dt, half_dt, rate)
         py, vy = first_half(p[1], vy, ay, dt, half_dt, rate)
         pz, vz = first_half(p[2], vz, az, dt, half_dt, rate)
-        return settle(p, px, py, pz, vx, vy, vz, record, bodies, integers, step)
+        return settle(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step)
 
     @inline
-    def second_kick(v, ax, ay, az, record):
-        half_dt, inverse_damping = record[C_HALF_DT], record[C_INVERSE_DAMPING]
+    def second_kick(v, ax, ay, az, parameters):
+        half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         return (
             second_half(v[0], ax, half_dt, inverse_damping),
             second_half(v[1], ay, half_dt, inverse_damping),
@@ -84,29 +75,29 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
         )
 
     @inline
-    def opening_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
-        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
-        return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, record, bodies, integers, step)
+    def opening_mass(ax, ay, az, k, p, v, parameters, bodies, integers, step):
+        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, parameters, bodies, integers, step)
 
     @inline
-    def closing_mass(ax, ay, az, k, p, v, record, bodies, integers, step):
-        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step - one)
-        vx, vy, vz = second_kick(v, ax, ay, az, record)
+    def closing_mass(ax, ay, az, k, p, v, parameters, bodies, integers, step):
+        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step - one)
+        vx, vy, vz = second_kick(v, ax, ay, az, parameters)
         if has_pins:
             if p[3] != zero:  # one that follows a motion was given its velocity with its place
                 vx, vy, vz = v[0], v[1], v[2]
         return p[0], p[1], p[2], vx, vy, vz
 
     @inline
-    def middle_mass(bx, by, bz, k, p, v, record, bodies, integers, step):
+    def middle_mass(bx, by, bz, k, p, v, parameters, bodies, integers, step):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        ax, ay, az = add_own(bx, by, bz, k, zero, record, integers, step - one)
+        ax, ay, az = add_own(bx, by, bz, k, zero, parameters, integers, step - one)
         if has_external:
-            bx, by, bz = add_own(bx, by, bz, k, zero, record, integers, step)
+            bx, by, bz = add_own(bx, by, bz, k, zero, parameters, integers, step)
         else:
             bx, by, bz = ax, ay, az
-        vx, vy, vz = second_kick(v, ax, ay, az, record)
-        return kick_and_drift(p, vx, vy, vz, bx, by, bz, record, bodies, integers, step)
+        vx, vy, vz = second_kick(v, ax, ay, az, parameters)
+        return kick_and_drift(p, vx, vy, vz, bx, by, bz, parameters, bodies, integers, step)
 
     if verlet:
         return {"opening": opening_mass, "middle": middle_mass, "closing": closing_mass}
@@ -117,7 +108,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """The functions of make_cloth_kicks with the forces before them.
 
-    Each is move(position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air) ->
+    Each is move(position, velocity, place, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air) ->
     (px, py, pz, vx, vy, vz): of mass k in row i and column j, found at `place` of the arrays of quads that its
     neighbours are read from, itself at p and moving at v.
 
@@ -129,9 +120,9 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 
     def make_move(kick: Any) -> Any:
         @inline
-        def move(position, velocity, place, k, i, j, rows, columns, p, v, record, bodies, integers, step, air):
-            ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
-            return kick(ax, ay, az, k, p, v, record, bodies, integers, step)
+        def move(position, velocity, place, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air):
+            ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, parameters, air)
+            return kick(ax, ay, az, k, p, v, parameters, bodies, integers, step)
 
         return move
 
@@ -142,7 +133,7 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> Any:
     """One of the four stages of RK4 (0 to 3), a device function:
 
-    move(position, velocity, place, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, record, bodies,
+    move(position, velocity, place, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, parameters, bodies,
     integers, step, air) -> (p', v', total_p', total_v'), each (x, y, z): the state of the next stage and the running sum;
     of the last stage p', v' are the new state, which has met the colliders. The first stage reads no total.
     """
@@ -168,23 +159,23 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
 
     @inline
     def rk4_mass(
-        position, velocity, place, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, record, bodies,
+        position, velocity, place, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, parameters, bodies,
         integers, step, air,
     ):  # fmt: skip
-        ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, record, air)
-        ax, ay, az = add_own(ax, ay, az, k, zero, record, integers, step)
-        ax, ay, az = damp(ax, ay, az, v, record)
-        derivative_dt, total_dt = record[k_derivative], record[k_total]
+        ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, parameters, air)
+        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        ax, ay, az = damp(ax, ay, az, v, parameters)
+        derivative_dt, total_dt = parameters[k_derivative], parameters[k_total]
         new_p, sum_p = advanced(base_p, v, total_p, derivative_dt, total_dt)
         new_v, sum_v = advanced(base_v, (ax, ay, az), total_v, derivative_dt, total_dt)
         if last:
             px, py, pz, vx, vy, vz = collide(
-                base_p, sum_p[0], sum_p[1], sum_p[2], sum_v[0], sum_v[1], sum_v[2], record, bodies, integers, step
+                base_p, sum_p[0], sum_p[1], sum_p[2], sum_v[0], sum_v[1], sum_v[2], parameters, bodies, integers, step
             )
             new_p, new_v = (px, py, pz), (vx, vy, vz)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, record, bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, parameters, bodies)
                 new_p, new_v = (px, py, pz), (vx, vy, vz)
         return new_p, new_v, sum_p, sum_v
 

@@ -21,23 +21,10 @@ from gpu_backend.core.integers import WIND_SEED, knows_time
 from gpu_backend.core.quads import load_quad
 from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
 from model.mass_spring.cloth_parameters import (
-    C_BENDING,
-    C_DAMPING,
-    C_DRAG,
-    C_DT,
-    C_FIRST_STEP,
-    C_FIRST_TIME,
-    C_GUST,
-    C_GUST_TIME,
-    C_LIFT,
-    C_SHEAR,
-    C_STRUCTURAL,
-    C_WIND_X,
-    C_WIND_Y,
-    C_WIND_Z,
-)  # fmt: skip
-
-FIRST = {"structural": C_STRUCTURAL, "shear": C_SHEAR, "bending": C_BENDING}  # of a kind's numbers in the record
+    CLOTH_PARAMETERS,
+    spring_constants,
+)
+from model.scene.cloth import SPRING_KINDS
 
 
 @cache
@@ -52,7 +39,7 @@ def _make_paired(math: str) -> Any:
 
 @cache
 def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
-    """spring_sum(position, velocity, place, i, j, rows, columns, p, v, record): the pulls of all springs over mass
+    """spring_sum(position, velocity, place, i, j, rows, columns, p, v, parameters): the pulls of all springs over mass
     [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads).
 
     `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
@@ -65,72 +52,74 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
 
     def make_pull(kind: str) -> Any:
-        first, has_damper = FIRST[kind], system != "" or f"{kind}-damping" in parts
-        rest_place, damping_place = first + 1, first + 2
+        k_stiffness, k_rest, k_damping = spring_constants(kind)
+        has_damper = system != "" or f"{kind}-damping" in parts
 
         @inline
-        def pull(position, velocity, other, p, v, record):
+        def pull(position, velocity, other, p, v, parameters):
             q = load_quad(position, other)
             dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-            stiffness, rest = record[first], record[rest_place]
+            stiffness, rest = parameters[k_stiffness], parameters[k_rest]
             if has_damper:
                 w = load_quad(velocity, other)
                 if at_end:
                     return end_pull_3d(
-                        dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place],
-                        record[C_DT],
+                        dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, parameters[k_damping],
+                        parameters.dt,
                     )  # fmt: skip
                 return damped_pull_3d(
-                    dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, record[damping_place]
+                    dx, dy, dz, w[0] - v[0], w[1] - v[1], w[2] - v[2], stiffness, rest, parameters[k_damping]
                 )  # fmt: skip
             return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
 
         return pull
 
-    structural_pull, shear_pull, bending_pull = (make_pull(kind) for kind in FIRST)
+    structural_pull, shear_pull, bending_pull = (make_pull(kind) for kind in SPRING_KINDS)
     paired = _make_paired(math)
 
     @inline
-    def structural_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+    def structural_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
         # The choices are spelt as in wind_sum: then a neighbour that both ask for is loaded once.
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
-        right = structural_pull(position, velocity, place if last else place + one, p, v, record)
-        left = structural_pull(position, velocity, place if first else place - one, p, v, record)
-        below = structural_pull(position, velocity, place if bottom else place + columns, p, v, record)
-        above = structural_pull(position, velocity, place if top else place - columns, p, v, record)
+        right = structural_pull(position, velocity, place if last else place + one, p, v, parameters)
+        left = structural_pull(position, velocity, place if first else place - one, p, v, parameters)
+        below = structural_pull(position, velocity, place if bottom else place + columns, p, v, parameters)
+        above = structural_pull(position, velocity, place if top else place - columns, p, v, parameters)
         return paired(right, left, below, above)
 
     @inline
-    def shear_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+    def shear_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         below_right = shear_pull(
-            position, velocity, place if bottom or last else place + columns + one, p, v, record
+            position, velocity, place if bottom or last else place + columns + one, p, v, parameters
         )  # fmt: skip
-        above_left = shear_pull(position, velocity, place if top or first else place - columns - one, p, v, record)
-        below_left = shear_pull(position, velocity, place if bottom or first else place + columns - one, p, v, record)
-        above_right = shear_pull(position, velocity, place if top or last else place - columns + one, p, v, record)
+        above_left = shear_pull(position, velocity, place if top or first else place - columns - one, p, v, parameters)
+        below_left = shear_pull(
+            position, velocity, place if bottom or first else place + columns - one, p, v, parameters
+        )
+        above_right = shear_pull(position, velocity, place if top or last else place - columns + one, p, v, parameters)
         return paired(below_right, above_left, below_left, above_right)
 
     @inline
-    def bending_sum(position, velocity, place, i, j, rows, columns, p, v, record):
-        right = bending_pull(position, velocity, place + two if j < columns - 2 else place, p, v, record)
-        left = bending_pull(position, velocity, place - two if j > 1 else place, p, v, record)
-        below = bending_pull(position, velocity, place + two * columns if i < rows - 2 else place, p, v, record)
-        above = bending_pull(position, velocity, place - two * columns if i > 1 else place, p, v, record)
+    def bending_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
+        right = bending_pull(position, velocity, place + two if j < columns - 2 else place, p, v, parameters)
+        left = bending_pull(position, velocity, place - two if j > 1 else place, p, v, parameters)
+        below = bending_pull(position, velocity, place + two * columns if i < rows - 2 else place, p, v, parameters)
+        above = bending_pull(position, velocity, place - two * columns if i > 1 else place, p, v, parameters)
         return paired(right, left, below, above)
 
     @inline
-    def spring_sum(position, velocity, place, i, j, rows, columns, p, v, record):
+    def spring_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
         ax, ay, az = zero, zero, zero
         if has_structural:
-            ax, ay, az = structural_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+            ax, ay, az = structural_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
         if has_shear:
-            hx, hy, hz = shear_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+            hx, hy, hz = shear_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
             if has_structural:
                 hx, hy, hz = ax + hx, ay + hy, az + hz
             ax, ay, az = hx, hy, hz
         if has_bending:
-            bx, by, bz = bending_sum(position, velocity, place, i, j, rows, columns, p, v, record)
+            bx, by, bz = bending_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
             if has_structural or has_shear:
                 bx, by, bz = ax + bx, ay + by, az + bz
             ax, ay, az = bx, by, bz
@@ -141,7 +130,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 
 @cache
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`structural`, `shear`, `bending`: pull(q, p, there, record) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
+    """`structural`, `shear`, `bending`: pull(q, p, there, values) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
     none unless `there`. And sums by axis, `paired`, `carried`."""
     formulas = device_formulas(cloth_springs.make, real, math)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
@@ -149,17 +138,17 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     zero = real(0)
 
     def make_pull(kind: str) -> Any:
-        first, has_springs, has_damper = FIRST[kind], kind in parts, f"{kind}-damping" in parts
-        rest_place, damping_place = first + 1, first + 2
+        k_stiffness, k_rest, k_damping = (CLOTH_PARAMETERS.index(name) for name in spring_constants(kind))
+        has_springs, has_damper = kind in parts, f"{kind}-damping" in parts
 
         @inline
-        def pull(q, p, there, record):
+        def pull(q, p, there, parameters):
             if not has_springs:
                 return zero, zero, zero
-            stiffness, rest = record[first] if there else zero, record[rest_place] if there else zero
+            stiffness, rest = parameters[k_stiffness] if there else zero, parameters[k_rest] if there else zero
             dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
             if has_damper:
-                damping = record[damping_place] if there else zero
+                damping = parameters[k_damping] if there else zero
                 return damped_pull_3d(dx, dy, dz, q[3] - p[3], q[4] - p[4], q[5] - p[5], stiffness, rest, damping)
             return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
 
@@ -178,8 +167,8 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`air_now(record, integers, step, offset)`: the air's velocity [m/s] as (x, y, z); `wind_sum(position, velocity,
-    place, i, j, rows, columns, p, v, record, air)`: the wind over mass [m/s^2] on one mass."""
+    """`air_now(parameters, integers, step, offset)`: the air's velocity [m/s] as (x, y, z); `wind_sum(position, velocity,
+    place, i, j, rows, columns, p, v, parameters, air)`: the wind over mass [m/s^2] on one mass."""
     formulas, sums = device_formulas(wind.make, real, math), device_formulas(cloth.make, real, math)
     triangle_wind, gust_interval, gust_of = formulas.triangle_wind, formulas.gust_interval, formulas.gust
     mean, gusty = sums.mean, sums.gusty
@@ -190,36 +179,36 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     one, next_one, stream = np.int32(1), np.int64(1), np.uint64(wind.GUST_STREAM)
 
     @inline
-    def air_now(record, integers, step, offset):
-        x, y, z = record[C_WIND_X], record[C_WIND_Y], record[C_WIND_Z]
+    def air_now(parameters, integers, step, offset):
+        x, y, z = parameters.wind_x, parameters.wind_y, parameters.wind_z
         if has_gust:
-            time = stage_time(step, offset, record[C_DT], record[C_FIRST_STEP], record[C_FIRST_TIME])
-            interval, part = gust_interval(time, record[C_GUST_TIME])
+            time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
+            interval, part = gust_interval(time, parameters.gust_time)
             before, _, _, _ = philox(integers[WIND_SEED], np.uint64(interval), stream)
             after, _, _, _ = philox(integers[WIND_SEED], np.uint64(interval + next_one), stream)
-            g, gust = gust_of(before, after, part), record[C_GUST]
+            g, gust = gust_of(before, after, part), parameters.gust
             x, y, z = gusty(x, gust, g), gusty(y, gust, g), gusty(z, gust, g)
         return x, y, z
 
     @inline
-    def corner(a, b, c, record, air):
+    def corner(a, b, c, parameters, air):
         """Wind on each corner of the triangle a, b, c, each (x, y, z, vx, vy, vz)."""
         return triangle_wind(
             b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2],
             air[0] - mean(a[3], b[3], c[3]), air[1] - mean(a[4], b[4], c[4]), air[2] - mean(a[5], b[5], c[5]),
-            record[C_DRAG], record[C_LIFT],
+            parameters.drag, parameters.lift,
         )  # fmt: skip
 
     @inline
-    def wind_of(p, right, below, left, above, below_right, near_left, near_above, above_left, record, air):
+    def wind_of(p, right, below, left, above, below_right, near_left, near_above, above_left, parameters, air):
         """The wind on the mass p, all as (x, y, z, vx, vy, vz). Of a cell outside the sheet one corner, the one that both
         edges need, is the mass itself: two corners then coincide, an edge is 0, and so is the normal, in any rounding.
         That makes two of the neighbour to the left and of the one above: by the cells below, right, and by the others."""
-        a, b = corner(p, below, below_right, record, air), corner(p, below_right, right, record, air)
+        a, b = corner(p, below, below_right, parameters, air), corner(p, below_right, right, parameters, air)
         x, y, z = a[0] + b[0], a[1] + b[1], a[2] + b[2]
-        a, b = corner(left, below, p, record, air), corner(above, p, right, record, air)
+        a, b = corner(left, below, p, parameters, air), corner(above, p, right, parameters, air)
         x, y, z = x + (a[0] + b[0]), y + (a[1] + b[1]), z + (a[2] + b[2])
-        a, b = corner(above_left, near_left, p, record, air), corner(above_left, p, near_above, record, air)
+        a, b = corner(above_left, near_left, p, parameters, air), corner(above_left, p, near_above, parameters, air)
         return x + (a[0] + b[0]), y + (a[1] + b[1]), z + (a[2] + b[2])
 
     @inline
@@ -228,7 +217,7 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return p[0], p[1], p[2], v[0], v[1], v[2]
 
     @inline
-    def wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air):
+    def wind_sum(position, velocity, place, i, j, rows, columns, p, v, parameters, air):
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         right = state_at(position, velocity, place if last else place + one)
         below = state_at(position, velocity, place if bottom else place + columns)
@@ -239,7 +228,7 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         near_above = state_at(position, velocity, place if top else place - columns)
         above_left = state_at(position, velocity, place if top or first else place - columns - one)
         here = (p[0], p[1], p[2], v[0], v[1], v[2])
-        return wind_of(here, right, below, left, above, below_right, near_left, near_above, above_left, record, air)
+        return wind_of(here, right, below, left, above, below_right, near_left, near_above, above_left, parameters, air)
 
     return SimpleNamespace(air_now=air_now, wind_sum=wind_sum, wind_of=wind_of)
 
@@ -258,18 +247,18 @@ def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     no_step = np.int64(0)
 
     @inline
-    def steady(position, velocity, place, i, j, rows, columns, p, v, record, air):
-        ax, ay, az = spring_sum(position, velocity, place, i, j, rows, columns, p, v, record)
-        ax, ay, az = add_gravity(ax, ay, az, record)
+    def steady(position, velocity, place, i, j, rows, columns, p, v, parameters, air):
+        ax, ay, az = spring_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
+        ax, ay, az = add_gravity(ax, ay, az, parameters)
         if has_wind:
-            wx, wy, wz = wind_sum(position, velocity, place, i, j, rows, columns, p, v, record, air)
+            wx, wy, wz = wind_sum(position, velocity, place, i, j, rows, columns, p, v, parameters, air)
             ax, ay, az = ax + wx, ay + wy, az + wz
         return ax, ay, az
 
     @inline
-    def damp(ax, ay, az, v, record):
+    def damp(ax, ay, az, v, parameters):
         if has_damping:
-            rate = record[C_DAMPING]
+            rate = parameters.damping
             ax, ay, az = damped(ax, v[0], rate), damped(ay, v[1], rate), damped(az, v[2], rate)
         return ax, ay, az
 

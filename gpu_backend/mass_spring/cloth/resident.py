@@ -96,7 +96,7 @@ def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_lo
 
 @cache
 def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record,
+    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, parameters,
     bodies, integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to the new
     one.
 
@@ -131,6 +131,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record, bodies,
         integers, counter, passes, rows, columns,
     ):  # fmt: skip
+        parameters = record[0]
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
         numbers, places = cuda.local.array(most, np.int32), cuda.local.array(most, np.int32)
@@ -141,7 +142,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         if j >= column_first and j < column_end:
             mine = bits_between(row_first, row_end, i)
         border = border_bits(mine, i, j, extent, rows, columns)
-        values, where = constants(record), sides(i, j, rows, columns)
+        values, where = constants(parameters), sides(i, j, rows, columns)
         first = current_step(counter, np.int64(0))
         clear(shared, thread)
         cuda.syncthreads()

@@ -23,15 +23,6 @@ from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from model.core.plan import Moment, StageRun
 from model.formulas import integrators
-from model.mass_spring.cloth_parameters import (
-    C_DAMPING,
-    C_DT,
-    C_HALF_DT,
-    C_HALF_DT_SQUARED,
-    C_INVERSE_DAMPING,
-    C_SIXTH_DT,
-    C_THIRD_DT,
-)  # fmt: skip
 
 
 @cache
@@ -43,12 +34,13 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     zero = real(0)
 
     def spring_forces(position, velocity, record, a, rows, columns):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             rows, columns = np.int32(rows), np.int32(columns)
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = spring_sum(position, velocity, k, i, j, rows, columns, p, v, record)
+            ax, ay, az = spring_sum(position, velocity, k, i, j, rows, columns, p, v, parameters)
             store_quad(a, k, ax, ay, az, zero)
 
     def no_forces(a):
@@ -57,20 +49,22 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             store_quad(a, k, zero, zero, zero, zero)
 
     def wind(position, velocity, record, integers, step, offset, a, rows, columns):
-        air = block_air(record, integers, step, offset)
+        parameters = record[0]
+        air = block_air(parameters, integers, step, offset)
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             rows, columns = np.int32(rows), np.int32(columns)
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            x, y, z = wind_sum(position, velocity, k, i, j, rows, columns, p, v, record, air)
+            x, y, z = wind_sum(position, velocity, k, i, j, rows, columns, p, v, parameters, air)
             store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, zero)
 
     def damping(velocity, record, a):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             b = load_quad(a, k)
-            ax, ay, az = damp_point(b[0], b[1], b[2], load_quad(velocity, k), record)
+            ax, ay, az = damp_point(b[0], b[1], b[2], load_quad(velocity, k), parameters)
             store_quad(a, k, ax, ay, az, zero)
 
     kernels = (spring_forces, no_forces, wind, damping)
@@ -86,10 +80,11 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     zero = real(0)
 
     def integrate(position, velocity, a, record):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            dt, half_dt_squared = record[C_DT], record[C_HALF_DT_SQUARED]
+            dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
             px, vx = one_force(p[0], v[0], b[0], dt, half_dt_squared)
             py, vy = one_force(p[1], v[1], b[1], dt, half_dt_squared)
             pz, vz = one_force(p[2], v[2], b[2], dt, half_dt_squared)
@@ -97,10 +92,11 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def first_kick(position, velocity, a, record):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            dt, half_dt, rate = record[C_DT], record[C_HALF_DT], record[C_DAMPING]
+            dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
             px, vx = first_half(p[0], v[0], b[0], dt, half_dt, rate)
             py, vy = first_half(p[1], v[1], b[1], dt, half_dt, rate)
             pz, vz = first_half(p[2], v[2], b[2], dt, half_dt, rate)
@@ -108,10 +104,11 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def second_kick(velocity, a, record):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < velocity.size // SIZE:
             v, b = load_quad(velocity, k), load_quad(a, k)
-            half_dt, inverse_damping = record[C_HALF_DT], record[C_INVERSE_DAMPING]
+            half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
             vx = second_half(v[0], b[0], half_dt, inverse_damping)
             vy = second_half(v[1], b[1], half_dt, inverse_damping)
             vz = second_half(v[2], b[2], half_dt, inverse_damping)
@@ -119,10 +116,11 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
 
     def accumulate(stage, base, rate, total, record, out):
         """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < base.size // SIZE:
-            derivative_dt = record[C_DT] if stage == 3 else record[C_HALF_DT]
-            total_dt = record[C_SIXTH_DT] if stage == 1 or stage == 4 else record[C_THIRD_DT]
+            derivative_dt = parameters.dt if stage == 3 else parameters.half_dt
+            total_dt = parameters.sixth_dt if stage == 1 or stage == 4 else parameters.third_dt
             b, r = load_quad(base, k), load_quad(rate, k)
             before = b if stage == 1 else load_quad(total, k)
             x, sum_x = rk4_stage(b[0], r[0], before[0], derivative_dt, total_dt)
@@ -144,11 +142,12 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     zero = real(0)
 
     def collide(before, position, velocity, record, bodies, integers, step):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             old, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
             px, py, pz, vx, vy, vz = collide_point(
-                old, p[0], p[1], p[2], v[0], v[1], v[2], record, bodies, integers, step
+                old, p[0], p[1], p[2], v[0], v[1], v[2], parameters, bodies, integers, step
             )
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
@@ -162,11 +161,12 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
                 store_quad(velocity, k, zero, zero, zero, zero)
 
     def moving_pins(position, velocity, record, bodies, step, half_way):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
             if p[3] != zero:
-                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, record, bodies)
+                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, parameters, bodies)
                 store_quad(position, k, x, y, z, p[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -179,7 +179,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
     force, motion, bound = make_force_stages(*variant), make_motion_stages(*variant), make_bound_stages(*variant)
-    position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
+    position, velocity, parameters, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     flat, a, before = sim._flat, sim.new_array(), sim.new_array()
     at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
     totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
@@ -187,14 +187,14 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     verlet = integrator == "velocity-verlet"
 
     def spring_forces(moment: Moment) -> None:
-        force.spring_forces[flat](at["position"], at["velocity"], record, a, *sim.shape)
+        force.spring_forces[flat](at["position"], at["velocity"], parameters, a, *sim.shape)
 
     def wind(moment: Moment) -> None:
         step, offset = moment.step, moment.argument
         if verlet:  # the end of a step is the start of the next, to the bit
             step, offset = step + int(offset), 0.0
         force.wind[flat](
-            at["position"], at["velocity"], record, integers, np.int64(step), sim.real(offset), a, *sim.shape
+            at["position"], at["velocity"], parameters, integers, np.int64(step), sim.real(offset), a, *sim.shape
         )  # fmt: skip
 
     def keep_before() -> None:
@@ -204,11 +204,11 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
 
     def integrate(moment: Moment) -> None:
         keep_before()
-        motion.integrate[flat](position, velocity, a, record)
+        motion.integrate[flat](position, velocity, a, parameters)
 
     def first_kick(moment: Moment) -> None:
         keep_before()
-        motion.first_kick[flat](position, velocity, a, record)
+        motion.first_kick[flat](position, velocity, a, parameters)
 
     def accumulate(stage: int) -> StageRun:
         def run(moment: Moment) -> None:
@@ -217,8 +217,8 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
             turn = 2 * (stage % 2)
             out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
             rate_p = at["velocity"]
-            motion.accumulate[flat](np.int32(stage), position, rate_p, totals[0], record, out_p)
-            motion.accumulate[flat](np.int32(stage), velocity, a, totals[1], record, out_v)
+            motion.accumulate[flat](np.int32(stage), position, rate_p, totals[0], parameters, out_p)
+            motion.accumulate[flat](np.int32(stage), velocity, a, totals[1], parameters, out_v)
             at["position"], at["velocity"] = out_p, out_v
 
         return run
@@ -227,20 +227,25 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         bound.pins[flat](sim.kept_position, at["position"], at["velocity"])
         if "motion" in sim.plan.parts:
             bound.moving_pins[flat](
-                at["position"], at["velocity"], record, sim.bodies, np.int64(moment.step), np.int32(moment.argument < 1)
+                at["position"],
+                at["velocity"],
+                parameters,
+                sim.bodies,
+                np.int64(moment.step),
+                np.int32(moment.argument < 1),
             )
 
     return bind_forces(sim, sim.plan.parts, position, a) | {
         "spring forces": spring_forces,
         "no forces": lambda moment: force.no_forces[flat](a),
         "wind": wind,
-        "damping": lambda moment: force.damping[flat](at["velocity"], record, a),
+        "damping": lambda moment: force.damping[flat](at["velocity"], parameters, a),
         f"integrate ({integrator})": integrate,
         "first half kick and drift": first_kick,
-        "second half kick": lambda moment: motion.second_kick[flat](velocity, a, record),
+        "second half kick": lambda moment: motion.second_kick[flat](velocity, a, parameters),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
         "collide": lambda moment: bound.collide[flat](
-            before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(moment.step)
+            before, at["position"], at["velocity"], parameters, sim.bodies, integers, np.int64(moment.step)
         ),
         "pins": pins,
     }

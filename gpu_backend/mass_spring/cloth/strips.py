@@ -29,7 +29,8 @@ from gpu_backend.core.tiling import Tile
 from gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
 from gpu_backend.mass_spring.cloth.point import make_accelerations, make_wind
 from gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
-from model.mass_spring.cloth_parameters import C_GRAVITY, CLOTH_PARAMETERS
+from model.core.tuples import reader
+from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS
 
 WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet goes on
 
@@ -122,7 +123,7 @@ def _make_forces(
         there, load_here, up_2, first = make_there(r), make_load(r * pitch), make_load((r - 2) * pitch), r == 0
 
         @inline
-        def spring_sum(shared, places, sides, here, ups, window, record):
+        def spring_sum(shared, places, sides, here, ups, window, parameters):
             """(sum on mass r, which is `here`; what the next mass gets for `ups`).
 
             `ups`: pulls on the masses at the upper ends of the springs to this mass from above, from two above, and to the
@@ -133,25 +134,28 @@ def _make_forces(
             above, below, below_2 = window[0], window[1], window[2]
             up, up_two, next_up_two = ups[0], ups[1], ups[2]
             if first:
-                up = structural(here, above, north, record)
-                up_two = bending(here, up_2(shared, places[0]), north_2, record)
-                next_up_two = bending(below, above, north, record)
-            down, down_two = structural(below, here, south, record), bending(below_2, here, south_2, record)
+                up = structural(here, above, north, parameters)
+                up_two = bending(here, up_2(shared, places[0]), north_2, parameters)
+                next_up_two = bending(below, above, north, parameters)
+            down, down_two = structural(below, here, south, parameters), bending(below_2, here, south_2, parameters)
             ax, ay, az = zero, zero, zero
             if has_structural:
-                right, left = structural(window[7], here, True, record), structural(window[4], here, True, record)
+                right, left = (
+                    structural(window[7], here, True, parameters),
+                    structural(window[4], here, True, parameters),
+                )
                 ax, ay, az = carried(right, left, down, up)
             if has_shear:
                 hx, hy, hz = paired(
-                    shear(window[8], here, east and south, record), shear(window[3], here, west and north, record),
-                    shear(window[5], here, west and south, record), shear(window[6], here, east and north, record),
+                    shear(window[8], here, east and south, parameters), shear(window[3], here, west and north, parameters),
+                    shear(window[5], here, west and south, parameters), shear(window[6], here, east and north, parameters),
                 )  # fmt: skip
                 if has_structural:
                     hx, hy, hz = ax + hx, ay + hy, az + hz
                 ax, ay, az = hx, hy, hz
             if has_bending:
-                right = bending(load_here(shared, places[4]), here, True, record)
-                left = bending(load_here(shared, places[3]), here, True, record)
+                right = bending(load_here(shared, places[4]), here, True, parameters)
+                left = bending(load_here(shared, places[3]), here, True, parameters)
                 bx, by, bz = carried(right, left, down_two, up_two)
                 if has_structural or has_shear:
                     bx, by, bz = ax + bx, ay + by, az + bz
@@ -164,7 +168,7 @@ def _make_forces(
         there = make_there(r)
 
         @inline
-        def wind_on(sides, here, window, record, air):
+        def wind_on(sides, here, window, parameters, air):
             north, south, _, _ = there(sides)
             west, east = sides & WEST != 0, sides & EAST != 0
             above, below, left, right = window[0], window[1], window[4], window[7]
@@ -172,7 +176,7 @@ def _make_forces(
             return wind_of(
                 here, right if east else here, below if south else here, left if west and south else here,
                 above if north and east else here, below_right if south and east else here, left if west else here,
-                above if north else here, above_left if north and west else here, record, air,
+                above if north else here, above_left if north and west else here, parameters, air,
             )  # fmt: skip
 
         return wind_on
@@ -202,14 +206,14 @@ def _make_mass(
 
         @inline
         def mass(
-            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies, integers,
+            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, parameters, bodies, integers,
             step, air, post, here, ups, window,
         ):  # fmt: skip
-            (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, record)
+            (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, parameters)
             if has_gravity:
-                ay = ay + record[C_GRAVITY]
+                ay = ay + parameters.gravity
             if has_wind:
-                wx, wy, wz = wind_on(sides, here, window, record, air)
+                wx, wy, wz = wind_on(sides, here, window, parameters, air)
                 ax, ay, az = ax + wx, ay + wy, az + wz
             next_here, next_window = here, window
             if not last:  # asked for before this mass is stored, since no load may overtake a store
@@ -225,7 +229,7 @@ def _make_mass(
                     if held & bit:
                         mark = load_quad(position, k)[3]
                 p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
-                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, record, bodies, integers, step)
+                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, parameters, bodies, integers, step)
                 vx[r], vy[r], vz[r] = ux, uy, uz
                 put(shared, new, px, py, pz, ux, uy, uz)
                 if sending & bit:
@@ -233,7 +237,7 @@ def _make_mass(
             if not last:
                 after(
                     shared, places, new, sides, active, sending, held, vx, vy, vz, np.int32(k + columns), columns, position,
-                    record, bodies, integers, step, air, post, next_here, next_ups, next_window,
+                    parameters, bodies, integers, step, air, post, next_here, next_ups, next_window,
                 )  # fmt: skip
 
         return mass
@@ -247,10 +251,10 @@ def make_cloth_strips(
 ) -> SimpleNamespace:
     """Device functions of a variant on a tile.
 
-    - `constants(record)`: the record's values as a tuple;
+    - `constants(parameters)`: the record's values, read once;
     - `put(shared, place, x, y, z, vx, vy, vz)`: store one, its velocity where that is kept;
     - `sides(i, j, rows, columns)`: the bits WEST ... of a strip whose first mass is in row i and column j;
-    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies,
+    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, parameters, bodies,
       integers, number, air, post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the
       planes that starts at `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass;
       `publish(k, x, y, z, vx, vy, vz, post)` is called for those with a bit in `sending`.
@@ -262,21 +266,10 @@ def make_cloth_strips(
     load_here, load_above, load_below = make_load(0), make_load(-pitch), make_load(pitch)
     load_two_below = make_load(2 * pitch if reach_of(parts) == 2 else 0)
     zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
-    assert len(CLOTH_PARAMETERS) == 30, "constants() spells every place of the record: add what is new"
-
-    @inline
-    def constants(record):
-        """Read once: in the kernel's loop they would be read again after each barrier."""
-        return (
-            record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7], record[8],
-            record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16], record[17],
-            record[18], record[19], record[20], record[21], record[22], record[23], record[24], record[25], record[26],
-            record[27], record[28], record[29],
-        )  # fmt: skip
 
     @inline
     def step(
-        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, record, bodies, integers,
+        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, parameters, bodies, integers,
         number, air, post,
     ):  # fmt: skip
         base = np.int32(old + place)
@@ -290,8 +283,8 @@ def make_cloth_strips(
         )  # fmt: skip
         none = (zero, zero, zero)
         first_mass(
-            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, record,
+            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, parameters,
             bodies, integers, number, air, post, load_here(shared, base), (none, none, none), window,
         )  # fmt: skip
 
-    return SimpleNamespace(constants=constants, put=put, sides=sides, step=step)
+    return SimpleNamespace(constants=reader(CLOTH_PARAMETERS, inline), put=put, sides=sides, step=step)

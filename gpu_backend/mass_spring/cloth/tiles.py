@@ -175,26 +175,26 @@ def make_tile_parts(
                 store_quad(new_velocity, here, vx[r], vy[r], vz[r], zero)
 
     @inline
-    def first_air(record, integers, step, shared, thread):
+    def first_air(parameters, integers, step, shared, thread):
         """The air of the first step, where it gusts: for all threads after the next barrier."""
         if has_gust:
             if thread == 0:
-                x, y, z = air_now(record, integers, step, zero)
+                x, y, z = air_now(parameters, integers, step, zero)
                 shared[airs], shared[airs + 1], shared[airs + 2] = x, y, z
 
     @inline
-    def air_of(record, integers, step, shared, thread, number):
+    def air_of(parameters, integers, step, shared, thread, number):
         """The air of a step; its first thread computes the next one's where it gusts."""
         if has_gust:
             now = np.int32(airs + 4 * np.int32(number & 1))
             later = np.int32(airs + 4 * np.int32(1 - (number & 1)))
             x, y, z = shared[now], shared[now + 1], shared[now + 2]
             if thread == 0:
-                ax, ay, az = air_now(record, integers, step + np.int64(1), zero)
+                ax, ay, az = air_now(parameters, integers, step + np.int64(1), zero)
                 shared[later], shared[later + 1], shared[later + 2] = ax, ay, az
             return x, y, z
         if has_wind:
-            return air_now(record, integers, step, zero)
+            return air_now(parameters, integers, step, zero)
         return zero, zero, zero
 
     return SimpleNamespace(
@@ -215,8 +215,8 @@ def _publish_nothing(math: str) -> Any:
 
 @cache
 def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
-    columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
+    """kernel(position, velocity, new_position, new_velocity, parameters, bodies, integers, counter, pass_number, passes,
+    rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
 
     Launched with one block a tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
     """
@@ -232,12 +232,13 @@ def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str
         position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes, rows,
         columns,
     ):  # fmt: skip
+        parameters = record[0]
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
         rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
         i, j, k, place, extent = place_of(rows, columns)
         _, row_first, row_end, _, column_first, column_end = extent
-        values, where = constants(record), sides(i, j, rows, columns)
+        values, where = constants(parameters), sides(i, j, rows, columns)
         first = current_step(counter, pass_number)
         clear(shared, thread)
         cuda.syncthreads()

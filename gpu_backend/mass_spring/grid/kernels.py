@@ -22,19 +22,13 @@ from numba import cuda
 from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
-from model.core.parameters import (
-    K_DT,
-    K_HALF_DT,
-    K_SIXTH_DT,
-    K_THIRD_DT,
-)  # fmt: skip
 
 
 @cache
 def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
-    Each is kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row,
+    Each is kernel(position, velocity, new_position, new_velocity, parameters, integers, counter, pass_number, pinned_row,
     pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's place after it,
     which rows hold pins and which masses are pinned.
     """
@@ -48,6 +42,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
             position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row, pinned,
             rows, columns,
         ):  # fmt: skip
+            parameters = record[0]
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)
@@ -56,8 +51,8 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 k = np.int32(i * columns + j)
                 step = current_step(counter, pass_number)
                 p, v = load_pair(position, k), load_pair(velocity, k)
-                ax, ay = spring_sum(position, k, i, j, rows, columns, record)
-                px, py, vx, vy = move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns)
+                ax, ay = spring_sum(position, k, i, j, rows, columns, parameters)
+                px, py, vx, vy = move(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns)
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
@@ -76,7 +71,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     """The four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
-    record, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
+    parameters, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
     velocity), the state of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
     point = make_point_functions(real, math, "rk4", parts)
@@ -87,14 +82,15 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
 
     def make_stage(stage: int) -> Any:
         offset = real((0.0, 0.5, 0.5, 1.0)[stage])
-        k_derivative = (K_HALF_DT, K_HALF_DT, K_DT, K_DT)[stage]
-        k_total = (K_SIXTH_DT, K_THIRD_DT, K_THIRD_DT, K_SIXTH_DT)[stage]
+        k_derivative = ("half_dt", "half_dt", "dt", "dt")[stage]
+        k_total = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")[stage]
         first, last = stage == 0, stage == 3
 
         def rk4_pass(
             position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
             record, integers, counter, pass_number, pinned_row, pinned, rows, columns,
         ):  # fmt: skip
+            parameters = record[0]
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)
@@ -103,14 +99,14 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 k = np.int32(i * columns + j)
                 p, v = load_pair(position, k), load_pair(velocity, k)
                 step = current_step(counter, pass_number)
-                ax, ay = spring_sum(position, k, i, j, rows, columns, record)
-                ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, offset)
+                ax, ay = spring_sum(position, k, i, j, rows, columns, parameters)
+                ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, parameters, integers, step, offset)
                 base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
                 if first:
                     total_p, total_v = base_p, base_v
                 else:
                     total_p, total_v = load_pair(total_position, k), load_pair(total_velocity, k)
-                derivative_dt, total_dt = record[k_derivative], record[k_total]
+                derivative_dt, total_dt = parameters[k_derivative], parameters[k_total]
                 px, sum_px = rk4_stage(base_p.real, v.real, total_p.real, derivative_dt, total_dt)
                 py, sum_py = rk4_stage(base_p.imag, v.imag, total_p.imag, derivative_dt, total_dt)
                 vx, sum_vx = rk4_stage(base_v.real, ax, total_v.real, derivative_dt, total_dt)

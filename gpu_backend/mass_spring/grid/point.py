@@ -18,35 +18,15 @@ from numba import cuda
 from gpu_backend.core.compile import kernel_options
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.pairs import load_pair
-from model.core.parameters import (
-    K_AMPLITUDE,
-    K_DAMPING,
-    K_DT,
-    K_EXTERNAL,
-    K_FIRST_STEP,
-    K_FIRST_TIME,
-    K_GRAVITY,
-    K_HALF_DT,
-    K_HALF_DT_SQUARED,
-    K_INERTIA,
-    K_INVERSE_DAMPING,
-    K_POKE_X,
-    K_POKE_Y,
-    K_SPACING,
-    K_STIFF,
-    K_STIFF_REST,
-    K_STIFFNESS,
-    K_STIFFNESS_REST,
-)  # fmt: skip
 from model.formulas import integrators, manufactured, random, springs
 
 
 def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
-    """spring_sum(position, k, i, j, rows, columns, record)."""
+    """spring_sum(position, k, i, j, rows, columns, parameters)."""
     has_springs, zero, one = "springs" in parts, real(0), np.int32(1)
 
     @device
-    def spring_sum(position, k, i, j, rows, columns, record):
+    def spring_sum(position, k, i, j, rows, columns, parameters):
         """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j, (0, 0) in a scene without springs."""
         if not has_springs:
             return zero, zero
@@ -55,7 +35,7 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
         right = load_pair(position, k + one if j < columns - 1 else k)
         above = load_pair(position, k - columns if i > 0 else k)
         below = load_pair(position, k + columns if i < rows - 1 else k)
-        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         right_x, right_y = spring_acceleration_2d(right.real - here.real, right.imag - here.imag, stiffness, rest)
         left_x, left_y = spring_acceleration_2d(left.real - here.real, left.imag - here.imag, stiffness, rest)
         below_x, below_y = spring_acceleration_2d(below.real - here.real, below.imag - here.imag, stiffness, rest)
@@ -63,25 +43,25 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
         return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
 
     @device
-    def uneven_pull(other, here, lower, record):
+    def uneven_pull(other, here, lower, parameters):
         """The pull on a mass at `here` from one at `other`, by a spring from row or column `lower` to the next."""
-        stiffness, rest = record[K_STIFFNESS], record[K_STIFFNESS_REST]
+        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         if lower & one:
-            stiffness, rest = record[K_STIFF], record[K_STIFF_REST]
+            stiffness, rest = parameters.stiff, parameters.stiff_rest
         return spring_acceleration_2d(other.real - here.real, other.imag - here.imag, stiffness, rest)
 
     @device
-    def uneven_spring_sum(position, k, i, j, rows, columns, record):
+    def uneven_spring_sum(position, k, i, j, rows, columns, parameters):
         """As `spring_sum`, where every second spring is stiffer: those from odd rows and columns to the next."""
         here = load_pair(position, k)
         left = load_pair(position, k - one if j > 0 else k)
         right = load_pair(position, k + one if j < columns - 1 else k)
         above = load_pair(position, k - columns if i > 0 else k)
         below = load_pair(position, k + columns if i < rows - 1 else k)
-        right_x, right_y = uneven_pull(right, here, j, record)
-        left_x, left_y = uneven_pull(left, here, j - one, record)
-        below_x, below_y = uneven_pull(below, here, i, record)
-        above_x, above_y = uneven_pull(above, here, i - one, record)
+        right_x, right_y = uneven_pull(right, here, j, parameters)
+        left_x, left_y = uneven_pull(left, here, j - one, parameters)
+        below_x, below_y = uneven_pull(below, here, i, parameters)
+        above_x, above_y = uneven_pull(above, here, i - one, parameters)
         return (right_x + left_x) + (below_x + above_x), (right_y + left_y) + (below_y + above_y)
 
     return uneven_spring_sum if {"springs", "alternating"} <= parts else spring_sum
@@ -103,42 +83,42 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     no_step = np.int64(0)
 
     @device
-    def add_gravity(ay, record):
+    def add_gravity(ay, parameters):
         if has_gravity:
-            ay = ay + record[K_GRAVITY]
+            ay = ay + parameters.gravity
         return ay
 
     @device
-    def add_external(ax, ay, k, record, integers, step):
+    def add_external(ax, ay, k, parameters, integers, step):
         word_x, word_y, _, _ = philox(integers[0], np.uint64(step), np.uint64(k))
-        return external(ax, record[K_EXTERNAL], word_x), external(ay, record[K_EXTERNAL], word_y)
+        return external(ax, parameters.external, word_x), external(ay, parameters.external, word_y)
 
     @device
-    def add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset):
+    def add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, offset):
         """The manufactured force at time (step + offset) dt, and the poke."""
         if has_manufactured:
-            time = stage_time(step, offset, record[K_DT], record[K_FIRST_STEP], record[K_FIRST_TIME])
+            time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
             fx, fy = manufactured_acceleration(
-                i, j, rows, columns, time, record[K_AMPLITUDE], record[K_INERTIA], record[K_SPACING],
-                record[K_STIFFNESS], record[K_STIFFNESS_REST], record[K_GRAVITY], record[K_DAMPING],
+                i, j, rows, columns, time, parameters.amplitude, parameters.inertia, parameters.spacing,
+                parameters.stiffness, parameters.stiffness_rest, parameters.gravity, parameters.damping,
             )  # fmt: skip
             ax, ay = ax + fx, ay + fy
         if has_poke:
             if np.int64(integers[1]) == k + 1:  # compared as they are, the two kinds of integer would meet as doubles
-                ax, ay = ax + record[K_POKE_X], ay + record[K_POKE_Y]
+                ax, ay = ax + parameters.poke_x, ay + parameters.poke_y
         return ax, ay
 
     @device
-    def acceleration(ax, ay, velocity, k, i, j, rows, columns, record, integers, step, offset):
+    def acceleration(ax, ay, velocity, k, i, j, rows, columns, parameters, integers, step, offset):
         """All that acts on mass k [m/s^2], the springs' pulls (ax, ay) given; with the damper where the integrator
         takes it explicitly."""
-        ay = add_gravity(ay, record)
+        ay = add_gravity(ay, parameters)
         if has_external:
-            ax, ay = add_external(ax, ay, k, record, integers, step)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, offset)
+            ax, ay = add_external(ax, ay, k, parameters, integers, step)
+        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, offset)
         if explicit_damping:
-            ax = damped(ax, velocity.real, record[K_DAMPING])
-            ay = damped(ay, velocity.imag, record[K_DAMPING])
+            ax = damped(ax, velocity.real, parameters.damping)
+            ay = damped(ay, velocity.imag, parameters.damping)
         return ax, ay
 
     @device
@@ -159,7 +139,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """How one mass moves in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is move(k, i, j, ax, ay, p, v, record, integers, step, rows, columns) -> (px, py, vx, vy): (ax, ay) is the sum
+    Each is move(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns) -> (px, py, vx, vy): (ax, ay) is the sum
     of the springs' pulls, p and v are the mass's own. `record` may be the array or a tuple of its values.
     """
     point = make_point_functions(real, math, integrator, parts)
@@ -172,49 +152,49 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     device = cuda.jit(device=True, **kernel_options(math))
 
     @device
-    def step_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
-        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, zero)
-        dt, half_dt_squared = record[K_DT], record[K_HALF_DT_SQUARED]
+    def step_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
+        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, parameters, integers, step, zero)
+        dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
         py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)
         return px, py, vx, vy
 
     @device
-    def opening_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
-        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, record, integers, step, zero)
-        dt, half_dt, rate = record[K_DT], record[K_HALF_DT], record[K_DAMPING]
+    def opening_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
+        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, parameters, integers, step, zero)
+        dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
         px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
         py, vy = first_half(p.imag, v.imag, ay, dt, half_dt, rate)
         return px, py, vx, vy
 
     @device
-    def closing_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
-        ay = add_gravity(ay, record)
+    def closing_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
+        ay = add_gravity(ay, parameters)
         if has_external:
-            ax, ay = add_external(ax, ay, k, record, integers, step - 1)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
-        half_dt, inverse_damping = record[K_HALF_DT], record[K_INVERSE_DAMPING]
+            ax, ay = add_external(ax, ay, k, parameters, integers, step - 1)
+        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, zero)
+        half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         vx = second_half(v.real, ax, half_dt, inverse_damping)
         vy = second_half(v.imag, ay, half_dt, inverse_damping)
         return p.real, p.imag, vx, vy
 
     @device
-    def middle_mass(k, i, j, ax, ay, p, v, record, integers, step, rows, columns):
+    def middle_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
-        ay = add_gravity(ay, record)
+        ay = add_gravity(ay, parameters)
         bx, by = ax, ay
         if has_external:
-            ax, ay = add_external(ax, ay, k, record, integers, step - 1)
-            bx, by = add_external(bx, by, k, record, integers, step)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, record, integers, step, zero)
+            ax, ay = add_external(ax, ay, k, parameters, integers, step - 1)
+            bx, by = add_external(bx, by, k, parameters, integers, step)
+        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, zero)
         if has_external:
-            bx, by = add_driven(bx, by, k, i, j, rows, columns, record, integers, step, zero)
+            bx, by = add_driven(bx, by, k, i, j, rows, columns, parameters, integers, step, zero)
         else:
             bx, by = ax, ay
-        half_dt, inverse_damping = record[K_HALF_DT], record[K_INVERSE_DAMPING]
+        half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         whole_x = second_half(v.real, ax, half_dt, inverse_damping)
         whole_y = second_half(v.imag, ay, half_dt, inverse_damping)
-        dt, rate = record[K_DT], record[K_DAMPING]
+        dt, rate = parameters.dt, parameters.damping
         px, vx = first_half(p.real, whole_x, bx, dt, half_dt, rate)
         py, vy = first_half(p.imag, whole_y, by, dt, half_dt, rate)
         return px, py, vx, vy

@@ -70,7 +70,7 @@ def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
 @cache
 def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
     """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed,
-    record, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old state to
+    parameters, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old state to
     the new one.
 
     `border_*` (2 * particles,): the borders of tiles, two in turn; `flags` (blocks * FLAG_STRIDE,) int32, compared with
@@ -87,6 +87,7 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
         position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed, record,
         integers, counter, passes, pinned, rows, columns,
     ):  # fmt: skip
+        parameters = record[0]
         both = cuda.shared.array(0, pair, alignment=ALIGNMENT)
         vx, vy = cuda.local.array(strip, real), cuda.local.array(strip, real)
         rows, columns = np.int32(rows), np.int32(columns)
@@ -105,7 +106,7 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             border = mine & ~bits_between(inner_first, inner_end, i)
             if (column_first > 0 and j < column_first + halo) or (column_end < columns and j >= column_end - halo):
                 border = mine
-        values = constants(record)
+        values = constants(parameters)
         read(position, velocity, vx, vy, both, place, i, j, rows, columns)
         held = held_bits(pinned, i, j, rows, columns)
         cuda.syncthreads()

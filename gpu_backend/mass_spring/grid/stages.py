@@ -14,16 +14,6 @@ from numba import cuda
 
 from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.mass_spring.grid.point import make_point_functions
-from model.core.parameters import (
-    K_DAMPING,
-    K_DT,
-    K_GRAVITY,
-    K_HALF_DT,
-    K_HALF_DT_SQUARED,
-    K_INVERSE_DAMPING,
-    K_SIXTH_DT,
-    K_THIRD_DT,
-)  # fmt: skip
 from model.core.plan import Moment, StageRun
 
 STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})
@@ -40,10 +30,11 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     zero = real(0)
 
     def spring_forces(position, record, a, rows, columns):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
             i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = spring_sum(position, k, i, j, np.int32(rows), np.int32(columns), record)
+            ax, ay = spring_sum(position, k, i, j, np.int32(rows), np.int32(columns), parameters)
             a[k] = pair(complex(ax, ay))
 
     def no_forces(a):
@@ -52,29 +43,35 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             a[k] = pair(complex(zero, zero))
 
     def gravity(record, a):
+        parameters = record[0]
         k = cuda.grid(1)
         if k < a.shape[0]:
-            a[k] = pair(complex(a[k].real, a[k].imag + record[K_GRAVITY]))
+            a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
 
     def external(record, integers, step, a):
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
-            ax, ay = external_point(a[k].real, a[k].imag, k, record, integers, step)
+            ax, ay = external_point(a[k].real, a[k].imag, k, parameters, integers, step)
             a[k] = pair(complex(ax, ay))
 
     def driven(record, integers, step, offset, a, rows, columns):
         """The manufactured force and the poke: whichever of them the scene has."""
+        parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
             i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = driven_point(a[k].real, a[k].imag, k, i, j, rows, columns, record, integers, step, real(offset))
+            ax, ay = driven_point(
+                a[k].real, a[k].imag, k, i, j, rows, columns, parameters, integers, step, real(offset)
+            )
             a[k] = pair(complex(ax, ay))
 
     def damping(velocity, record, a):
+        parameters = record[0]
         k = cuda.grid(1)
         if k < a.shape[0]:
-            ax = damped(a[k].real, velocity[k].real, record[K_DAMPING])
-            ay = damped(a[k].imag, velocity[k].imag, record[K_DAMPING])
+            ax = damped(a[k].real, velocity[k].real, parameters.damping)
+            ay = damped(a[k].imag, velocity[k].imag, parameters.damping)
             a[k] = pair(complex(ax, ay))
 
     kernels = (spring_forces, no_forces, gravity, external, driven, damping)
@@ -91,37 +88,41 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
     zero = real(0)
 
     def integrate(position, velocity, a, record):
+        parameters = record[0]
         k = cuda.grid(1)
         if k < a.shape[0]:
-            p, v, dt, half_dt_squared = position[k], velocity[k], record[K_DT], record[K_HALF_DT_SQUARED]
+            p, v, dt, half_dt_squared = position[k], velocity[k], parameters.dt, parameters.half_dt_squared
             px, vx = one_force(p.real, v.real, a[k].real, dt, half_dt_squared)
             py, vy = one_force(p.imag, v.imag, a[k].imag, dt, half_dt_squared)
             position[k] = pair(complex(px, py))
             velocity[k] = pair(complex(vx, vy))
 
     def first_kick(position, velocity, a, record):
+        parameters = record[0]
         k = cuda.grid(1)
         if k < a.shape[0]:
-            p, v, dt, half_dt, rate = position[k], velocity[k], record[K_DT], record[K_HALF_DT], record[K_DAMPING]
+            p, v, dt, half_dt, rate = position[k], velocity[k], parameters.dt, parameters.half_dt, parameters.damping
             px, vx = first_half(p.real, v.real, a[k].real, dt, half_dt, rate)
             py, vy = first_half(p.imag, v.imag, a[k].imag, dt, half_dt, rate)
             position[k] = pair(complex(px, py))
             velocity[k] = pair(complex(vx, vy))
 
     def second_kick(velocity, a, record):
+        parameters = record[0]
         k = cuda.grid(1)
         if k < a.shape[0]:
-            v, half_dt, inverse_damping = velocity[k], record[K_HALF_DT], record[K_INVERSE_DAMPING]
+            v, half_dt, inverse_damping = velocity[k], parameters.half_dt, parameters.inverse_damping
             vx = second_half(v.real, a[k].real, half_dt, inverse_damping)
             vy = second_half(v.imag, a[k].imag, half_dt, inverse_damping)
             velocity[k] = pair(complex(vx, vy))
 
     def accumulate(stage, base, rate, total, record, out):
         """One stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+        parameters = record[0]
         k = cuda.grid(1)
         if k < base.shape[0]:
-            derivative_dt = record[K_DT] if stage == 3 else record[K_HALF_DT]
-            total_dt = record[K_SIXTH_DT] if stage == 1 or stage == 4 else record[K_THIRD_DT]
+            derivative_dt = parameters.dt if stage == 3 else parameters.half_dt
+            total_dt = parameters.sixth_dt if stage == 1 or stage == 4 else parameters.third_dt
             before = base[k] if stage == 1 else total[k]
             x, sum_x = rk4_stage(base[k].real, rate[k].real, before.real, derivative_dt, total_dt)
             y, sum_y = rk4_stage(base[k].imag, rate[k].imag, before.imag, derivative_dt, total_dt)

@@ -20,8 +20,11 @@ from gpu_backend.core.device import simulated
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.core.tiling import Tile
 from model.core.parameters import PARAMETERS
+from model.core.tuples import reader
 
-RECORD = len(PARAMETERS)
+ON_TILES = PARAMETERS[
+    : PARAMETERS.index("stiff")
+]  # all but those of alternating springs, which no kernel on tiles runs
 
 
 ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 in one access; the simulator knows none
@@ -57,23 +60,13 @@ def make_bits_between(math: str, strip: int) -> Any:
 def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
     """What a thread of a tile begins with:
 
-    - `constants(record)`: the record's values as a tuple;
+    - `constants(parameters)`: the record's values, read once;
     - `read(position, velocity, vx, vy, both, place, i, j, rows, columns)`: its strip from device memory;
     - `held_bits(pinned, i, j, rows, columns)`: bit r is set where mass r of the strip is pinned.
     """
     has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
     pair = np.complex64 if real is np.float32 else np.complex128
     inline = inlined(math)
-
-    @inline
-    def constants(record):
-        """The record's values as a tuple, read once: in the kernel's loop they would be read again after each barrier.
-        All but those of alternating springs, which no kernel on tiles runs."""
-        return (
-            record[0], record[1], record[2], record[3], record[4], record[5], record[6], record[7],
-            record[8], record[9], record[10], record[11], record[12], record[13], record[14], record[15], record[16],
-            record[17],
-        )  # fmt: skip
 
     @inline
     def read(position, velocity, vx, vy, both, place, i, j, rows, columns):
@@ -97,7 +90,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
                         bits = bits | np.int32(1 << r)
         return bits
 
-    return SimpleNamespace(constants=constants, read=read, held_bits=held_bits)
+    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, held_bits=held_bits)
 
 
 def make_step(
@@ -109,7 +102,6 @@ def make_step(
     has_springs, has_pins = "springs" in parts, "pins" in parts
     pair = np.complex64 if real is np.float32 else np.complex128
     zero, strip, width = real(0), tile.strip, np.int32(tile.columns)
-    stiffness_place, rest_place = PARAMETERS.index("stiffness"), PARAMETERS.index("stiffness_rest")
     inline = inlined(math)
 
     @inline
@@ -124,10 +116,10 @@ def make_step(
 
     @inline
     def step(
-        both, old, new, vx, vy, held, place, left, right, above, below, i, j, record, integers, number, rows,
+        both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, number, rows,
         columns,
     ):  # fmt: skip
-        stiffness, rest = record[stiffness_place], record[rest_place]
+        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         p = load_pair(both, old + place)
         q, left_p, right_p = p, p, p
         up_x, up_y = zero, zero  # the pull between the mass above and this one, on the mass above
@@ -164,7 +156,7 @@ def make_step(
                 up_x, up_y = down_x, down_y
             k = np.int32(row * columns + j)
             v = pair(complex(vx[r], vy[r]))
-            px, py, vx[r], vy[r] = move(k, row, j, ax, ay, p, v, record, integers, number, rows, columns)
+            px, py, vx[r], vy[r] = move(k, row, j, ax, ay, p, v, parameters, integers, number, rows, columns)
             store_pair(both, new + here, px, py)
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:

@@ -82,7 +82,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
         @inline
         def run(
-            steps, number, old, both, vx, vy, held, place, left, right, above, below, i, j, record, integers, counter,
+            steps, number, old, both, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, counter,
             rows, columns,
         ):  # fmt: skip
             """`steps` steps from the copy of the positions at `old`; returns where the newest copy lies."""
@@ -90,7 +90,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
                 new = np.int32(half - old)
                 now = current_step(counter, number)
                 step(
-                    both, old, new, vx, vy, held, place, left, right, above, below, i, j, record, integers, now,
+                    both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, now,
                     rows, columns,
                 )  # fmt: skip
                 cuda.syncthreads()
@@ -131,7 +131,7 @@ def blocks_together(real: Any, tile: Tile) -> int:
 def make_tile_pass(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
 ) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned,
+    """kernel(position, velocity, new_position, new_velocity, parameters, integers, counter, pass_number, passes, pinned,
     rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
 
     Launched with one block a tile, blocks of (tile.columns, tile.strips) threads. `whole`: the grid is one tile;
@@ -150,12 +150,13 @@ def make_tile_pass(
         position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned, rows,
         columns,
     ):  # fmt: skip
+        parameters = record[0]
         both = cuda.shared.array(0, pair, alignment=ALIGNMENT)
         vx, vy = cuda.local.array(strip, real), cuda.local.array(strip, real)
         rows, columns = np.int32(rows), np.int32(columns)
         i, j, (place, left, right, above, below), owned = place_of(rows, columns)
         row_first, row_end, column_first, column_end = owned
-        values = constants(record)
+        values = constants(parameters)
         read(position, velocity, vx, vy, both, place, i, j, rows, columns)
         held = held_bits(pinned, i, j, rows, columns)
         cuda.syncthreads()

@@ -25,7 +25,7 @@ def test_one_mass_meets_a_collider_on_the_gpu(name: str, real: type) -> None:
     @cuda.jit
     def kernel(before, given, record, bodies, integers, out):
         made = collide(
-            before, given[0], given[1], given[2], given[3], given[4], given[5], record, bodies, integers, STEP
+            before, given[0], given[1], given[2], given[3], given[4], given[5], record[0], bodies, integers, STEP
         )
         for k in range(6):
             out[k] = made[k]
