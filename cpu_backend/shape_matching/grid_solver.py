@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.core.compile import Compiler
-from cpu_backend.core.force_stages import bind_forces
 from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
+from cpu_backend.core.own_forces import bind_forces
 from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.shape_matching.matching import STATES, make_matching_advance, scratch_places
 from cpu_backend.shape_matching.matching_rows import CLUSTER

@@ -14,11 +14,13 @@ from numba import prange
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
+from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.shape_matching.damping import at_damping, make_damping
 from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from model.core.own_forces import own_forces
 from model.formulas import distance
 from model.formulas.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
@@ -49,14 +51,15 @@ def make_matching_stages(real: Any, math: str, shaping: frozenset[str] = frozens
 
 @cache
 def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that look at one particle, a parallel loop each: `gravity`, `poke`, `predict`, `update`, `collide`. `count`:
-    particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
+    """The stages that look at one particle, a parallel loop each: `gravity`, `own` by name, `predict`, `update`, `collide`.
+    `count`: particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
     compiler = Compiler(cloth_variant("bodies_stages", real, math, parts), math)
     made = make_particles(compiler, real, parts)
     rate_some, collide_some = made.rate, made.collide
 
     formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
+    kicked, kept, predicted = formulas.kicked, formulas.kept, formulas.predicted
+    no_step = np.int64(0)
     has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
 
     def gravity(count, record, a):
@@ -64,11 +67,16 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         for k in prange(count):
             a[count + k] = a[count + k] + gravity
 
-    def poke(count, weights, record, poked, a):
-        force = record[0].poke_x, record[0].poke_y, record[0].poke_z
-        for axis in prange(AXES):
-            if poked >= 0:
-                a[axis * count + poked] = added(a[axis * count + poked], weights[poked], force[axis])
+    def stage_of(part: str) -> Any:
+        own = make_own_force(compiler, real, AXES, frozenset({part, "load"}))
+
+        def own_force(count, weights, record, integers, a):
+            for k in prange(count):
+                found = own((a[k], a[count + k], a[2 * count + k]), k, weights[k], record[0], integers, no_step)
+                for axis in range(AXES):
+                    a[axis * count + k] = found[axis]
+
+        return compiler.kernel(own_force)
 
     def predict(count, before, position, velocity, weights, record, a):
         h = record[0].dt
@@ -88,8 +96,8 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         collide_some(first, last, count, number, before, position, velocity, weights, parameters, bodies, kinds)
 
     return SimpleNamespace(
-        gravity=compiler.kernel(gravity), poke=compiler.kernel(poke), predict=compiler.kernel(predict),
-        update=compiler.banded(update), collide=compiler.banded(collide),
+        gravity=compiler.kernel(gravity), own={force.stage: stage_of(force.part) for force in own_forces(parts)},
+        predict=compiler.kernel(predict), update=compiler.banded(update), collide=compiler.banded(collide),
     )  # fmt: skip
 
 
@@ -129,8 +137,8 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
 @cache
 def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
-    own_factors, rotation, frames, scratch, parameters, poked, bodies, kinds): many steps in one call. Groups of bodies know
-    nothing of each other, so that a thread takes a group, which its second cache holds, through all steps.
+    own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds): many steps in one call. Groups of bodies
+    know nothing of each other, so that a thread takes a group, which its second cache holds, through all steps.
 
     `bounds` (bands + 1,): the bands' first groups; `groups` (groups, 5) int64: first and last particle, first and last
     cluster, whether they are lone; `even`: positions when it begins, and after every other substep.
@@ -143,7 +151,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def pass_lone(
         low, high, number, iterations, before, after, velocity, weights, arrays, factors, rotation, frames, room, parameters,
-        poked, bodies, kinds,
+        integers, bodies, kinds,
     ):  # fmt: skip
         starts, firsts, count = arrays[0], arrays[1], weights.size
         for iteration in range(iterations):
@@ -151,7 +159,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 first = np.int64(firsts[c])
                 if iteration == 0:
                     last = first + (starts[c + 1] - starts[c])
-                    begin(first, last, count, before, after, velocity, weights, parameters, poked)
+                    begin(first, last, count, before, after, velocity, weights, parameters, integers)
                 sum_up(c, c - low, after, count, arrays, room)
             turn(low, high, after, count, arrays, rotation, rotation, frames, room)
             for c in range(low, high):
@@ -179,10 +187,10 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     @compiler.compiled
     def pass_any(
         first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own, own_factors, rotation,
-        frames, room, parameters, poked, bodies, kinds,
+        frames, room, parameters, integers, bodies, kinds,
     ):  # fmt: skip
         count = weights.size
-        begin(first, last, count, before, after, velocity, weights, parameters, poked)
+        begin(first, last, count, before, after, velocity, weights, parameters, integers)
         for _ in range(iterations):
             for c in range(low, high, LANES):
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
@@ -191,7 +199,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     def advance(
         band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
-        own_factors, rotation, frames, scratch, parameters, poked, bodies, kinds,
+        own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds,
     ):  # fmt: skip
         room = row_at(scratch, np.int64(SCRATCH * LANES * band))
         for g in range(bounds[band], bounds[band + 1]):
@@ -203,12 +211,12 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                     for c in range(low, high, LANES):
                         pass_lone(
                             c, min(c + LANES, high), number, iterations, before, after, velocity, weights, arrays,
-                            factors, rotation, frames, room, parameters, poked, bodies, kinds,
+                            factors, rotation, frames, room, parameters, integers, bodies, kinds,
                         )  # fmt: skip
                 else:
                     pass_any(
                         first, last, low, high, number, iterations, before, after, velocity, weights, arrays, own,
-                        own_factors, rotation, frames, room, parameters, poked, bodies, kinds,
+                        own_factors, rotation, frames, room, parameters, integers, bodies, kinds,
                     )  # fmt: skip
 
     return compiler.banded(advance)

@@ -11,11 +11,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from model.formulas import distance, random, shape_matching
+from cpu_backend.core.own_forces import make_own_row
+from model.core.own_forces import own_forces
+from model.formulas import distance, shape_matching
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 
 LINE = 4  # sums along a row of masses
@@ -154,25 +154,16 @@ def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     compiled, row = compiler.compiled, compiler.row
     points, moved = distance.make(real, compiled), shape_matching.make(real, compiled).moved
     kicked, predicted, rate_of = points.kicked, points.predicted, points.rate
-    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
+    add_own, has_own = make_own_row(compiler, real, 2, parts), bool(own_forces(parts))
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
-    has_external, has_poke = "external" in parts, "poke" in parts
     zero, one = real(0), real(1)
 
     @compiled
     def accelerate(i, step, columns, stride, parameters, integers, kick):
         for j in range(columns):
             kick[j], kick[stride + j] = zero, parameters.gravity if has_gravity else zero
-        if has_external:
-            for j in range(columns):
-                words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
-                kick[j] += add_external(zero, parameters.external, words[0])
-                kick[stride + j] += add_external(zero, parameters.external, words[1])
-        if has_poke:
-            poked = np.int64(integers[1]) - 1  # -1: none
-            if poked >= 0 and poked // columns == i:
-                kick[poked % columns] += parameters.poke_x
-                kick[stride + poked % columns] += parameters.poke_y
+        if has_own:
+            add_own(columns, i * columns, step, parameters, integers, kick, row_at(kick, stride))
 
     @row
     def predict(columns, position, velocity, acceleration, weights, parameters, out):

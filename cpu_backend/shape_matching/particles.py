@@ -6,9 +6,13 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
+from cpu_backend.core.own_forces import make_own_force
+from cpu_backend.shape_matching.kernels import AXES
 from model.formulas import distance
 from model.formulas.cluster import LANES
 
@@ -16,16 +20,15 @@ from model.formulas.cluster import LANES
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities; `collide`."""
     formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted, added, rate_of = (
-        formulas.kicked, formulas.kept, formulas.predicted, formulas.added, formulas.rate
-    )  # fmt: skip
+    kicked, kept, predicted, rate_of = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide_mass(compiler, real, parts)
-    has_gravity, has_poke, has_damping = "gravity" in parts, "poke" in parts, "damping" in parts
+    own = make_own_force(compiler, real, AXES, parts | {"load"})  # every particle has its weight
+    has_gravity, has_damping, no_step = "gravity" in parts, "damping" in parts, np.int64(0)
     has_spare, zero, one = "spare" in parts, real(0), real(1)
 
     @compiler.row
-    def predict_rows(blocks, poked, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
-        """`poked`: which of them is, or one that is not there."""
+    def predict_rows(blocks, first, integers, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
+        """`first`: the place of the first of them."""
         h = parameters.dt
         for block in range(blocks):
             for lane in range(LANES):
@@ -34,11 +37,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 ax, ay, az = zero, zero, zero
                 if has_gravity:
                     ay = ay + parameters.gravity
-                if has_poke:
-                    here = one if k == poked else zero
-                    ax = added(ax, w, here * parameters.poke_x)
-                    ay = added(ay, w, here * parameters.poke_y)
-                    az = added(az, w, here * parameters.poke_z)
+                ax, ay, az = own((ax, ay, az), first + k, w, parameters, integers, no_step)
                 keep = kept(parameters.braking, w) if has_damping else one
                 px = predicted(x[k], h, kicked(vx[k], keep, h, ax))
                 py = predicted(y[k], h, kicked(vy[k], keep, h, ay))
@@ -48,10 +47,10 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 to_z[k] = pz if not has_spare or w > zero else z[k]
 
     @compiler.compiled
-    def begin(first, last, count, before, after, velocity, weights, parameters, poked):
+    def begin(first, last, count, before, after, velocity, weights, parameters, integers):
         """The particles from `first` to before `last`, of `count` of a plane."""
         predict_rows(
-            (last - first) // LANES, poked - first, parameters, row_at(weights, first), row_at(before, first),
+            (last - first) // LANES, first, integers, parameters, row_at(weights, first), row_at(before, first),
             row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
             row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
             row_at(after, count + first), row_at(after, 2 * count + first),

@@ -27,6 +27,7 @@ from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stag
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
 from cpu_backend.shape_matching.together import make_bodies_together
+from model.core.own_forces import POKED
 from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.mass_spring.cloth_parameters import collider_numbers
@@ -66,7 +67,7 @@ class Bodies(ParticlesSimulation):
         self._frames = aligned_zeros(FRAME * clusters, real)
         self._factors = np.zeros(len(self.layout.of_entry), real)
         self._own_factors = np.zeros(len(self.layout.of_own), real)
-        self._poked = -1
+        self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py, particles by their places
         self._set_colliders(collider_numbers(scene, real))
         self._bands = max(1, min(self.threads, count // LANES))
         self._scratch = aligned_zeros(SCRATCH * LANES * self._bands, real)
@@ -103,7 +104,7 @@ class Bodies(ParticlesSimulation):
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
         middle = self._velocity, self._weights, self._material.steps
         own = self.layout.own, self._own_factors, self._rotation, self._frames, self._scratch
-        last = self.parameters, self._poked, self.bodies, self.kinds
+        last = self.parameters, self.integers, self.bodies, self.kinds
         times = steps, step, method.substeps, method.iterations
         if self._apart:
             make_bodies_apart(*variant)(
@@ -134,6 +135,9 @@ class Bodies(ParticlesSimulation):
 
         def predict(moment: Moment) -> None:
             stage.predict(count, before, position, velocity, self._weights, self.record, a)
+
+        def own(force: Any) -> StageRun:
+            return lambda moment: force(count, self._weights, self.record, self.integers, a)
 
         def move(moment: Moment) -> None:
             goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
@@ -179,7 +183,7 @@ class Bodies(ParticlesSimulation):
 
         return {f"project links {number}": link(number) for number in range(len(starts) - 1)} | {
             "gravity": lambda moment: stage.gravity(count, self.record, a),
-            "poke": lambda moment: stage.poke(count, self._weights, self.record, self._poked, a),
+            **{name: own(force) for name, force in stage.own.items()},
             "predict": predict,
             "match clusters": lambda moment: self._match(self._rotation, self._lattices.rotation, self._material.steps),
             "move to goals": move,
@@ -225,7 +229,7 @@ class Bodies(ParticlesSimulation):
         return self._even, self._velocity, self.layout.slots, self.layout.count
 
     def _parameters_changed(self) -> None:
-        self._poked = int(self.layout.slots[self._poke_particle]) if self._poke_particle >= 0 else -1
+        self.integers[POKED] = self.layout.slots[self._poke_particle] + 1 if self._poke_particle >= 0 else 0
         if self.contacts:
             self.contacts.change(self.scene)
         self._set_factors()

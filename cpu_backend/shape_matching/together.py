@@ -29,8 +29,8 @@ from model.shape_matching.links import LINKS
 
 
 def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:
-    """end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, poked, bodies,
-    kinds, contacts): what a member of a team does when particles have come to their goals, and where it `goes_on` the
+    """end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, integers,
+    bodies, kinds, contacts): what a member of a team does when particles have come to their goals, and where it `goes_on` the
     predictions of the next substep."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin, rate, collide, has_bodies = of_one.begin, of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
@@ -44,7 +44,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 
     @compiler.compiled
     def end(
-        team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, poked, bodies,
+        team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, integers, bodies,
         kinds, contacts,
     ):  # fmt: skip
         numbers, _, _, _, neighbours, touching, olds = contacts
@@ -85,7 +85,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
             if rebounds:
                 strike(first, last, velocity, count, arrays)
             elif goes_on:
-                begin(first, last, count, after, before, velocity, weights, parameters, poked)
+                begin(first, last, count, after, before, velocity, weights, parameters, integers)
         if rebounds:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -95,7 +95,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 go(first, last, after, velocity, count, arrays)
                 if goes_on:
-                    begin(first, last, count, after, before, velocity, weights, parameters, poked)
+                    begin(first, last, count, after, before, velocity, weights, parameters, integers)
 
     return end
 
@@ -103,7 +103,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
-    rotation, frames, scratch, parameters, poked, bodies, kinds, contacts, lattices, lattice_frames): as
+    rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames): as
     loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
     of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
@@ -120,14 +120,14 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
-        own_factors, rotation, frames, scratch, parameters, poked, bodies, kinds, contacts, lattices, lattice_frames,
+        own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames,
     ):  # fmt: skip
         numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-            begin(first, last, count, even, odd, velocity, weights, parameters, poked)
+            begin(first, last, count, even, odd, velocity, weights, parameters, integers)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
             number, goes_on = step * substeps + n, n < passes - 1
@@ -170,7 +170,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                                     kinds,
                                 )
                             if goes_on:
-                                begin(first, last, count, after, before, velocity, weights, parameters, poked)
+                                begin(first, last, count, after, before, velocity, weights, parameters, integers)
                 if has_lattices:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
@@ -178,7 +178,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
             if not at_once:
                 end(
                     team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,
-                    poked, bodies, kinds, contacts,
+                    integers, bodies, kinds, contacts,
                 )  # fmt: skip
 
     return compiler.team(advance)

@@ -1,4 +1,5 @@
-"""The accelerations of a substep that are not alike for all masses: wind, external force, poke; into planes of their own.
+"""The accelerations of a substep that are not alike for all masses: wind, and what acts on one by itself; into planes of
+their own.
 
 Wind is the mass-spring cloth's (mass_spring/cloth/wind.py), whose walk goes along rows that are not combed: the sheet is
 copied for it.
@@ -13,6 +14,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
+from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.mass_spring.cloth.scratch import AXES, make_scratch, triples_of
 from cpu_backend.mass_spring.cloth.wind import make_winds
 from cpu_backend.xpbd.layout import (
@@ -27,9 +29,15 @@ from cpu_backend.xpbd.layout import (
     P_STRIDE,
     P_WIND_SCRATCH,
 )
-from model.formulas import distance, random
+from model.core.own_forces import own_forces
+from model.formulas import distance
 
-FORCES = frozenset({"wind", "external", "poke"})
+
+def has_forces(parts: frozenset[str]) -> bool:
+    """Whether masses differ in what accelerates them, so that it needs planes of its own."""
+    return "wind" in parts or bool(own_forces(parts))
+
+
 WIND_PARTS = frozenset({"wind", "gust"})
 
 
@@ -55,27 +63,9 @@ def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
 def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> Any:
     """add_forces(i, step, memory, places, parameters, integers, weights): the accelerations of row `i`, into its planes.
     Where there is wind it lies there already, with gravity. `weights`: where those of the row begin."""
-    compiled, block = compiler.compiled, block_of(real)
-    added = distance.make(real, compiled).added
-    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
-    has_load, has_gravity, has_wind = "load" in parts, "gravity" in parts, "wind" in parts
-    has_external, has_poke = "external" in parts, "poke" in parts
+    compiled, block, own = compiler.compiled, block_of(real), make_own_force(compiler, real, axes, parts)
+    has_gravity, has_wind, has_own = "gravity" in parts, "wind" in parts, bool(own_forces(parts))
     zero = real(0)
-
-    @compiled
-    def weighed(acceleration, weight, force):
-        return added(acceleration, weight, force) if has_load else acceleration + force
-
-    @compiled
-    def add_external_row(i, step, here, memory, places, parameters, integers, weights):
-        columns, plane, spacing = places[P_COLUMNS], places[P_PLANE], places[P_CLASS]
-        for j in range(columns):
-            words = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
-            lane = j % classes * spacing + j // classes
-            for axis in range(axes):
-                place = here + axis * plane + lane
-                force = add_external(zero, parameters.external, words[axis])
-                memory[place] = weighed(memory[place], memory[weights + lane], force)
 
     @compiled
     def add_forces(i, step, memory, places, parameters, integers, weights):
@@ -87,17 +77,17 @@ def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
                 for k in range(classes):
                     for j in range(places[P_BLOCKS] * block):
                         memory[here + axis * plane + k * spacing + j] = base
-        if has_external:
-            add_external_row(i, step, here, memory, places, parameters, integers, weights)
-        if has_poke:
-            poked = np.int64(integers[1]) - 1  # -1: none
-            force = parameters.poke_x, parameters.poke_y, parameters.poke_z
-            if poked >= 0 and poked // columns == i:
-                j = poked % columns
+        if has_own:
+            for j in range(columns):
                 lane = j % classes * spacing + j // classes
+                place, k, weight = here + lane, i * columns + j, memory[weights + lane]
+                if axes == 2:
+                    a = own((memory[place], memory[place + plane]), k, weight, parameters, integers, step)
+                else:
+                    here_now = memory[place], memory[place + plane], memory[place + 2 * plane]
+                    a = own(here_now, k, weight, parameters, integers, step)
                 for axis in range(axes):
-                    place = here + axis * plane + lane
-                    memory[place] = weighed(memory[place], memory[weights + lane], force[axis])
+                    memory[place + axis * plane] = a[axis]
 
     return add_forces
 

@@ -10,15 +10,14 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.constraints import make_colours, make_projections, make_rows
+from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
-from model.formulas import distance, random
+from model.formulas import distance
 from model.scene.cloth import COLLIDER_KINDS
 from model.xpbd.mesh_constraints import projections_of
 
@@ -34,10 +33,9 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     compiled = compiler.compiled
     formulas = distance.make(real, compiled)
     kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
-    philox, add_external = random.make_philox(compiled), random.make(real, compiled).add_external
+    own = make_own_force(compiler, real, AXES, parts | {"load"})  # every mass has its weight
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
-    has_gravity, has_wind, has_external = "gravity" in parts, "wind" in parts, "external" in parts
-    has_poke, has_damping = "poke" in parts, "damping" in parts
+    has_gravity, has_wind, has_damping = "gravity" in parts, "wind" in parts, "damping" in parts
     zero, one = real(0), real(1)
 
     @compiled
@@ -72,15 +70,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             if has_wind:
                 fx, fy, fz = wind_of(k, air, before, velocity, parameters, wind_lists)
                 ax, ay, az = added(ax, w, fx), added(ay, w, fy), added(az, w, fz)
-            if has_external:
-                words, most = philox(integers[0], np.uint64(step), np.uint64(k)), parameters.external
-                ax = added(ax, w, add_external(zero, most, words[0]))
-                ay = added(ay, w, add_external(zero, most, words[1]))
-                az = added(az, w, add_external(zero, most, words[2]))
-            if has_poke and np.int64(integers[1]) == k + 1:
-                ax = added(ax, w, parameters.poke_x)
-                ay = added(ay, w, parameters.poke_y)
-                az = added(az, w, parameters.poke_z)
+            ax, ay, az = own((ax, ay, az), k, w, parameters, integers, step)
             keep = kept(parameters.braking, w) if has_damping else one
             position[k, 0] = predicted(before[k, 0], h, kicked(velocity[k, 0], keep, h, ax))
             position[k, 1] = predicted(before[k, 1], h, kicked(velocity[k, 1], keep, h, ay))

@@ -17,7 +17,7 @@ from cpu_backend.core.layout import Layout, aligned_zeros, block_of, plain
 from cpu_backend.core.simulation import RowsSimulation, chosen_kernel
 from cpu_backend.mass_spring.cloth.normals import make_normals
 from cpu_backend.mass_spring.cloth.scratch import scratch_width, triples_of
-from cpu_backend.xpbd.forces import FORCES, WIND_PARTS
+from cpu_backend.xpbd.forces import WIND_PARTS, has_forces
 from cpu_backend.xpbd.jacobi import displacement_triples
 from cpu_backend.xpbd.jacobi_kernel import make_jacobi_advance
 from cpu_backend.xpbd.layout import PLACES, Combed, classes_of, combed
@@ -137,7 +137,7 @@ class PositionBased(RowsSimulation):
         sizes = {
             "state": layout.size,
             "before": axes * plane if keeps_velocity(parts) else 0,
-            "acceleration": axes * plane if parts & FORCES else 0,
+            "acceleration": axes * plane if has_forces(parts) else 0,
             "other": layout.size if parts & JACOBI else 0,
             "multipliers": len(FAMILIES) * plane * (1 + bool(parts & JACOBI)) if several else 0,
             "weights": rows[0] * layout.stride,

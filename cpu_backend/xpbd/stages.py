@@ -14,7 +14,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from cpu_backend.core.force_stages import bind_forces
+from cpu_backend.core.own_forces import bind_forces
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_wind_stage
 from cpu_backend.mass_spring.cloth.stages import make_collide_stage

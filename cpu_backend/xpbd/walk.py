@@ -15,7 +15,7 @@ from typing import Any
 from cpu_backend.contact.colliders import make_collide_row
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import block_of, row_at
-from cpu_backend.xpbd.forces import FORCES, make_forces
+from cpu_backend.xpbd.forces import has_forces, make_forces
 from cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_ANCHORS,
@@ -86,8 +86,8 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
     after which come those of velocities where there are colliders. Else velocities have one place, whichever positions are.
     `end_iteration(i, position, sheet)`: attachments. `end_row(i, substep, position, sheet)`: velocity and colliders."""
     apart = keeps_velocity(parts)
-    has_forces, has_attachments = bool(parts & FORCES), "attachments" in parts
-    rows = make_motion_rows(compiler, real, parts, apart, has_forces)
+    forces_differ, has_attachments = has_forces(parts), "attachments" in parts
+    rows = make_motion_rows(compiler, real, parts, apart, forces_differ)
     predict, predict_uneven, keep_of = rows.predict, rows.predict_uneven, rows.keep_of
     finish, hold = rows.finish, rows.hold
     add_forces = make_forces(compiler, real, axes, parts, classes)
@@ -107,7 +107,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
     def begin_row(i, step, position, sheet):
         memory, places, parameters, integers, _, _, row_places, row_uneven, _ = sheet
         keep = keep_of(parameters.keep, parameters.braking)
-        if has_forces:
+        if forces_differ:
             add_forces(i, step, memory, places, parameters, integers, row_places[0, i])
         for axis in range(axes):
             gravity = parameters.gravity if has_gravity and axis == 1 else zero

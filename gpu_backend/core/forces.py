@@ -1,6 +1,5 @@
-"""Forces that look at one particle alone, for all solvers of quads: gravity, the external force, a poke.
+"""Forces that look at one particle alone (model/core/own_forces.py) on CUDA, and their stages for all solvers of quads.
 
-What acts on a particle by itself is added here, once; kernels call `add_own` and do not know which forces there are.
 Accelerations are [m/s^2]; a force is divided by the sheet's mass, and counted by a particle's `weight`, that mass over its
 own, where the scene has a `load`.
 """
@@ -16,25 +15,24 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import EXTERNAL_SEED, POKED
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from model.core.own_forces import OWN_FORCES, make_own, own_forces
 from model.core.plan import StageRun
-from model.formulas import distance, random
+from model.formulas import distance
 
-OWN = frozenset({"gravity", "external", "poke", "load"})  # the parts that these functions ask for
+OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions ask for
 
 
 @cache
 def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Device functions, each (ax, ay, az, ...) -> (ax, ay, az): `add_force(..., fx, fy, fz, weight)`; `add_gravity(...,
-    parameters)`; `add_external(..., k, weight, parameters, integers, step)`, `add_poke` of the same arguments; `add_own`,
-    both of these, in this order."""
-    added = device_formulas(distance.make, real, math).added
-    external = device_formulas(random.make, real, math).add_external
-    inline = inlined(math)
-    philox = random.make_philox(inline)
-    has_gravity, has_external = "gravity" in parts, "external" in parts
-    has_poke, has_load, zero = "poke" in parts, "load" in parts, real(0)
+    parameters)`; `add_own(..., k, weight, parameters, integers, step)`, all of model/core/own_forces.py."""
+    added, own, inline = (
+        device_formulas(distance.make, real, math).added,
+        make_own_force(real, math, 3, parts),
+        inlined(math),
+    )
+    has_gravity, has_load = "gravity" in parts, "load" in parts
 
     @inline
     def add_force(ax, ay, az, fx, fy, fz, weight):
@@ -49,60 +47,44 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return ax, ay, az
 
     @inline
-    def add_external(ax, ay, az, k, weight, parameters, integers, step):
-        if has_external:
-            word_x, word_y, word_z, _ = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k))
-            magnitude = parameters.external
-            fx, fy = external(zero, magnitude, word_x), external(zero, magnitude, word_y)
-            fz = external(zero, magnitude, word_z)
-            ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
-        return ax, ay, az
-
-    @inline
-    def add_poke(ax, ay, az, k, weight, parameters, integers, step):
-        if has_poke:
-            if np.int64(integers[POKED]) == k + 1:  # as they are, the two kinds of integer would meet as doubles
-                fx, fy, fz = parameters.poke_x, parameters.poke_y, parameters.poke_z
-                ax, ay, az = add_force(ax, ay, az, fx, fy, fz, weight)
-        return ax, ay, az
-
-    @inline
     def add_own(ax, ay, az, k, weight, parameters, integers, step):
-        ax, ay, az = add_external(ax, ay, az, k, weight, parameters, integers, step)
-        return add_poke(ax, ay, az, k, weight, parameters, integers, step)
+        return own((ax, ay, az), k, weight, parameters, integers, step)
 
-    return SimpleNamespace(
-        add_force=add_force, add_gravity=add_gravity, add_external=add_external, add_poke=add_poke, add_own=add_own
-    )
+    return SimpleNamespace(add_force=add_force, add_gravity=add_gravity, add_own=add_own)
+
+
+@cache
+def make_own_force(real: Any, math: str, axes: int, parts: frozenset[str]) -> Any:
+    """own(a, k, weight, parameters, integers, step), see model/core/own_forces.py."""
+    return make_own(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
 
 
 @cache
 def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """The stages of these forces, by name: kernels (position, parameters, integers, step, a), which add to the accelerations
-    `a` (quads); the weights lie in `position`."""
-    forces, zero = make_forces(real, math, parts), real(0)
-    add_gravity = forces.add_gravity
+    """The stages of gravity and of these forces, by name: kernels (position, record, integers, step, a), which add to the
+    accelerations `a` (quads); the weights lie in `position`."""
+    add_gravity, zero = make_forces(real, math, parts).add_gravity, real(0)
 
     def gravity(position, record, integers, step, a):
-        parameters = record[0]
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         if k < a.size // SIZE:
             b = load_quad(a, k)
-            ax, ay, az = add_gravity(b[0], b[1], b[2], parameters)
+            ax, ay, az = add_gravity(b[0], b[1], b[2], record[0])
             store_quad(a, k, ax, ay, az, zero)
 
-    def stage_of(add: Any) -> Any:
+    def stage_of(own: Any) -> Any:
         def force(position, record, integers, step, a):
-            parameters = record[0]
             k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
             if k < a.size // SIZE:
                 b, p = load_quad(a, k), load_quad(position, k)
-                ax, ay, az = add(b[0], b[1], b[2], k, p[3], parameters, integers, step)
+                ax, ay, az = own((b[0], b[1], b[2]), k, p[3], record[0], integers, step)
                 store_quad(a, k, ax, ay, az, zero)
 
         return force
 
-    stages = {"gravity": gravity, "external force": stage_of(forces.add_external), "poke": stage_of(forces.add_poke)}
+    load = parts & {"load"}
+    stages = {"gravity": gravity}
+    stages |= {force.stage: stage_of(make_own_force(real, math, 3, load | {force.part})) for force in own_forces(parts)}
     variant = variant_name(real, math, parts & OWN)
     return {name: make_kernel(stage, f"forces_{variant}", **kernel_options(math)) for name, stage in stages.items()}
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.core.own_forces import EXTERNAL_SEED, own_changes
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
 INTEGERS = 9
-# POKED: 1 + it, 0 for none
-EXTERNAL_SEED, POKED, WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(INTEGERS)
+# after EXTERNAL_SEED and POKED
+WIND_SEED, PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS = range(2, INTEGERS)
 COUNTS = (PLANES, SPHERES, CAPSULES, BOXES, MESHES, FIELDS)
 COLLIDER_COUNTS = tuple(zip(COUNTS, COLLIDER_KINDS, strict=True))  # place, kind
 COLLIDERS = frozenset(COLLIDER_KINDS)
@@ -17,7 +18,7 @@ COLLIDERS = frozenset(COLLIDER_KINDS)
 
 def knows_time(parts: frozenset[str]) -> bool:
     """Whether anything depends on the number of the step."""
-    return bool(parts & {"external", "gust", "motion"} or parts & COLLIDERS)
+    return bool(own_changes(parts) or parts & {"gust", "motion"} or parts & COLLIDERS)
 
 
 def integers_of(scene: Scene) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from model.core.clock import START, Clock
 from model.core.errors import SceneError
 from model.core.integrators import damping_rate
+from model.core.own_forces import own_fields, own_names, own_values
 from model.scene.scene import Scene
 
 PARAMETERS = (
@@ -26,9 +27,7 @@ PARAMETERS = (
     "damping",  # damping rate, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    "external",  # external force magnitude over mass, m/s^2
-    "poke_x",  # poke over mass, m/s^2
-    "poke_y",
+    *own_names(2),  # of forces on a mass by itself, over mass, m/s^2
     "amplitude",  # of the manufactured solution, m
     "inertia",
     "spacing",  # m
@@ -42,9 +41,7 @@ FIELDS = {  # of the scene, by the value that follows from them
     "stiffness_rest": "springs.rest_length",
     "damping": "damping.coefficient",
     "gravity": "gravity.acceleration",
-    "external": "external.magnitude",
-    "poke_x": "poke",
-    "poke_y": "poke",
+    **own_fields(),
     "amplitude": "manufactured.amplitude",
     "spacing": "grid.spacing",
     "stiff": "springs.stiffness_ratio",
@@ -75,9 +72,7 @@ def parameter_record(
         "damping": rate,
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
-        "external": scene.external.magnitude / mass if scene.external else 0.0,
-        "poke_x": poke[0] / mass,
-        "poke_y": poke[1] / mass,
+        **own_values(scene, poke, 2),
         "amplitude": manufactured.amplitude if manufactured else 0.0,
         "inertia": manufactured.inertia if manufactured else 1.0,
         "spacing": grid.spacing,

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from model.core.errors import SceneError
+from model.core.own_forces import own_forces, own_parts
 from model.formulas import integrators as integrator_formulas
 from model.formulas import manufactured as manufactured_formulas
-from model.formulas import random as random_formulas
 from model.formulas import springs as spring_formulas
 from model.scene.scene import Scene
 
@@ -133,15 +133,19 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
     gravity = scene.gravity
     if (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live:
         parts.add("gravity")
-    if scene.external and scene.external.magnitude > 0:
-        parts.add("external")
     if scene.manufactured:
         parts.add("manufactured")
-    if "poke" in live:
-        parts.add("poke")
     if scene.grid.pinned not in ("none", []):
         parts.add("pins")
-    return frozenset(parts)
+    return frozenset(parts | own_parts(scene, live))
+
+
+def own_stages(parts: frozenset[str], memory: int = 1) -> tuple[Stage, ...]:
+    """Of the forces on a particle by itself; `memory` 0 where they cost none, since positions are predicted with them."""
+    return tuple(
+        Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)
+        for force in own_forces(parts)
+    )
 
 
 def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
@@ -163,12 +167,9 @@ def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             stages.append(Stage("no forces", 0, 1, 0))
         if "gravity" in parts:
             stages.append(Stage("gravity", 1, 1, 1))
-        if "external" in parts:
-            stages.append(Stage("external force", 1, 1, random_formulas.OPERATIONS))
+        stages.extend(own_stages(parts))
         if "manufactured" in parts:
             stages.append(Stage("manufactured force", 1, 1, manufactured_formulas.OPERATIONS, offset))
-        if "poke" in parts:
-            stages.append(Stage("poke", 0, 0, 0))
         if "damping" in parts and not implicit_damping:
             stages.append(Stage("damping", 2, 1, 4))
         return tuple(stages)

@@ -15,6 +15,7 @@ from model.core.build import Body
 from model.core.clock import START, Clock
 from model.core.errors import SceneError
 from model.core.integrators import damping_rate
+from model.core.own_forces import own_fields, own_names, own_values
 from model.core.parameters import PARAMETERS as GRID_PARAMETERS
 from model.core.parameters import rounded_record
 from model.formulas import cloth, motion
@@ -27,10 +28,7 @@ CLOTH_PARAMETERS = (
     "damping",  # of the mass, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    "external",  # external force magnitude over mass, m/s^2
-    "poke_x",  # poke over mass, m/s^2
-    "poke_y",
-    "poke_z",
+    *own_names(3),  # of forces on a mass by itself, over mass, m/s^2
     "structural",  # spring stiffness over mass, 1/s^2
     "structural_rest",  # times the rest length, m/s^2
     "structural_damping",  # of the spring, coefficient over mass, 1/s
@@ -53,8 +51,7 @@ FIELDS = {
     "half_dt_squared": "method.dt",
     "damping": "damping.coefficient",
     "gravity": "gravity.acceleration",
-    "external": "external.magnitude",
-    **{f"poke_{axis}": "poke" for axis in "xyz"},
+    **own_fields(),
     **{kind: f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
     **{f"{kind}_rest": f"{kind}.stiffness" for kind in ("structural", "shear", "bending")},
     **{f"{kind}_damping": f"{kind}.damping" for kind in ("structural", "shear", "bending")},
@@ -143,9 +140,8 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
         "damping": rate,
         "inverse_damping": 1 / (1 + dt * rate / 2),
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
-        "external": scene.external.magnitude / mass if scene.external else 0.0,
+        **own_values(scene, poke, 3),
     }
-    values |= {f"poke_{axis}": force / mass for axis, force in zip("xyz", poke, strict=True)}
     for kind, reach in REACH.items():
         springs = scene.cloth_springs.get(kind)
         stiffness = springs.stiffness / mass if springs else 0.0

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from model.core.integrators import IMPLICIT
-from model.core.plan import Node, Plan, Stage
+from model.core.own_forces import own_parts
+from model.core.plan import Node, Plan, Stage, own_stages
 from model.formulas import cloth_springs, colliders, implicit, wind
 from model.formulas import integrators as integrator_formulas
-from model.formulas import random as random_formulas
 from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
 
@@ -31,10 +31,7 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
         parts.add("wind")
         if scene.wind.gust > 0:
             parts.add("gust")
-    if scene.external and scene.external.magnitude > 0:
-        parts.add("external")
-    if "poke" in live:
-        parts.add("poke")
+    parts |= own_parts(scene, live)
     if scene.grid.pinned not in ("none", []):
         parts.add("pins")
     if scene.motions:
@@ -85,10 +82,7 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         if "wind" in parts:
             each = wind.OPERATIONS_TRIANGLE + 18  # the mean velocity of its corners
             stages.append(Stage("wind", 3, 1, TRIANGLES_EACH * each, offset))
-        if "external" in parts:
-            stages.append(Stage("external force", 1, 1, random_formulas.OPERATIONS))
-        if "poke" in parts:
-            stages.append(Stage("poke", 0, 0, 0))
+        stages.extend(own_stages(parts))
         if "damping" in parts and not verlet:
             stages.append(Stage("damping", 2, 1, 6))
         return tuple(stages)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from model.core.own_forces import own_forces
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, distance, wind
-from model.formulas import random as random_formulas
 from model.mass_spring.cloth_plan import TRIANGLES_EACH
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
@@ -32,7 +32,7 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of a mesh: substeps and iterations as in model/xpbd/plan.py, all forces with the prediction."""
     parts, method = mesh_parts(scene, live), scene.method
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
-    forces += (random_formulas.OPERATIONS + 3) * ("external" in parts)
+    forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
     forces += TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18) * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []

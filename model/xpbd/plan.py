@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from model.contact.particle_parameters import contact_parts
-from model.core.plan import Node, Plan, Stage
+from model.core.plan import Node, Plan, Stage, own_stages
 from model.formulas import (
     cluster,
     colliders,
@@ -19,7 +19,6 @@ from model.formulas import (
     shape_matching,
     wind,
 )  # fmt: skip
-from model.formulas import random as random_formulas
 from model.mass_spring.cloth_plan import TRIANGLES_EACH, cloth_parts
 from model.scene.cloth import SPRING_KINDS
 from model.scene.parts import Elastic
@@ -209,10 +208,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         outside.append(Stage("gravity", 0, 0, 1))
     if "wind" in parts:
         outside.append(Stage("wind", 3, 1, TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)))
-    if "external" in parts:
-        outside.append(Stage("external force", 0, 0, random_formulas.OPERATIONS))
-    if "poke" in parts:
-        outside.append(Stage("poke", 0, 0, 0))
+    outside.extend(own_stages(parts, memory=0))
     predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
 
     def project(family: Family) -> int:

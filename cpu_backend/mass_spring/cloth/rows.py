@@ -16,9 +16,11 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from cpu_backend.core.own_forces import make_own_row
 from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
 from cpu_backend.mass_spring.cloth.wind import make_winds
-from model.formulas import cloth_springs, random
+from model.core.own_forces import own_changes, own_forces
+from model.formulas import cloth_springs
 from model.mass_spring.cloth_parameters import (
     spring_constants,
 )
@@ -181,52 +183,27 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
     return sum_accelerations
 
 
-def make_random_and_poke(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
-    """add(i, closing, opening, layout, parameters, integers, scratch, width): external force and poke onto row `i`'s sums.
-
-    `closing`: the number of the step whose random force the sum `close` gets; `opening`: the one of `open`, if `two_sums`.
-    """
-    compiled = compiler.compiled
-    philox, external = random.make_philox(compiled), random.make(real, compiled).add_external
-    has_external, has_poke = "external" in parts, "poke" in parts
+def make_own_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
+    """add(i, closing, opening, layout, parameters, integers, scratch, width): what acts on a mass by itself, onto row `i`'s
+    sums. `closing`: the number of the step whose forces the sum `close` gets; `opening`: that of `open`, if `two_sums`."""
+    own = make_own_row(compiler, real, AXES, parts)
     a_close, a_open = (triples_of(parts)[name] for name in ("close", "open"))
 
-    @compiled
-    def add_external(i, step, columns, parameters, integers, scratch, triple, width):
-        x, y, z = (
-            row_at(scratch, place(triple, 0, width)),
-            row_at(scratch, place(triple, 1, width)),
-            row_at(scratch, place(triple, 2, width)),
-        )
-        for j in range(columns):
-            word_x, word_y, word_z, _ = philox(integers[0], np.uint64(step), np.uint64(i * columns + j))
-            x[j] = external(x[j], parameters.external, word_x)
-            y[j] = external(y[j], parameters.external, word_y)
-            z[j] = external(z[j], parameters.external, word_z)
+    @compiler.compiled
+    def rows_of(scratch, triple, width):
+        x, y = row_at(scratch, place(triple, 0, width)), row_at(scratch, place(triple, 1, width))
+        return x, y, row_at(scratch, place(triple, 2, width))
 
-    @compiled
+    @compiler.compiled
     def add(i, closing, opening, layout, parameters, integers, scratch, width):
-        columns = layout[L_COLUMNS]
+        columns, close = layout[L_COLUMNS], rows_of(scratch, a_close, width)
         if two_sums:
+            also = rows_of(scratch, a_open, width)
             for axis in range(AXES):
-                close, also = row_at(scratch, place(a_close, axis, width)), row_at(scratch, place(a_open, axis, width))
                 for j in range(columns):
-                    also[j] = close[j]
-            add_external(i, opening, columns, parameters, integers, scratch, a_open, width)
-        if has_external:
-            add_external(i, closing, columns, parameters, integers, scratch, a_close, width)
-        if has_poke:
-            poked = np.int64(integers[1]) - 1  # -1: none
-            force = parameters.poke_x, parameters.poke_y, parameters.poke_z
-            if poked >= 0 and poked // columns == i:
-                for axis in range(AXES):
-                    close, also = (
-                        row_at(scratch, place(a_close, axis, width)),
-                        row_at(scratch, place(a_open, axis, width)),
-                    )
-                    close[poked % columns] += force[axis]
-                    if two_sums:
-                        also[poked % columns] += force[axis]
+                    also[axis][j] = close[axis][j]
+            own(columns, i * columns, opening, parameters, integers, *also)
+        own(columns, i * columns, closing, parameters, integers, *close)
 
     return add
 
@@ -240,9 +217,9 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
     reach, sum_accelerations = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))
     winds = make_winds(compiler, real, parts, scratches.place, scratches.edge, scratches.forget, scratches.clear, at)
     add_wind, wind_cells, has_wind = winds.add_wind, winds.wind_cells, "wind" in parts
-    two_sums = integrator == "velocity-verlet" and "external" in parts
-    add_random_and_poke = make_random_and_poke(compiler, real, two_sums, parts, scratches.place)
-    later_parts = bool(parts & {"external", "poke"})
+    two_sums = integrator == "velocity-verlet" and own_changes(parts)
+    add_own = make_own_forces(compiler, real, two_sums, parts, scratches.place)
+    has_own = bool(own_forces(parts))
     clear, count = scratches.clear, at["count"]
 
     @compiler.compiled
@@ -263,8 +240,8 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
         if has_wind:
             wind_cells(i, blocks, layout, source, parameters, air, scratch, width)
             add_wind(i, blocks, scratch, width)
-        if later_parts:
-            add_random_and_poke(i, closing, opening, layout, parameters, integers, scratch, width)
+        if has_own:
+            add_own(i, closing, opening, layout, parameters, integers, scratch, width)
 
     return SimpleNamespace(
         begin_walk=begin_walk, sum_forces=sum_forces, air_now=winds.air_now, two_sums=two_sums, place=scratches.place,

@@ -17,7 +17,7 @@ from numba import prange
 from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.contact.pins import make_follow
 from cpu_backend.core.compile import Compiler
-from cpu_backend.core.force_stages import bind_forces
+from cpu_backend.core.own_forces import bind_forces
 from cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage, make_wind_stage

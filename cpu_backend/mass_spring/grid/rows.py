@@ -15,8 +15,10 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import L_COLUMNS, L_ROWS, block_of, row_at
+from cpu_backend.core.own_forces import make_own_row
 from cpu_backend.mass_spring.grid.alternating import make_alternating_rows
-from model.formulas import manufactured, random, springs
+from model.core.own_forces import own_changes, own_forces
+from model.formulas import manufactured, springs
 
 # rows of accelerations of a band: two sums that belong to the step, and two to the step before (velocity Verlet)
 CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
@@ -124,21 +126,14 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
     gravity, row by row. `two_sums`: whether velocity Verlet's two kicks need accelerations of their own, since their random
     forces belong to different steps."""
     compiled, block = compiler.compiled, block_of(real)
-    philox, external = random.make_philox(compiled), random.make(real, compiled).add_external
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
-    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
-    two_sums = has_external and integrator == "velocity-verlet"
-
-    @compiled
-    def add_external(out_x, out_y, count, first, step, seed, magnitude):
-        for j in range(count):
-            word_x, word_y, _, _ = philox(seed, np.uint64(step), np.uint64(first + j))
-            out_x[j] = external(out_x[j], magnitude, word_x)
-            out_y[j] = external(out_y[j], magnitude, word_y)
+    has_manufactured, has_own = "manufactured" in parts, bool(own_forces(parts))
+    two_sums = own_changes(parts) and integrator == "velocity-verlet"
+    add_own = make_own_row(compiler, real, 2, parts)
 
     @compiled
     def add_later_parts(i, column, blocks, layout, parameters, integers, step, offset, sums, width):
-        """External, manufactured and poke forces onto the sums of row `i` from `column` on, in this order."""
+        """What acts on a mass by itself, and the manufactured force, onto the sums of row `i` from `column` on."""
         rows, columns = layout[L_ROWS], layout[L_COLUMNS]
         count = min(blocks * block, columns - column)
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
@@ -147,10 +142,10 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
             for j in range(count):
                 open_x[j] = close_x[j]
                 open_y[j] = close_y[j]
-            add_external(open_x, open_y, count, i * columns + column, step, integers[0], parameters.external)
-            add_external(close_x, close_y, count, i * columns + column, step - 1, integers[0], parameters.external)
-        elif has_external:
-            add_external(close_x, close_y, count, i * columns + column, step, integers[0], parameters.external)
+            add_own(count, i * columns + column, step, parameters, integers, open_x, open_y)
+        if has_own:
+            closing = step - 1 if two_sums else step
+            add_own(count, i * columns + column, closing, parameters, integers, close_x, close_y)
         if has_manufactured:
             time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
             for j in range(count):
@@ -163,19 +158,8 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
                 if two_sums:
                     open_x[j] += force_x
                     open_y[j] += force_y
-        if has_poke:
-            poked = np.int64(integers[1]) - 1  # -1: none
-            j = poked - i * columns - column
-            if poked >= 0 and poked // columns == i and j >= 0 and j < count:
-                close_x[j] += parameters.poke_x
-                close_y[j] += parameters.poke_y
-                if two_sums:
-                    open_x[j] += parameters.poke_x
-                    open_y[j] += parameters.poke_y
 
-    return SimpleNamespace(
-        two_sums=two_sums, later_parts=has_external or has_manufactured or has_poke, add_later_parts=add_later_parts
-    )
+    return SimpleNamespace(two_sums=two_sums, later_parts=has_own or has_manufactured, add_later_parts=add_later_parts)
 
 
 def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

@@ -12,6 +12,7 @@ from gpu_backend.contact.pins import make_pins
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from model.core.own_forces import own_changes
 from model.formulas import integrators
 
 RK4_OFFSETS = (0.0, 0.5, 0.5, 1.0)  # of a stage's time, in steps
@@ -33,7 +34,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
     one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
-    has_pins, has_external = "pins" in parts, "external" in parts
+    has_pins, changes = "pins" in parts, own_changes(parts)
     zero, one = real(0), np.int64(1)
     inline = inlined(math)
 
@@ -92,7 +93,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     def middle_mass(bx, by, bz, k, p, v, parameters, bodies, integers, step):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
         ax, ay, az = add_own(bx, by, bz, k, zero, parameters, integers, step - one)
-        if has_external:
+        if changes:
             bx, by, bz = add_own(bx, by, bz, k, zero, parameters, integers, step)
         else:
             bx, by, bz = ax, ay, az

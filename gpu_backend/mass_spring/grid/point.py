@@ -16,9 +16,11 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import kernel_options
+from gpu_backend.core.forces import make_own_force
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.pairs import load_pair
-from model.formulas import integrators, manufactured, random, springs
+from model.core.own_forces import own_changes
+from model.formulas import integrators, manufactured, springs
 
 
 def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
@@ -74,11 +76,10 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
     spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
     formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
-    external = device_formulas(random.make, real, math).add_external
-    philox = random.make_philox(device)
+    own = make_own_force(real, math, 2, parts)
     manufactured_acceleration, stage_time = device_formulas(manufactured.make, real, math)
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
-    has_external, has_manufactured, has_poke = "external" in parts, "manufactured" in parts, "poke" in parts
+    has_manufactured, changes, zero = "manufactured" in parts, own_changes(parts), real(0)
     explicit_damping = has_damping and integrator != "velocity-verlet"
     no_step = np.int64(0)
 
@@ -89,13 +90,8 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return ay
 
     @device
-    def add_external(ax, ay, k, parameters, integers, step):
-        word_x, word_y, _, _ = philox(integers[0], np.uint64(step), np.uint64(k))
-        return external(ax, parameters.external, word_x), external(ay, parameters.external, word_y)
-
-    @device
-    def add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, offset):
-        """The manufactured force at time (step + offset) dt, and the poke."""
+    def add_driven(ax, ay, i, j, rows, columns, parameters, step, offset):
+        """The manufactured force at time (step + offset) dt."""
         if has_manufactured:
             time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
             fx, fy = manufactured_acceleration(
@@ -103,9 +99,6 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
                 parameters.stiffness, parameters.stiffness_rest, parameters.gravity, parameters.damping,
             )  # fmt: skip
             ax, ay = ax + fx, ay + fy
-        if has_poke:
-            if np.int64(integers[1]) == k + 1:  # compared as they are, the two kinds of integer would meet as doubles
-                ax, ay = ax + parameters.poke_x, ay + parameters.poke_y
         return ax, ay
 
     @device
@@ -113,9 +106,8 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         """All that acts on mass k [m/s^2], the springs' pulls (ax, ay) given; with the damper where the integrator
         takes it explicitly."""
         ay = add_gravity(ay, parameters)
-        if has_external:
-            ax, ay = add_external(ax, ay, k, parameters, integers, step)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, offset)
+        ax, ay = own((ax, ay), k, zero, parameters, integers, step)
+        ax, ay = add_driven(ax, ay, i, j, rows, columns, parameters, step, offset)
         if explicit_damping:
             ax = damped(ax, velocity.real, parameters.damping)
             ay = damped(ay, velocity.imag, parameters.damping)
@@ -124,13 +116,13 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     @device
     def current_step(counter, pass_number):
         """The number of the step, where anything depends on it."""
-        if has_external or has_manufactured:
+        if changes or has_manufactured:
             return counter[0] + pass_number
         return no_step
 
     return SimpleNamespace(
-        spring_sum=spring_sum, add_gravity=add_gravity, add_external=add_external, add_driven=add_driven,
-        acceleration=acceleration, current_step=current_step, formulas=formulas, has_external=has_external,
+        spring_sum=spring_sum, add_gravity=add_gravity, own=own, add_driven=add_driven,
+        acceleration=acceleration, current_step=current_step, formulas=formulas, changes=changes,
         spring_acceleration_2d=spring_acceleration_2d, damped=damped,
     )  # fmt: skip
 
@@ -140,11 +132,11 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     """How one mass moves in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
     Each is move(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns) -> (px, py, vx, vy): (ax, ay) is the sum
-    of the springs' pulls, p and v are the mass's own. `record` may be the array or a tuple of its values.
+    of the springs' pulls, p and v are the mass's own. `parameters` may be the record or its values in registers.
     """
     point = make_point_functions(real, math, integrator, parts)
-    add_gravity, add_external, add_driven = point.add_gravity, point.add_external, point.add_driven
-    acceleration, formulas, has_external = point.acceleration, point.formulas, point.has_external
+    add_gravity, own, add_driven = point.add_gravity, point.own, point.add_driven
+    acceleration, formulas, changes = point.acceleration, point.formulas, point.changes
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
     one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
@@ -170,9 +162,8 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     @device
     def closing_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
         ay = add_gravity(ay, parameters)
-        if has_external:
-            ax, ay = add_external(ax, ay, k, parameters, integers, step - 1)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, zero)
+        ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
+        ax, ay = add_driven(ax, ay, i, j, rows, columns, parameters, step, zero)
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         vx = second_half(v.real, ax, half_dt, inverse_damping)
         vy = second_half(v.imag, ay, half_dt, inverse_damping)
@@ -183,12 +174,11 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
         ay = add_gravity(ay, parameters)
         bx, by = ax, ay
-        if has_external:
-            ax, ay = add_external(ax, ay, k, parameters, integers, step - 1)
-            bx, by = add_external(bx, by, k, parameters, integers, step)
-        ax, ay = add_driven(ax, ay, k, i, j, rows, columns, parameters, integers, step, zero)
-        if has_external:
-            bx, by = add_driven(bx, by, k, i, j, rows, columns, parameters, integers, step, zero)
+        ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
+        ax, ay = add_driven(ax, ay, i, j, rows, columns, parameters, step, zero)
+        if changes:
+            bx, by = own((bx, by), k, zero, parameters, integers, step)
+            bx, by = add_driven(bx, by, i, j, rows, columns, parameters, step, zero)
         else:
             bx, by = ax, ay
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping

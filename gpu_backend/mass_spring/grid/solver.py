@@ -22,6 +22,7 @@ from gpu_backend.mass_spring.grid.tile_launch import TileLauncher
 from gpu_backend.mass_spring.passes import SheetPasses
 from model.core.errors import SceneError
 from model.core.options import unknown_kernel
+from model.core.own_forces import EXTERNAL_SEED, own_changes
 from model.core.plan import Executor, mass_spring_plan
 from model.core.simulation import Options
 from model.scene.scene import Scene
@@ -74,8 +75,8 @@ class MassSpring(SheetPasses):
         return self.on_device(np.zeros(self.particle_count, self._pair))
 
     def _allocate(self) -> None:
-        self._integers = np.zeros(2, np.uint64)  # seed of the external force; 1 + poked particle, 0 for none
-        self._integers[0] = self.scene.external.seed if self.scene.external else 0
+        self._integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py
+        self._integers[EXTERNAL_SEED] = self.scene.external.seed if self.scene.external else 0
         self._allocate_state()
         pinned = (self.body.inverse_mass == 0).astype(np.uint8)
         if not len(self.body.pinned):
@@ -84,7 +85,7 @@ class MassSpring(SheetPasses):
         else:
             rows_pinned = pinned.reshape(self.body.rows, -1).max(axis=1)
         self.pinned, self._pinned_row = self.on_device(pinned), self.on_device(rows_pinned)
-        self._counts = bool(self.plan.parts & {"external", "manufactured"})
+        self._counts = bool(own_changes(self.plan.parts) or "manufactured" in self.plan.parts)
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""

@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from gpu_backend.core.forces import make_own_force
 from gpu_backend.mass_spring.grid.point import make_point_functions
+from model.core.own_forces import own_forces
 from model.core.plan import Moment, StageRun
 
-STAGE_PARTS = frozenset({"springs", "gravity", "external", "damping"})
+STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
 
 
 @cache
 def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """The stages that add up the acceleration. State and acceleration are complex (particles,)."""
     point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
-    spring_sum, external_point, driven_point, damped = (
-        point.spring_sum, point.add_external, point.add_driven, point.damped
-    )  # fmt: skip
+    spring_sum, driven_point, damped = point.spring_sum, point.add_driven, point.damped
     pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
 
@@ -48,22 +48,21 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
         if k < a.shape[0]:
             a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
 
-    def external(record, integers, step, a):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.shape[0]:
-            ax, ay = external_point(a[k].real, a[k].imag, k, parameters, integers, step)
-            a[k] = pair(complex(ax, ay))
+    def stage_of(own: Any) -> Any:
+        def force(record, integers, step, a):
+            k = np.int32(cuda.grid(1))
+            if k < a.shape[0]:
+                ax, ay = own((a[k].real, a[k].imag), k, zero, record[0], integers, step)
+                a[k] = pair(complex(ax, ay))
 
-    def driven(record, integers, step, offset, a, rows, columns):
-        """The manufactured force and the poke: whichever of them the scene has."""
+        return make_kernel(force, variant_name(real, math, parts), **kernel_options(math))
+
+    def driven(record, step, offset, a, rows, columns):
         parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
             i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = driven_point(
-                a[k].real, a[k].imag, k, i, j, rows, columns, parameters, integers, step, real(offset)
-            )
+            ax, ay = driven_point(a[k].real, a[k].imag, i, j, rows, columns, parameters, step, real(offset))
             a[k] = pair(complex(ax, ay))
 
     def damping(velocity, record, a):
@@ -74,8 +73,12 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             ay = damped(a[k].imag, velocity[k].imag, parameters.damping)
             a[k] = pair(complex(ax, ay))
 
-    kernels = (spring_forces, no_forces, gravity, external, driven, damping)
-    return make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
+    kernels = (spring_forces, no_forces, gravity, driven, damping)
+    made = make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
+    made.own = {
+        force.stage: stage_of(make_own_force(real, math, 2, frozenset({force.part}))) for force in own_forces(parts)
+    }
+    return made
 
 
 @cache
@@ -152,7 +155,10 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
     shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))
 
     def driven(moment: Moment) -> None:
-        force.driven[flat](sim.record, sim.integers, np.int64(moment.step), moment.argument, a, *shape)
+        force.driven[flat](sim.record, np.int64(moment.step), moment.argument, a, *shape)
+
+    def bound(kernel: Any) -> StageRun:
+        return lambda moment: kernel[flat](sim.record, sim.integers, np.int64(moment.step), a)
 
     def accumulate(stage: int) -> StageRun:
         def run(moment: Moment) -> None:
@@ -169,9 +175,8 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
         "spring forces": lambda moment: force.spring_forces[flat](at["position"], sim.record, a, *shape),
         "no forces": lambda moment: force.no_forces[flat](a),
         "gravity": lambda moment: force.gravity[flat](sim.record, a),
-        "external force": lambda moment: force.external[flat](sim.record, sim.integers, np.int64(moment.step), a),
         "manufactured force": driven,
-        "poke": driven if not sim.plan.has("manufactured force") else lambda moment: None,
+        **{name: bound(kernel) for name, kernel in force.own.items()},
         "damping": lambda moment: force.damping[flat](at["velocity"], sim.record, a),
         f"integrate ({integrator})": lambda moment: motion.integrate[flat](position, velocity, a, sim.record),
         "first half kick and drift": lambda moment: motion.first_kick[flat](position, velocity, a, sim.record),

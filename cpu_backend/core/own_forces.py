@@ -1,0 +1,81 @@
+"""Forces on a particle by itself (model/core/own_forces.py) on CPU threads: along a row, and as stages."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from cpu_backend.core.compile import Compiler
+from model.core.own_forces import OWN_FORCES, OwnForce, make_own
+from model.core.plan import Moment, StageRun
+
+
+def make_own_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+    """own(a, k, weight, parameters, integers, step), see model/core/own_forces.py."""
+    return make_own(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
+
+
+def make_own_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+    """add(count, first, step, parameters, integers, x, y[, z]): onto a row's sums of accelerations, an array an axis; of so
+    many particles from number `first` on."""
+    own, one = make_own_force(compiler, real, axes, parts), real(1)
+
+    def add_2d(count, first, step, parameters, integers, x, y):
+        for j in range(count):
+            x[j], y[j] = own((x[j], y[j]), first + j, one, parameters, integers, step)
+
+    def add_3d(count, first, step, parameters, integers, x, y, z):
+        for j in range(count):
+            x[j], y[j], z[j] = own((x[j], y[j], z[j]), first + j, one, parameters, integers, step)
+
+    return compiler.row(add_2d if axes == 2 else add_3d)
+
+
+@cache
+def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool) -> Any:
+    """stage(acceleration, weights, record, integers, step): one force on every mass; `acceleration` (axes, rows, columns)
+    [m/s^2], `weights` (rows, columns), by which masses are lighter than the sheet's where they differ (`has_load`)."""
+    compiler = Compiler(f"{force.part}_{axes}d_{np.dtype(real).name}_{math}", math)
+    own = make_own_force(compiler, real, axes, frozenset({force.part} | ({"load"} if has_load else set())))
+    zero, one = real(0), real(1)
+
+    def stage(acceleration, weights, record, integers, step):
+        _, rows, columns = acceleration.shape
+        for i in prange(rows):
+            for j in range(columns):
+                weight = weights[i, j] if has_load else one
+                z = acceleration[2, i, j] if axes == 3 else zero
+                a = acceleration[0, i, j], acceleration[1, i, j]
+                found = own(a if axes == 2 else (a[0], a[1], z), i * columns + j, weight, record[0], integers, step)
+                for axis in range(axes):
+                    acceleration[axis, i, j] = found[axis]
+
+    return compiler.kernel(stage)
+
+
+@cache
+def _make_gravity(real: Any, math: str) -> Any:
+    def gravity(acceleration, record):
+        for i in prange(acceleration.shape[1]):
+            for j in range(acceleration.shape[2]):
+                acceleration[1, i, j] += record[0].gravity
+
+    return Compiler(f"gravity_{np.dtype(real).name}_{math}", math).kernel(gravity)
+
+
+def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None = None) -> dict[str, StageRun]:
+    """What runs the stages of `sim` that look at one mass alone: gravity and these forces; `weights` where masses differ."""
+    gravity = _make_gravity(sim.real, sim.options.math)
+    alike = np.zeros((1, 1), sim.real) if weights is None else weights
+
+    def bound(force: OwnForce) -> StageRun:
+        stage = _make_stage(sim.real, sim.options.math, len(acceleration), force, weights is not None)
+        return lambda moment: stage(acceleration, alike, sim.record, sim.integers, moment.step)
+
+    def add_gravity(moment: Moment) -> None:
+        gravity(acceleration, sim.record)
+
+    return {"gravity": add_gravity, **{force.stage: bound(force) for force in OWN_FORCES}}

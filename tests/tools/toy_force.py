@@ -1,0 +1,69 @@
+"""A force of a contributor's own: all particles are drawn sideways. One entry, before the solvers are imported; the grid,
+the cloth, XPBD on sheets and meshes, and bodies take it up, on both backends (CUDA's by its simulator), plain and fused.
+
+Prints a line of JSON for each run: how far particles moved [m], and whether its bits are the CPU's. See test_toy_force.py.
+"""
+
+import json
+
+import numpy as np
+
+from model.core import own_forces
+
+LEAN, STEPS, DT = 0.75, 6, 0.0078125  # m/s^2, and s: sums of products of these are exact
+
+
+def lean(real, compiled, made, axes):
+    zero = real(0)
+
+    @compiled
+    def force(k, parameters, integers, step):
+        return (parameters.lean, zero) if axes == 2 else (parameters.lean, zero, zero)
+
+    return force
+
+
+METHOD = {"dt": DT, "integrator": "semi-implicit-euler"}
+XPBD = {"solver": "xpbd", "dt": DT, "substeps": 1, "iterations": 2}
+SHEET = {"rows": 4, "columns": 5, "spacing": 0.5, "pinned": "none"}
+SCENES = {
+    "grid": {"grid": SHEET, "springs": {"rest_length": 0.5}, "method": METHOD},
+    "cloth": {"cloth": SHEET, "structural": {"stiffness": 10.0}, "method": METHOD},
+    "xpbd grid": {"grid": SHEET, "springs": {"rest_length": 0.5}, "method": XPBD},
+    "xpbd cloth": {"cloth": SHEET, "structural": {}, "method": XPBD},
+    "mesh": {"mesh": {"shape": "sheet", "rows": 3, "columns": 4, "spacing": 0.5}, "structural": {}, "method": XPBD},
+    "body": {
+        "bar": {"kind": "soft_body", "shape": {"name": "beam"}, "particle_spacing": 0.25},
+        "method": {"solver": "shape-matching", "dt": DT, "substeps": 1, "iterations": 1},
+    },
+}
+
+
+def main() -> None:
+    own_forces.OWN_FORCES += (
+        own_forces.OwnForce(
+            "lean", "lean", lambda scene, live: True, lean, ("lean",), lambda scene, poke, axes: {"lean": LEAN}, "lean"
+        ),
+    )
+    from app.driver import open_simulation
+    from model.scene.scene import Scene
+
+    for name, tables in SCENES.items():
+        scene, ends = Scene(tables), {}
+        for backend in ("cpu", "gpu"):
+            for kernel in (None, "stages"):
+                options = {"threads": 2} if backend == "cpu" else {}
+                with open_simulation(scene, backend, math="exact", kernel=kernel, **options) as simulation:
+                    assert simulation.plan.has("lean") or "mesh" in name, name
+                    before = simulation.read("position")
+                    simulation.advance(STEPS)
+                    ends[backend, kernel] = simulation.read("position")
+                    moved = ends[backend, kernel] - before
+                    found = {"least": float(moved[:, 0].min()), "most": float(moved[:, 0].max())}
+                    found["aside"] = float(np.abs(moved[:, 1:]).max())
+                    found["same"] = np.array_equal(ends[backend, kernel], ends["cpu", None])
+                    print(json.dumps({"run": f"{name}, {backend}, {kernel}", **found}))
+
+
+if __name__ == "__main__":
+    main()
