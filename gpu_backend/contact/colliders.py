@@ -143,7 +143,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
 
 @cache
 def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """collide(before, px, py, pz, vx, vy, vz, parameters, bodies, integers, step) -> (px, py, pz, vx, vy, vz).
+    """collide(before, px, py, pz, vx, vy, vz, world, step) -> (px, py, pz, vx, vy, vz).
 
     `before`: the mass at the step's start (a quad); the rest: where it is at the step's end. `bodies`: the rows of
     model/mass_spring/cloth_parameters.py one after the other, then trees and fields; how many of each kind says `integers`.
@@ -156,7 +156,8 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_colliders, zero, next_one = bool(parts & COLLIDERS), real(0), np.int64(1)
 
     @inlined(math)
-    def collide(before, px, py, pz, vx, vy, vz, parameters, bodies, integers, step):
+    def collide(before, px, py, pz, vx, vy, vz, world, step):
+        parameters, bodies, integers = world.parameters, world.colliders, world.integers
         if has_colliders:
             clock, at = (parameters.dt, parameters.first_step, parameters.first_time), np.int32(0)
             end = instant(step + next_one, *clock)

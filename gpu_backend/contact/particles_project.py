@@ -17,6 +17,7 @@ from gpu_backend.contact.particles_find import make_pairs
 from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
 from gpu_backend.shape_matching.kernels import AXES
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
@@ -150,7 +151,7 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
-            px, py, pz, vx, vy, vz = settle(b, calmed(b, p, contact_record), record[0], bodies, integers, number)
+            px, py, pz, vx, vy, vz = settle(b, calmed(b, p, contact_record), World(record[0], bodies, integers), number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -168,7 +169,7 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = touch(b, p, v[0], v[1], v[2], record[0], bodies, integers, number)
+            px, py, pz, vx, vy, vz = touch(b, p, v[0], v[1], v[2], World(record[0], bodies, integers), number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

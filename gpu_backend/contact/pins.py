@@ -62,7 +62,7 @@ def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
 
 @cache
 def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`hold(mark, p, step, half_way, parameters, bodies)` -> (x, y, z, vx, vy, vz): a pinned mass, which was at p, at the
+    """`hold(mark, p, step, half_way, world)` -> (x, y, z, vx, vy, vz): a pinned mass, which was at p, at the
     end of the step of that number, or half-way through it; `mark`: its spare number."""
     has_motion = "motion" in parts
     paths, instant = device_formulas(motion.make, real, math), device_formulas(cloth.make, real, math).instant
@@ -82,7 +82,8 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def hold(mark, p, step, half_way, parameters, bodies):
+    def hold(mark, p, step, half_way, world):
+        parameters, bodies = world.parameters, world.colliders
         x, y, z, vx, vy, vz = p[0], p[1], p[2], zero, zero, zero
         if has_motion:
             if mark > still:

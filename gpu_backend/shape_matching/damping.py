@@ -14,6 +14,7 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, TOGETHER, make_move
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
@@ -109,7 +110,7 @@ def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     """What ends a substep where clusters are damped, before and after `gather`: `rate(before, position, velocity,
     own_starts, own_clusters, own_members, frames, parameters)`, the last iteration's way to the goals and velocities;
     `slow(position, velocity, own_starts, own_clusters, slowing, motions)`; and `finish(before, position, velocity,
-    own_starts, own_clusters, slowing, motions, parameters, bodies, integers, counter, place, substeps, substep)`, that and
+    own_starts, own_clusters, slowing, motions, record, bodies, integers, counter, place, substeps, substep)`, that and
     colliders."""
     points = make_motion(real, math, parts, AXES)
     rate_of, collide = points.rate_of, points.collide
@@ -136,13 +137,13 @@ def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         before, position, velocity, own_starts, own_clusters, slowing, motions, record, bodies, integers, counter, place,
         substeps, substep,
     ):  # fmt: skip
-        parameters = record[0]
+        world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
             vx, vy, vz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
-            px, py, pz, vx, vy, vz = collide(b, p, vx, vy, vz, parameters, bodies, integers, number)
+            px, py, pz, vx, vy, vz = collide(b, p, vx, vy, vz, world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

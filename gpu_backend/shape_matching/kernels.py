@@ -18,6 +18,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
 from model.formulas import cluster, rotation
@@ -129,7 +130,7 @@ def make_move(real: Any, math: str) -> Any:
 @cache
 def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """The two ends of a substep. `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position,
-    velocity, own_starts, own_clusters, own_members, frames, parameters, bodies, integers, counter, place, substeps,
+    velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps,
     substep)`: the last iteration's way to the goals, velocities, colliders."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
@@ -150,13 +151,13 @@ def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         before, position, velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place,
         substeps, substep,
     ):  # fmt: skip
-        parameters = record[0]
+        world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
             x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
-            px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), parameters, bodies, integers, number)
+            px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -16,6 +16,7 @@ from gpu_backend.contact.bodies_bounce import make_bodies_bounce, make_give
 from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
 from gpu_backend.shape_matching.damping import make_damping_ends, make_gather, make_slow
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
 from gpu_backend.xpbd.kernels import make_clock
@@ -102,7 +103,7 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """strike(before, position, velocity, struck, own_starts, own_clusters, slowing, motions, parameters, bodies, integers,
+    """strike(before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers,
     counter, place, substeps, substep): as `finish` of shape_matching/damping.py, and what colliders gave into `struck`."""
     collide, slow_mass, clock = (
         make_motion(real, math, parts, AXES).collide, make_slow(real, math), make_clock(math, parts),
@@ -113,13 +114,13 @@ def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
         before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers, counter,
         place, substeps, substep,
     ):  # fmt: skip
-        parameters = record[0]
+        world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
             ux, uy, uz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
-            px, py, pz, vx, vy, vz = collide(b, p, ux, uy, uz, parameters, bodies, integers, number)
+            px, py, pz, vx, vy, vz = collide(b, p, ux, uy, uz, world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
             store_quad(struck, k, vx - ux, vy - uy, vz - uz, zero)

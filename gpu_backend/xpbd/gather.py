@@ -71,7 +71,7 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 
 def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: Callable[[str, int], Any]) -> Any:
-    """total(k, pitch, i, j, rows, columns, those) -> (x, y, z): what the neighbours of a mass displace it by, by kind in
+    """total(k, pitch, cell, those) -> (x, y, z): what the neighbours of a mass displace it by, by kind in
     pairs, (structural + shear) + bending; `those`: what pulls take beside. See `make_gather`."""
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     zero, one, two = real(0), np.int32(1), np.int32(2)
@@ -80,16 +80,18 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
     # A neighbour that is not there is the mass itself, as in mass_spring/cloth/point.py: it displaces nothing.
 
     @inline
-    def beside(k, pitch, i, j, rows, columns):
+    def beside(k, pitch, cell):
         """Places to the right, to the left, below, above."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         return (
             k if j == columns - 1 else k + one, k if j == 0 else k - one,
             k if i == rows - 1 else k + pitch, k if i == 0 else k - pitch,
         )  # fmt: skip
 
     @inline
-    def across(k, pitch, i, j, rows, columns):
+    def across(k, pitch, cell):
         """Below to the right, above to the left, below to the left, above to the right."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         return (
             k if bottom or last else k + pitch + one, k if top or first else k - pitch - one,
@@ -97,7 +99,8 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
         )  # fmt: skip
 
     @inline
-    def two_on(k, pitch, i, j, rows, columns):
+    def two_on(k, pitch, cell):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         return (
             k + two if j < columns - 2 else k, k - two if j > 1 else k,
             k + two * pitch if i < rows - 2 else k, k - two * pitch if i > 1 else k,
@@ -107,9 +110,10 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
         first, second, third, fourth = (make_pull(kind, n) for n in range(4))
 
         @inline
-        def kind_sum(k, pitch, i, j, rows, columns, those):
+        def kind_sum(k, pitch, cell, those):
             """(first + second) + (third + fourth), by axis."""
-            places, odd_row, odd_column = places_of(k, pitch, i, j, rows, columns), (i & one) != 0, (j & one) != 0
+            i, j = cell.i, cell.j
+            places, odd_row, odd_column = places_of(k, pitch, cell), (i & one) != 0, (j & one) != 0
             a, b = first(places[0], odd_column, those), second(places[1], not odd_column, those)
             c, d = third(places[2], odd_row, those), fourth(places[3], not odd_row, those)
             return (a[0] + b[0]) + (c[0] + d[0]), (a[1] + b[1]) + (c[1] + d[1]), (a[2] + b[2]) + (c[2] + d[2])
@@ -120,17 +124,17 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
     bending_sum = make_sum("bending", two_on)
 
     @inline
-    def total(k, pitch, i, j, rows, columns, those):
+    def total(k, pitch, cell, those):
         x, y, z = zero, zero, zero
         if has_structural:
-            x, y, z = structural_sum(k, pitch, i, j, rows, columns, those)
+            x, y, z = structural_sum(k, pitch, cell, those)
         if has_shear:
-            hx, hy, hz = shear_sum(k, pitch, i, j, rows, columns, those)
+            hx, hy, hz = shear_sum(k, pitch, cell, those)
             if has_structural:
                 hx, hy, hz = x + hx, y + hy, z + hz
             x, y, z = hx, hy, hz
         if has_bending:
-            bx, by, bz = bending_sum(k, pitch, i, j, rows, columns, those)
+            bx, by, bz = bending_sum(k, pitch, cell, those)
             if has_structural or has_shear:
                 bx, by, bz = x + bx, y + by, z + bz
             x, y, z = bx, by, bz
@@ -143,8 +147,8 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
 def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Jacobi's device functions:
 
-    - `valence_of(i, j, rows, columns)`: how many constraints a mass has; `share_of(valence, weight)`: its spare number;
-    - `gather(position, before, k, lag, pitch, i, j, rows, columns, p, old, m, first, step, constants)` -> (x, y, z): the
+    - `valence_of(cell)`: how many constraints a mass has; `share_of(valence, weight)`: its spare number;
+    - `gather(position, before, k, lag, pitch, cell, p, old, m, first, step, constants)` -> (x, y, z): the
       sum of a mass's displacements. It lies at place k of `position` (p), the mass below it `pitch` places on; of `before`
       (old) all places are `lag` less. Its multipliers are numbers first, first + step, ... of m, 4 of each kind of
       constraints with compliance;
@@ -158,7 +162,8 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     inline = inlined(math)
 
     @inline
-    def valence_of(i, j, rows, columns):
+    def valence_of(cell):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         up, down = np.int32(i > 0), np.int32(i < rows - 1)
         left, right = np.int32(j > 0), np.int32(j < columns - 1)
         total = np.int32(0)
@@ -175,9 +180,9 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         return weight if averages else share(valence, weight)
 
     @inline
-    def gather(position, before, k, lag, pitch, i, j, rows, columns, p, old, m, first, step, constants):
+    def gather(position, before, k, lag, pitch, cell, p, old, m, first, step, constants):
         those = position, before, lag, p, old, m, first, step, constants
-        return total(k, pitch, i, j, rows, columns, those)
+        return total(k, pitch, cell, those)
 
     @inline
     def arrive(p, weight, total, valence):

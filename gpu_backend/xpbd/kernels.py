@@ -18,6 +18,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernel, varia
 from gpu_backend.core.integers import knows_time
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.sheet import BLOCK
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.constraints import compliant, make_constants, make_pair
 from gpu_backend.xpbd.gather import make_gather
@@ -95,11 +96,13 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
         if i < rows and j < columns:
             k = np.int32(i * columns + j)
             p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = accelerate(position, velocity, k, i, j, rows, columns, p, v, parameters, integers, step, air)
+            ax, ay, az = accelerate(
+                position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, integers, step, air
+            )
             x, y, z = predict(p, v, ax, ay, az, parameters)
             spare = p[3]
             if has_shares:
-                spare = share_of(valence_of(i, j, rows, columns), spare)
+                spare = share_of(valence_of(Cell(i, j, rows, columns)), spare)
             store_quad(predicted, k, x, y, z, spare)
 
     return make_kernel(begin, f"xpbd_{variant_name(real, math, axes, parts)}", **kernel_options(math))
@@ -159,10 +162,10 @@ def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
                     multipliers[slot * count + k] = zero
             p, old = load_quad(position, k), load_quad(before, k)
             total = gather(
-                position, before, k, nothing, columns, i, j, rows, columns, p, old, multipliers, np.int64(k), count,
+                position, before, k, nothing, columns, Cell(i, j, rows, columns), p, old, multipliers, np.int64(k), count,
                 constants(parameters),
             )  # fmt: skip
-            x, y, z = arrive(p, old[3], total, valence_of(i, j, rows, columns))
+            x, y, z = arrive(p, old[3], total, valence_of(Cell(i, j, rows, columns)))
             store_quad(target, k, x, y, z, p[3])
 
     return make_kernel(project_all, f"xpbd_{variant_name(real, math, axes, parts)}", **kernel_options(math))
@@ -186,18 +189,18 @@ def make_attach(real: Any, math: str) -> Any:
 
 @cache
 def make_end(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """end(before, position, velocity, parameters, bodies, integers, counter, place, substeps, substep): velocities of a
+    """end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep): velocities of a
     substep, then its colliders."""
     settle, clock = make_motion(real, math, parts, axes).settle, make_clock(math, parts)
     zero = real(0)
 
     def end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep):
-        parameters = record[0]
+        world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
-            px, py, pz, vx, vy, vz = settle(b, p, parameters, bodies, integers, number)
+            px, py, pz, vx, vy, vz = settle(b, p, world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -28,17 +28,17 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
 
     @inline
-    def add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, parameters, air):
+    def add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air):
         if has_wind:
-            fx, fy, fz = wind_sum(position, velocity, k, i, j, rows, columns, p, v, parameters, air)
+            fx, fy, fz = wind_sum(position, velocity, k, cell, p, v, parameters, air)
             ax, ay, az = add_force(ax, ay, az, fx, fy, fz, p[3])
         return ax, ay, az
 
     @inline
-    def accelerate(position, velocity, k, i, j, rows, columns, p, v, parameters, integers, step, air):
+    def accelerate(position, velocity, k, cell, p, v, parameters, integers, step, air):
         """On mass k in row i, column j, at p and moving at v (quads), from the state at the substep's beginning."""
         ax, ay, az = add_gravity(zero, zero, zero, parameters)
-        ax, ay, az = add_wind(ax, ay, az, position, velocity, k, i, j, rows, columns, p, v, parameters, air)
+        ax, ay, az = add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air)
         return add_own(ax, ay, az, k, p[3], parameters, integers, step)
 
     return SimpleNamespace(add_wind=add_wind, accelerate=accelerate)
@@ -47,7 +47,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 @cache
 def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `rate_of(p, b,
-    parameters)` -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, parameters, bodies, integers,
+    parameters)` -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, world,
     number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two
     ends."""
     formulas = device_formulas(distance.make, real, math)
@@ -84,16 +84,17 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         return vx, vy, vz
 
     @inline
-    def collide(b, p, vx, vy, vz, parameters, bodies, integers, number):
+    def collide(b, p, vx, vy, vz, world, number):
         if has_pins:
             if b[3] == zero:
                 return p[0], p[1], p[2], vx, vy, vz
-        return touch(b, p[0], p[1], p[2], vx, vy, vz, parameters, bodies, integers, number)
+        return touch(b, p[0], p[1], p[2], vx, vy, vz, world, number)
 
     @inline
-    def settle(b, p, parameters, bodies, integers, number):
+    def settle(b, p, world, number):
+        parameters = world.parameters
         vx, vy, vz = rate_of(p, b, parameters)
-        return collide(b, p, vx, vy, vz, parameters, bodies, integers, number)
+        return collide(b, p, vx, vy, vz, world, number)
 
     return SimpleNamespace(predict=predict, rate_of=rate_of, collide=collide, settle=settle)
 

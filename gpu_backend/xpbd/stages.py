@@ -13,6 +13,7 @@ from numba import cuda
 from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion
@@ -39,7 +40,7 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
             ax, ay, az = add_wind(
-                b[0], b[1], b[2], position, velocity, k, i, j, rows, columns, p, v, parameters, air
+                b[0], b[1], b[2], position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, air
             )  # fmt: skip
             store_quad(a, k, ax, ay, az, zero)
 
@@ -53,7 +54,7 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], parameters)
             spare = p[3]
             if has_shares:
-                spare = share_of(valence_of(np.int32(k // columns), np.int32(k % columns), rows, columns), spare)
+                spare = share_of(valence_of(Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)), spare)
             store_quad(position, k, x, y, z, spare)
             store_quad(a, k, zero, zero, zero, zero)
 
@@ -67,11 +68,11 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def collide(before, position, velocity, record, bodies, integers, number):
-        parameters = record[0]
+        world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], parameters, bodies, integers, number)
+            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], world, number)
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 

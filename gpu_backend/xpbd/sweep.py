@@ -16,6 +16,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.world import Cell
 from gpu_backend.xpbd.constraints import KINDS, compliant, dampers, make_pair
 from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.kernels import compact_shape
@@ -185,14 +186,16 @@ def make_jacobi_sweep(real: Any, math: str, parts: frozenset[str], axes: int, ti
                 here = np.int32(i * pitch + j)
                 row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
                 p, b = load_quad(positions, old + here), load_quad(before, here)
-                total = gather(
-                    positions, before, np.int32(old + here), old, pitch, np.int32(i - bounds[0]),
-                    np.int32(j - bounds[2]), np.int32(bounds[1] - bounds[0]), np.int32(bounds[3] - bounds[2]), p, b,
-                    multipliers, first, one, constants,
+                cell = Cell(
+                    np.int32(i - bounds[0]), np.int32(j - bounds[2]), np.int32(bounds[1] - bounds[0]),
+                    np.int32(bounds[3] - bounds[2]),
                 )  # fmt: skip
+                total = gather(
+                    positions, before, np.int32(old + here), old, pitch, cell, p, b, multipliers, first, one, constants
+                )
                 valence = zero
                 if averages:
-                    valence = valence_of(row, column, rows, columns)
+                    valence = valence_of(Cell(row, column, rows, columns))
                 weight = load_quad(state, np.int32(row * columns + column))[3]
                 x, y, z = arrive(p, weight, total, valence)
                 store_quad(positions, np.int32(quads - old) + here, x, y, z, p[3])

@@ -15,6 +15,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.world import Cell
 from gpu_backend.xpbd.constraints import KINDS, compliant, dampers
 from gpu_backend.xpbd.gather import make_gather
 from gpu_backend.xpbd.point import make_accelerations, make_motion, make_tethers
@@ -74,12 +75,12 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
             if there:
                 p, v = load_quad(position, k), load_quad(velocity, k)
                 ax, ay, az = accelerate(
-                    position, velocity, k, i, j, rows, columns, p, v, parameters, integers, step, air
+                    position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, integers, step, air
                 )
                 x, y, z = predict(p, v, ax, ay, az, parameters)
                 spare = p[3]
                 if has_shares:
-                    spare = share_of(valence_of(i, j, rows, columns), spare)
+                    spare = share_of(valence_of(Cell(i, j, rows, columns)), spare)
                 store_quad(shared, here, x, y, z, spare)
                 if damped:
                     store_quad(before, here, p[0], p[1], p[2], p[3])
@@ -118,14 +119,12 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
                 store_quad(target, k, p[0], p[1], p[2], p[3])
 
     @inline
-    def close_substep(
-        shared, old, state, target, velocity, origin, parameters, bodies, integers, number, rows, columns
-    ):
+    def close_substep(shared, old, state, target, velocity, origin, world, number, rows, columns):
         for slot in range(each):
             mine, here, k = owned(slot, origin, rows, columns)
             if mine:
                 b = load_quad(state, k)
-                px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), parameters, bodies, integers, number)
+                px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), world, number)
                 store_quad(target, k, px, py, pz, b[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -15,6 +15,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
+from gpu_backend.core.world import World
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
 from gpu_backend.xpbd.constraints import dampers, make_constants
@@ -68,7 +69,7 @@ def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: S
 
 @cache
 def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """one_block(position, velocity, anchors, reaches, count, parameters, bodies, integers, counter, steps, substeps,
+    """one_block(position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps, substeps,
     iterations, rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the tile's threads."""
     ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
     open_substep, close_substep = ends.open_substep, ends.close_substep
@@ -82,6 +83,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
         rows, columns,
     ):  # fmt: skip
         parameters = record[0]
+        world = World(parameters, bodies, integers)
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         before = shared[before_place:]
         multipliers = cuda.local.array(kept, real)
@@ -102,7 +104,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
                     origin, rows, columns,
                 )  # fmt: skip
                 close_substep(
-                    shared, old, position, position, velocity, origin, parameters, bodies, integers, number, rows, columns
+                    shared, old, position, position, velocity, origin, world, number, rows, columns
                 )  # fmt: skip
                 cuda.syncthreads()
 
@@ -112,7 +114,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
 
 @cache
 def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
-    """tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, parameters, bodies,
+    """tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record, bodies,
     integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns): some iterations of a substep.
 
     `state` holds the positions and `velocity` the velocities at the substep's beginning; an `opening` launch begins with
@@ -139,6 +141,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
         integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns,
     ):  # fmt: skip
         parameters = record[0]
+        world = World(parameters, bodies, integers)
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         before = shared[before_place:]
         multipliers = cuda.local.array(kept, real)
@@ -166,7 +169,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
         )  # fmt: skip
         if closing:
             close_substep(
-                shared, old, state, target, new_velocity, origin, parameters, bodies, integers, number, rows, columns
+                shared, old, state, target, new_velocity, origin, world, number, rows, columns
             )  # fmt: skip
         else:
             store(shared, old, target, origin, rows, columns)

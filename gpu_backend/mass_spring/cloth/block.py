@@ -16,6 +16,7 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.moves import make_cloth_moves
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
@@ -40,12 +41,10 @@ def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
     zero = real(0)
 
     @inlined(math)
-    def phase(
-        positions, velocities, old, new, inside, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air
-    ):
+    def phase(positions, velocities, old, new, inside, k, cell, p, v, world, step, air):
         if inside:
             px, py, pz, vx, vy, vz = move(
-                positions, velocities, np.int32(old + k), k, i, j, rows, columns, p, v, parameters, bodies, integers,
+                positions, velocities, np.int32(old + k), k, cell, p, v, world,
                 step, air,
             )  # fmt: skip
             p, v = (px, py, pz, p[3]), (vx, vy, vz, zero)
@@ -60,7 +59,7 @@ def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
 
 @cache
 def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str], threads: int) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, parameters, bodies, integers, counter, pass_number, passes,
+    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes,
     rows, columns): `passes` steps of the whole sheet, from the old state to the new one; where velocity Verlet's kicks meet,
     `passes` of its middle passes.
 
@@ -88,6 +87,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         columns,
     ):  # fmt: skip
         parameters = record[0]
+        world = World(parameters, bodies, integers)
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         rows, columns = np.int32(rows), np.int32(columns)
         masses = np.int32(rows * columns)
@@ -127,15 +127,10 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
                 new,
                 inside,
                 k,
-                i,
-                j,
-                rows,
-                columns,
+                Cell(i, j, rows, columns),
                 p,
                 v,
-                parameters,
-                bodies,
-                integers,
+                world,
                 step,
                 air,
             )
@@ -143,7 +138,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
                 if has_gust:
                     air = read_air(airs, 1 - now)
                 p, v = second_phase(
-                    shared, velocities, new, old, inside, k, i, j, rows, columns, p, v, parameters, bodies, integers,
+                    shared, velocities, new, old, inside, k, Cell(i, j, rows, columns), p, v, world,
                     step + 1, air,
                 )  # fmt: skip
             else:

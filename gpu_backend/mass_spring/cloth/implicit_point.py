@@ -44,9 +44,9 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
     zero, inline = real(0), inlined(math)
 
     @inline
-    def product(x, r, ar, k, i, j, rows, columns, system):
+    def product(x, r, ar, k, cell, system):
         p, v = load_quad(x, k), load_quad(r, k)
-        ax, ay, az = product_sum(x, r, k, i, j, rows, columns, p, v, system)
+        ax, ay, az = product_sum(x, r, k, cell, p, v, system)
         own = system.mass_entry
         wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
         if has_pins:
@@ -90,32 +90,33 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     zero, half, one, inline = real(0), real(0.5), real(1), inlined(math)
 
     @inline
-    def put(x, u, k, p, position, velocity, step, parameters, bodies):
+    def put(x, u, k, p, position, velocity, step, world):
         """The state at the step's end as far as it is known; a pinned mass is where it will be."""
         px, py, pz = position
         vx, vy, vz = velocity
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, parameters, bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, world)
         store_quad(x, k, px, py, pz, p[3])
         store_quad(u, k, vx, vy, vz, zero)
         return (px, py, pz), (vx, vy, vz)
 
     @inline
-    def start(position, velocity, base, x, u, begin, k, i, j, rows, columns, parameters, bodies, integers, step, air):
+    def start(position, velocity, base, x, u, begin, k, cell, world, step, air):
+        parameters, integers = world.parameters, world.integers
         p, v = load_quad(position, k), load_quad(velocity, k)
-        ax, ay, az = steady(position, velocity, k, i, j, rows, columns, p, v, parameters, air)
+        ax, ay, az = steady(position, velocity, k, cell, p, v, parameters, air)
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
         bx, by, bz = added_3(v, parameters.dt, (ax, ay, az))
         store_quad(begin, k, bx, by, bz, zero)
-        end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, parameters, bodies)
+        end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, world)
         px, py, pz = added_3(end, -parameters.dt, speed)
         store_quad(base, k, px, py, pz, p[3])
 
     @inline
-    def residual(base, u, r, s, begin, k, i, j, rows, columns, parameters, system):
+    def residual(base, u, r, s, begin, k, cell, parameters, system):
         p, v, b = load_quad(base, k), load_quad(u, k), load_quad(begin, k)
-        ax, ay, az = pull_sum(base, u, k, i, j, rows, columns, p, v, parameters)
+        ax, ay, az = pull_sum(base, u, k, cell, p, v, parameters)
         dt, rate = system.dt, system.damping_of_step
         rx, ry, rz = (
             missing(b[0], v[0], ax, dt, rate), missing(b[1], v[1], ay, dt, rate), missing(b[2], v[2], az, dt, rate),
@@ -128,21 +129,20 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         return dot_3(own, own), dot_3(own, load_quad(s, k)), dot_3(v, v)
 
     @inline
-    def move(position, x, u, s, k, back, step, parameters, bodies):
+    def move(position, x, u, s, k, back, step, world):
+        parameters = world.parameters
         p, v, way = load_quad(position, k), load_quad(u, k), load_quad(s, k)
         sx, sy, sz, sign = way[0], way[1], way[2], one
         if back:
             sx, sy, sz, sign = half * sx, half * sy, half * sz, -one
             store_quad(s, k, sx, sy, sz, zero)
         new = added_3(v, sign, (sx, sy, sz))
-        put(x, u, k, p, added_3(p, parameters.dt, new), new, step, parameters, bodies)
+        put(x, u, k, p, added_3(p, parameters.dt, new), new, step, world)
 
     @inline
-    def finish(position, velocity, x, u, k, step, parameters, bodies, integers):
+    def finish(position, velocity, x, u, k, step, world):
         p, new, v = load_quad(position, k), load_quad(x, k), load_quad(u, k)
-        px, py, pz, vx, vy, vz = collide(
-            p, new[0], new[1], new[2], v[0], v[1], v[2], parameters, bodies, integers, step
-        )
+        px, py, pz, vx, vy, vz = collide(p, new[0], new[1], new[2], v[0], v[1], v[2], world, step)
         if has_pins:
             if p[3] != zero:
                 px, py, pz, vx, vy, vz = new[0], new[1], new[2], v[0], v[1], v[2]

@@ -16,6 +16,7 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from model.formulas import cloth
@@ -47,7 +48,7 @@ def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
 def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
-    Each is kernel(position, velocity, new_position, new_velocity, parameters, bodies, integers, counter, pass_number, rows,
+    Each is kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
     columns): flat arrays of quads, the constants, the colliders' rows one after the other, the integer record
     (mass_spring/cloth/point.py), the step counter and the pass's place after it.
     """
@@ -60,6 +61,7 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
             columns,
         ):  # fmt: skip
             parameters = record[0]
+            world = World(parameters, bodies, integers)
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)
@@ -70,7 +72,7 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
                 k = np.int32(i * columns + j)
                 p, v = load_quad(position, k), load_quad(velocity, k)
                 px, py, pz, vx, vy, vz = move(
-                    position, velocity, k, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air
+                    position, velocity, k, k, Cell(i, j, rows, columns), p, v, world, step, air
                 )
                 store_quad(new_position, k, px, py, pz, p[3])
                 store_quad(new_velocity, k, vx, vy, vz, zero)
@@ -86,7 +88,7 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
     """The four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
-    parameters, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the state
+    record, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the state
     of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
@@ -102,6 +104,7 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
             record, bodies, integers, counter, pass_number, rows, columns,
         ):  # fmt: skip
             parameters = record[0]
+            world = World(parameters, bodies, integers)
             j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
             i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
             rows = np.int32(rows)
@@ -117,8 +120,8 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
                 else:
                     total_p, total_v = load_quad(total_position, k), load_quad(total_velocity, k)
                 new_p, new_v, sum_p, sum_v = move(
-                    position, velocity, k, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, parameters, bodies,
-                    integers, step, air,
+                    position, velocity, k, k, Cell(i, j, rows, columns), p, v, base_p, base_v, total_p, total_v, world, step,
+                    air,
                 )  # fmt: skip
                 if not last:
                     store_quad(total_position, k, sum_p[0], sum_p[1], sum_p[2], zero)
@@ -168,8 +171,9 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
         return cross(q[0] - p[0], q[1] - p[1], q[2] - p[2], r[0] - p[0], r[1] - p[1], r[2] - p[2])
 
     @inline
-    def cell_sum(position, k, i, j, rows, columns):
+    def cell_sum(position, k, cell):
         """The sum of the normals of the up to six triangles at mass k, as in mass_spring/cloth/point.py."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         right, below = k if last else k + one, k if bottom else k + columns
         left, above = k if first else k - one, k if top else k - columns
@@ -191,7 +195,8 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             rows, columns = np.int32(rows), np.int32(columns)
-            x, y, z = cell_sum(position, k, np.int32(k // columns), np.int32(k % columns), rows, columns)
+            cell = Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)
+            x, y, z = cell_sum(position, k, cell)
             out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
 
     tools = (count, first_diverged, write_position, write_normal)

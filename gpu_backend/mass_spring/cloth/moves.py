@@ -24,7 +24,7 @@ RK4_TOTAL = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")
 def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """Device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is kick(ax, ay, az, k, p, v, parameters, bodies, integers, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and
+    Each is kick(ax, ay, az, k, p, v, world, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and
     moving at v (quads), which springs, gravity and wind accelerate by a. `step` is the number of the step that begins.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
@@ -39,32 +39,34 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     inline = inlined(math)
 
     @inline
-    def settle(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step):
+    def settle(p, px, py, pz, vx, vy, vz, world, step):
         """Colliders, then pins: a pinned mass stays where it was, or follows its motion."""
-        px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step)
+        px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, world, step)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, parameters, bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, world)
         return px, py, pz, vx, vy, vz
 
     @inline
-    def step_mass(ax, ay, az, k, p, v, parameters, bodies, integers, step):
+    def step_mass(ax, ay, az, k, p, v, world, step):
+        parameters, integers = world.parameters, world.integers
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
         ax, ay, az = damp(ax, ay, az, v, parameters)
         dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         px, vx = one_force(p[0], v[0], ax, dt, half_dt_squared)
         py, vy = one_force(p[1], v[1], ay, dt, half_dt_squared)
         pz, vz = one_force(p[2], v[2], az, dt, half_dt_squared)
-        return settle(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step)
+        return settle(p, px, py, pz, vx, vy, vz, world, step)
 
     @inline
-    def kick_and_drift(p, vx, vy, vz, ax, ay, az, parameters, bodies, integers, step):
+    def kick_and_drift(p, vx, vy, vz, ax, ay, az, world, step):
         """The first half of a step from the velocity (vx, vy, vz)."""
+        parameters = world.parameters
         dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
         px, vx = first_half(p[0], vx, ax, dt, half_dt, rate)
         py, vy = first_half(p[1], vy, ay, dt, half_dt, rate)
         pz, vz = first_half(p[2], vz, az, dt, half_dt, rate)
-        return settle(p, px, py, pz, vx, vy, vz, parameters, bodies, integers, step)
+        return settle(p, px, py, pz, vx, vy, vz, world, step)
 
     @inline
     def second_kick(v, ax, ay, az, parameters):
@@ -76,12 +78,14 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
         )
 
     @inline
-    def opening_mass(ax, ay, az, k, p, v, parameters, bodies, integers, step):
+    def opening_mass(ax, ay, az, k, p, v, world, step):
+        parameters, integers = world.parameters, world.integers
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
-        return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, parameters, bodies, integers, step)
+        return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, world, step)
 
     @inline
-    def closing_mass(ax, ay, az, k, p, v, parameters, bodies, integers, step):
+    def closing_mass(ax, ay, az, k, p, v, world, step):
+        parameters, integers = world.parameters, world.integers
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step - one)
         vx, vy, vz = second_kick(v, ax, ay, az, parameters)
         if has_pins:
@@ -90,15 +94,16 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
         return p[0], p[1], p[2], vx, vy, vz
 
     @inline
-    def middle_mass(bx, by, bz, k, p, v, parameters, bodies, integers, step):
+    def middle_mass(bx, by, bz, k, p, v, world, step):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
+        parameters, integers = world.parameters, world.integers
         ax, ay, az = add_own(bx, by, bz, k, zero, parameters, integers, step - one)
         if changes:
             bx, by, bz = add_own(bx, by, bz, k, zero, parameters, integers, step)
         else:
             bx, by, bz = ax, ay, az
         vx, vy, vz = second_kick(v, ax, ay, az, parameters)
-        return kick_and_drift(p, vx, vy, vz, bx, by, bz, parameters, bodies, integers, step)
+        return kick_and_drift(p, vx, vy, vz, bx, by, bz, world, step)
 
     if verlet:
         return {"opening": opening_mass, "middle": middle_mass, "closing": closing_mass}
@@ -109,7 +114,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """The functions of make_cloth_kicks with the forces before them.
 
-    Each is move(position, velocity, place, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air) ->
+    Each is move(position, velocity, place, k, cell, p, v, world, step, air) ->
     (px, py, pz, vx, vy, vz): of mass k in row i and column j, found at `place` of the arrays of quads that its
     neighbours are read from, itself at p and moving at v.
 
@@ -121,9 +126,10 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 
     def make_move(kick: Any) -> Any:
         @inline
-        def move(position, velocity, place, k, i, j, rows, columns, p, v, parameters, bodies, integers, step, air):
-            ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, parameters, air)
-            return kick(ax, ay, az, k, p, v, parameters, bodies, integers, step)
+        def move(position, velocity, place, k, cell, p, v, world, step, air):
+            parameters = world.parameters
+            ax, ay, az = steady(position, velocity, place, cell, p, v, parameters, air)
+            return kick(ax, ay, az, k, p, v, world, step)
 
         return move
 
@@ -134,9 +140,9 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> Any:
     """One of the four stages of RK4 (0 to 3), a device function:
 
-    move(position, velocity, place, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, parameters, bodies,
-    integers, step, air) -> (p', v', total_p', total_v'), each (x, y, z): the state of the next stage and the running sum;
-    of the last stage p', v' are the new state, which has met the colliders. The first stage reads no total.
+    move(position, velocity, place, k, cell, p, v, base_p, base_v, total_p, total_v, world, step, air) -> (p', v', total_p',
+    total_v'), each (x, y, z): the state of the next stage and the running sum; of the last stage p', v' are the new state,
+    which has met the colliders. The first stage reads no total.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     hold, half_way = (
@@ -160,10 +166,10 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
 
     @inline
     def rk4_mass(
-        position, velocity, place, k, i, j, rows, columns, p, v, base_p, base_v, total_p, total_v, parameters, bodies,
-        integers, step, air,
+        position, velocity, place, k, cell, p, v, base_p, base_v, total_p, total_v, world, step, air,
     ):  # fmt: skip
-        ax, ay, az = steady(position, velocity, place, i, j, rows, columns, p, v, parameters, air)
+        parameters, integers = world.parameters, world.integers
+        ax, ay, az = steady(position, velocity, place, cell, p, v, parameters, air)
         ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
         ax, ay, az = damp(ax, ay, az, v, parameters)
         derivative_dt, total_dt = parameters[k_derivative], parameters[k_total]
@@ -171,12 +177,12 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
         new_v, sum_v = advanced(base_v, (ax, ay, az), total_v, derivative_dt, total_dt)
         if last:
             px, py, pz, vx, vy, vz = collide(
-                base_p, sum_p[0], sum_p[1], sum_p[2], sum_v[0], sum_v[1], sum_v[2], parameters, bodies, integers, step
+                base_p, sum_p[0], sum_p[1], sum_p[2], sum_v[0], sum_v[1], sum_v[2], world, step
             )
             new_p, new_v = (px, py, pz), (vx, vy, vz)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, parameters, bodies)
+                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, world)
                 new_p, new_v = (px, py, pz), (vx, vy, vz)
         return new_p, new_v, sum_p, sum_v
 

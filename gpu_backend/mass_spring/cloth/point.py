@@ -39,7 +39,7 @@ def _make_paired(math: str) -> Any:
 
 @cache
 def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
-    """spring_sum(position, velocity, place, i, j, rows, columns, p, v, parameters): the pulls of all springs over mass
+    """spring_sum(position, velocity, place, cell, p, v, parameters): the pulls of all springs over mass
     [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads).
 
     `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
@@ -78,8 +78,9 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     paired = _make_paired(math)
 
     @inline
-    def structural_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
+    def structural_sum(position, velocity, place, cell, p, v, parameters):
         # The choices are spelt as in wind_sum: then a neighbour that both ask for is loaded once.
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         right = structural_pull(position, velocity, place if last else place + one, p, v, parameters)
         left = structural_pull(position, velocity, place if first else place - one, p, v, parameters)
@@ -88,7 +89,8 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
         return paired(right, left, below, above)
 
     @inline
-    def shear_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
+    def shear_sum(position, velocity, place, cell, p, v, parameters):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         below_right = shear_pull(
             position, velocity, place if bottom or last else place + columns + one, p, v, parameters
@@ -101,7 +103,8 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
         return paired(below_right, above_left, below_left, above_right)
 
     @inline
-    def bending_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
+    def bending_sum(position, velocity, place, cell, p, v, parameters):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         right = bending_pull(position, velocity, place + two if j < columns - 2 else place, p, v, parameters)
         left = bending_pull(position, velocity, place - two if j > 1 else place, p, v, parameters)
         below = bending_pull(position, velocity, place + two * columns if i < rows - 2 else place, p, v, parameters)
@@ -109,17 +112,17 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
         return paired(right, left, below, above)
 
     @inline
-    def spring_sum(position, velocity, place, i, j, rows, columns, p, v, parameters):
+    def spring_sum(position, velocity, place, cell, p, v, parameters):
         ax, ay, az = zero, zero, zero
         if has_structural:
-            ax, ay, az = structural_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
+            ax, ay, az = structural_sum(position, velocity, place, cell, p, v, parameters)
         if has_shear:
-            hx, hy, hz = shear_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
+            hx, hy, hz = shear_sum(position, velocity, place, cell, p, v, parameters)
             if has_structural:
                 hx, hy, hz = ax + hx, ay + hy, az + hz
             ax, ay, az = hx, hy, hz
         if has_bending:
-            bx, by, bz = bending_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
+            bx, by, bz = bending_sum(position, velocity, place, cell, p, v, parameters)
             if has_structural or has_shear:
                 bx, by, bz = ax + bx, ay + by, az + bz
             ax, ay, az = bx, by, bz
@@ -168,7 +171,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 @cache
 def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`air_now(parameters, integers, step, offset)`: the air's velocity [m/s] as (x, y, z); `wind_sum(position, velocity,
-    place, i, j, rows, columns, p, v, parameters, air)`: the wind over mass [m/s^2] on one mass."""
+    place, cell, p, v, parameters, air)`: the wind over mass [m/s^2] on one mass."""
     formulas, sums = device_formulas(wind.make, real, math), device_formulas(cloth.make, real, math)
     triangle_wind, gust_interval, gust_of = formulas.triangle_wind, formulas.gust_interval, formulas.gust
     mean, gusty = sums.mean, sums.gusty
@@ -217,7 +220,8 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return p[0], p[1], p[2], v[0], v[1], v[2]
 
     @inline
-    def wind_sum(position, velocity, place, i, j, rows, columns, p, v, parameters, air):
+    def wind_sum(position, velocity, place, cell, p, v, parameters, air):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         top, bottom, first, last = i == 0, i == rows - 1, j == 0, j == columns - 1
         right = state_at(position, velocity, place if last else place + one)
         below = state_at(position, velocity, place if bottom else place + columns)
@@ -247,11 +251,11 @@ def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     no_step = np.int64(0)
 
     @inline
-    def steady(position, velocity, place, i, j, rows, columns, p, v, parameters, air):
-        ax, ay, az = spring_sum(position, velocity, place, i, j, rows, columns, p, v, parameters)
+    def steady(position, velocity, place, cell, p, v, parameters, air):
+        ax, ay, az = spring_sum(position, velocity, place, cell, p, v, parameters)
         ax, ay, az = add_gravity(ax, ay, az, parameters)
         if has_wind:
-            wx, wy, wz = wind_sum(position, velocity, place, i, j, rows, columns, p, v, parameters, air)
+            wx, wy, wz = wind_sum(position, velocity, place, cell, p, v, parameters, air)
             ax, ay, az = ax + wx, ay + wy, az + wz
         return ax, ay, az
 

@@ -31,6 +31,7 @@ from gpu_backend.core.device import simulated
 from gpu_backend.core.messages import make_messages, pause
 from gpu_backend.core.planes import near
 from gpu_backend.core.tiling import Tile
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
 from gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
 from gpu_backend.mass_spring.grid.resident import PATIENCE
@@ -96,9 +97,8 @@ def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_lo
 
 @cache
 def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, parameters,
-    bodies, integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to the new
-    one.
+    """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record, bodies,
+    integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to the new one.
 
     `border_*` (2 * particles * message_size,): messages, two rounds in turn, their tags `epoch` + 1, + 2, ... (the caller
     raises `epoch` by the exchanges of each launch); that of velocities has 1 number where tiling.fields is 3.
@@ -142,7 +142,8 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         if j >= column_first and j < column_end:
             mine = bits_between(row_first, row_end, i)
         border = border_bits(mine, i, j, extent, rows, columns)
-        values, where = constants(parameters), sides(i, j, rows, columns)
+        values, where = constants(parameters), sides(Cell(i, j, rows, columns))
+        world = World(values, bodies, integers)
         first = current_step(counter, np.int64(0))
         clear(shared, thread)
         cuda.syncthreads()
@@ -167,8 +168,8 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
                 tag = np.int32(tag + 1)
             air = air_of(values, integers, now, shared, thread, number)
             step(
-                shared, old, new, place, where, active, sending, held, vx, vy, vz, k, columns, position, values, bodies,
-                integers, now, air, (border_position, border_velocity, turn, tag),
+                shared, old, new, place, where, active, sending, held, vx, vy, vz, k, columns, position, world, now, air,
+                (border_position, border_velocity, turn, tag),
             )  # fmt: skip
             if exchange:
                 fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed)

@@ -19,6 +19,7 @@ from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import bind_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from model.core.plan import Moment, StageRun
@@ -40,7 +41,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             rows, columns = np.int32(rows), np.int32(columns)
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = spring_sum(position, velocity, k, i, j, rows, columns, p, v, parameters)
+            ax, ay, az = spring_sum(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters)
             store_quad(a, k, ax, ay, az, zero)
 
     def no_forces(a):
@@ -56,7 +57,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             rows, columns = np.int32(rows), np.int32(columns)
             i, j = np.int32(k // columns), np.int32(k % columns)
             p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            x, y, z = wind_sum(position, velocity, k, i, j, rows, columns, p, v, parameters, air)
+            x, y, z = wind_sum(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, air)
             store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, zero)
 
     def damping(velocity, record, a):
@@ -142,13 +143,11 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
     zero = real(0)
 
     def collide(before, position, velocity, record, bodies, integers, step):
-        parameters = record[0]
+        world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             old, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = collide_point(
-                old, p[0], p[1], p[2], v[0], v[1], v[2], parameters, bodies, integers, step
-            )
+            px, py, pz, vx, vy, vz = collide_point(old, p[0], p[1], p[2], v[0], v[1], v[2], world, step)
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -161,12 +160,12 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
                 store_quad(velocity, k, zero, zero, zero, zero)
 
     def moving_pins(position, velocity, record, bodies, step, half_way):
-        parameters = record[0]
+        world = World(record[0], bodies, None)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
             if p[3] != zero:
-                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, parameters, bodies)
+                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, world)
                 store_quad(position, k, x, y, z, p[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 

@@ -76,7 +76,8 @@ def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
     inline = inlined(math)
 
     @inline
-    def sides(i, j, rows, columns):
+    def sides(cell):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         end = np.int32(i + strip)
         bits = np.int32(0)
         bits |= WEST if j > 0 else 0
@@ -206,9 +207,10 @@ def _make_mass(
 
         @inline
         def mass(
-            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, parameters, bodies, integers,
+            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, world,
             step, air, post, here, ups, window,
         ):  # fmt: skip
+            parameters = world.parameters
             (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, parameters)
             if has_gravity:
                 ay = ay + parameters.gravity
@@ -229,7 +231,7 @@ def _make_mass(
                     if held & bit:
                         mark = load_quad(position, k)[3]
                 p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
-                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, parameters, bodies, integers, step)
+                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, step)
                 vx[r], vy[r], vz[r] = ux, uy, uz
                 put(shared, new, px, py, pz, ux, uy, uz)
                 if sending & bit:
@@ -237,7 +239,7 @@ def _make_mass(
             if not last:
                 after(
                     shared, places, new, sides, active, sending, held, vx, vy, vz, np.int32(k + columns), columns, position,
-                    parameters, bodies, integers, step, air, post, next_here, next_ups, next_window,
+                    world, step, air, post, next_here, next_ups, next_window,
                 )  # fmt: skip
 
         return mass
@@ -253,11 +255,11 @@ def make_cloth_strips(
 
     - `constants(parameters)`: the record's values, read once;
     - `put(shared, place, x, y, z, vx, vy, vz)`: store one, its velocity where that is kept;
-    - `sides(i, j, rows, columns)`: the bits WEST ... of a strip whose first mass is in row i and column j;
-    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, parameters, bodies,
-      integers, number, air, post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the
-      planes that starts at `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass;
-      `publish(k, x, y, z, vx, vy, vz, post)` is called for those with a bit in `sending`.
+    - `sides(cell)`: the bits WEST ... of a strip whose first mass is in row i and column j;
+    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world, number, air,
+    post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the planes that starts at `old`
+    into the one at `new`. `held`: bits of pinned masses; k: number of the first mass; `publish(k, x, y, z, vx, vy, vz, post)`
+    is called for those with a bit in `sending`.
     """
     planes, (sides, make_there) = _make_planes(real, math, parts, tile), _make_sides(math, tile.strip)
     make_load, make_put = planes
@@ -269,7 +271,7 @@ def make_cloth_strips(
 
     @inline
     def step(
-        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, parameters, bodies, integers,
+        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world,
         number, air, post,
     ):  # fmt: skip
         base = np.int32(old + place)
@@ -283,8 +285,8 @@ def make_cloth_strips(
         )  # fmt: skip
         none = (zero, zero, zero)
         first_mass(
-            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, parameters,
-            bodies, integers, number, air, post, load_here(shared, base), (none, none, none), window,
+            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, world,
+            number, air, post, load_here(shared, base), (none, none, none), window,
         )  # fmt: skip
 
     return SimpleNamespace(constants=reader(CLOTH_PARAMETERS, inline), put=put, sides=sides, step=step)

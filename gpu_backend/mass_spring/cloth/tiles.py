@@ -24,6 +24,7 @@ from gpu_backend.core.device import simulated
 from gpu_backend.core.planes import near
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.core.tiling import Tile
+from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from gpu_backend.mass_spring.cloth.strips import make_cloth_strips
 from gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, plane_shape, reach_of, tile_bytes
@@ -215,7 +216,7 @@ def _publish_nothing(math: str) -> Any:
 
 @cache
 def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, parameters, bodies, integers, counter, pass_number, passes,
+    """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes,
     rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
 
     Launched with one block a tile, of tile.threads threads in a row, and `tile_bytes` of shared memory.
@@ -238,7 +239,8 @@ def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str
         rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
         i, j, k, place, extent = place_of(rows, columns)
         _, row_first, row_end, _, column_first, column_end = extent
-        values, where = constants(parameters), sides(i, j, rows, columns)
+        values, where = constants(parameters), sides(Cell(i, j, rows, columns))
+        world = World(values, bodies, integers)
         first = current_step(counter, pass_number)
         clear(shared, thread)
         cuda.syncthreads()
@@ -254,8 +256,8 @@ def make_cloth_tiles(real: Any, math: str, integrator: str, parts: frozenset[str
             new, now = np.int32(half - old), first + number
             air = air_of(values, integers, now, shared, thread, number)
             step(
-                shared, old, new, place, where, every, nothing, held, vx, vy, vz, k, columns, position, values, bodies,
-                integers, now, air, nothing,
+                shared, old, new, place, where, every, nothing, held, vx, vy, vz, k, columns, position, world, now, air,
+                nothing,
             )  # fmt: skip
             cuda.syncthreads()
             old = new

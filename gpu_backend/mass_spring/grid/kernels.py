@@ -21,6 +21,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.pairs import load_pair, store_pair
+from gpu_backend.core.world import Cell
 from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 
 
@@ -51,8 +52,8 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
                 k = np.int32(i * columns + j)
                 step = current_step(counter, pass_number)
                 p, v = load_pair(position, k), load_pair(velocity, k)
-                ax, ay = spring_sum(position, k, i, j, rows, columns, parameters)
-                px, py, vx, vy = move(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns)
+                ax, ay = spring_sum(position, k, Cell(i, j, rows, columns), parameters)
+                px, py, vx, vy = move(k, Cell(i, j, rows, columns), ax, ay, p, v, parameters, integers, step)
                 if has_pins:
                     if pinned_row[i] != 0:
                         if pinned[k] != 0:
@@ -99,8 +100,8 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
                 k = np.int32(i * columns + j)
                 p, v = load_pair(position, k), load_pair(velocity, k)
                 step = current_step(counter, pass_number)
-                ax, ay = spring_sum(position, k, i, j, rows, columns, parameters)
-                ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, parameters, integers, step, offset)
+                ax, ay = spring_sum(position, k, Cell(i, j, rows, columns), parameters)
+                ax, ay = acceleration(ax, ay, v, k, Cell(i, j, rows, columns), parameters, integers, step, offset)
                 base_p, base_v = load_pair(base_position, k), load_pair(base_velocity, k)
                 if first:
                     total_p, total_v = base_p, base_v

@@ -24,12 +24,13 @@ from model.formulas import integrators, manufactured, springs
 
 
 def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
-    """spring_sum(position, k, i, j, rows, columns, parameters)."""
+    """spring_sum(position, k, cell, parameters)."""
     has_springs, zero, one = "springs" in parts, real(0), np.int32(1)
 
     @device
-    def spring_sum(position, k, i, j, rows, columns, parameters):
+    def spring_sum(position, k, cell, parameters):
         """Sum of the four pulls over mass [m/s^2] on mass k = i * columns + j, (0, 0) in a scene without springs."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         if not has_springs:
             return zero, zero
         here = load_pair(position, k)
@@ -53,8 +54,9 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
         return spring_acceleration_2d(other.real - here.real, other.imag - here.imag, stiffness, rest)
 
     @device
-    def uneven_spring_sum(position, k, i, j, rows, columns, parameters):
+    def uneven_spring_sum(position, k, cell, parameters):
         """As `spring_sum`, where every second spring is stiffer: those from odd rows and columns to the next."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         here = load_pair(position, k)
         left = load_pair(position, k - one if j > 0 else k)
         right = load_pair(position, k + one if j < columns - 1 else k)
@@ -90,8 +92,9 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return ay
 
     @device
-    def add_driven(ax, ay, i, j, rows, columns, parameters, step, offset):
+    def add_driven(ax, ay, cell, parameters, step, offset):
         """The manufactured force at time (step + offset) dt."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         if has_manufactured:
             time = stage_time(step, offset, parameters.dt, parameters.first_step, parameters.first_time)
             fx, fy = manufactured_acceleration(
@@ -102,12 +105,12 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return ax, ay
 
     @device
-    def acceleration(ax, ay, velocity, k, i, j, rows, columns, parameters, integers, step, offset):
+    def acceleration(ax, ay, velocity, k, cell, parameters, integers, step, offset):
         """All that acts on mass k [m/s^2], the springs' pulls (ax, ay) given; with the damper where the integrator
         takes it explicitly."""
         ay = add_gravity(ay, parameters)
         ax, ay = own((ax, ay), k, zero, parameters, integers, step)
-        ax, ay = add_driven(ax, ay, i, j, rows, columns, parameters, step, offset)
+        ax, ay = add_driven(ax, ay, cell, parameters, step, offset)
         if explicit_damping:
             ax = damped(ax, velocity.real, parameters.damping)
             ay = damped(ay, velocity.imag, parameters.damping)
@@ -131,7 +134,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """How one mass moves in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
-    Each is move(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns) -> (px, py, vx, vy): (ax, ay) is the sum
+    Each is move(k, cell, ax, ay, p, v, parameters, integers, step) -> (px, py, vx, vy): (ax, ay) is the sum
     of the springs' pulls, p and v are the mass's own. `parameters` may be the record or its values in registers.
     """
     point = make_point_functions(real, math, integrator, parts)
@@ -144,41 +147,41 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     device = cuda.jit(device=True, **kernel_options(math))
 
     @device
-    def step_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
-        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, parameters, integers, step, zero)
+    def step_mass(k, cell, ax, ay, p, v, parameters, integers, step):
+        ax, ay = acceleration(ax, ay, v, k, cell, parameters, integers, step, zero)
         dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         px, vx = one_force(p.real, v.real, ax, dt, half_dt_squared)
         py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)
         return px, py, vx, vy
 
     @device
-    def opening_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
-        ax, ay = acceleration(ax, ay, v, k, i, j, rows, columns, parameters, integers, step, zero)
+    def opening_mass(k, cell, ax, ay, p, v, parameters, integers, step):
+        ax, ay = acceleration(ax, ay, v, k, cell, parameters, integers, step, zero)
         dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
         px, vx = first_half(p.real, v.real, ax, dt, half_dt, rate)
         py, vy = first_half(p.imag, v.imag, ay, dt, half_dt, rate)
         return px, py, vx, vy
 
     @device
-    def closing_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
+    def closing_mass(k, cell, ax, ay, p, v, parameters, integers, step):
         ay = add_gravity(ay, parameters)
         ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
-        ax, ay = add_driven(ax, ay, i, j, rows, columns, parameters, step, zero)
+        ax, ay = add_driven(ax, ay, cell, parameters, step, zero)
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         vx = second_half(v.real, ax, half_dt, inverse_damping)
         vy = second_half(v.imag, ay, half_dt, inverse_damping)
         return p.real, p.imag, vx, vy
 
     @device
-    def middle_mass(k, i, j, ax, ay, p, v, parameters, integers, step, rows, columns):
+    def middle_mass(k, cell, ax, ay, p, v, parameters, integers, step):
         """The second half kick of one step and the first of the next: both need the force here, computed once."""
         ay = add_gravity(ay, parameters)
         bx, by = ax, ay
         ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
-        ax, ay = add_driven(ax, ay, i, j, rows, columns, parameters, step, zero)
+        ax, ay = add_driven(ax, ay, cell, parameters, step, zero)
         if changes:
             bx, by = own((bx, by), k, zero, parameters, integers, step)
-            bx, by = add_driven(bx, by, i, j, rows, columns, parameters, step, zero)
+            bx, by = add_driven(bx, by, cell, parameters, step, zero)
         else:
             bx, by = ax, ay
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping

@@ -20,6 +20,7 @@ from gpu_backend.core.blocks import load_fresh_pair, raise_flag, read_flag
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.pairs import store_pair
 from gpu_backend.core.tiling import Tile
+from gpu_backend.core.world import Cell
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT, pair_type
 from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_parts
 
@@ -107,8 +108,8 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             if (column_first > 0 and j < column_first + halo) or (column_end < columns and j >= column_end - halo):
                 border = mine
         values = constants(parameters)
-        read(position, velocity, vx, vy, both, place, i, j, rows, columns)
-        held = held_bits(pinned, i, j, rows, columns)
+        read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
+        held = held_bits(pinned, Cell(i, j, rows, columns))
         cuda.syncthreads()
         old = np.int32(0)
         done = np.int64(0)

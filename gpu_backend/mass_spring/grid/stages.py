@@ -14,6 +14,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.forces import make_own_force
+from gpu_backend.core.world import Cell
 from gpu_backend.mass_spring.grid.point import make_point_functions
 from model.core.own_forces import own_forces
 from model.core.plan import Moment, StageRun
@@ -34,7 +35,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
             i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = spring_sum(position, k, i, j, np.int32(rows), np.int32(columns), parameters)
+            ax, ay = spring_sum(position, k, Cell(i, j, np.int32(rows), np.int32(columns)), parameters)
             a[k] = pair(complex(ax, ay))
 
     def no_forces(a):
@@ -62,7 +63,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
         k = np.int32(cuda.grid(1))
         if k < a.shape[0]:
             i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = driven_point(a[k].real, a[k].imag, i, j, rows, columns, parameters, step, real(offset))
+            ax, ay = driven_point(a[k].real, a[k].imag, Cell(i, j, rows, columns), parameters, step, real(offset))
             a[k] = pair(complex(ax, ay))
 
     def damping(velocity, record, a):

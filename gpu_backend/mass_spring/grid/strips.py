@@ -19,6 +19,7 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.device import simulated
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.core.tiling import Tile
+from gpu_backend.core.world import Cell
 from model.core.parameters import PARAMETERS
 from model.core.tuples import reader
 
@@ -61,15 +62,16 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
     """What a thread of a tile begins with:
 
     - `constants(parameters)`: the record's values, read once;
-    - `read(position, velocity, vx, vy, both, place, i, j, rows, columns)`: its strip from device memory;
-    - `held_bits(pinned, i, j, rows, columns)`: bit r is set where mass r of the strip is pinned.
+    - `read(position, velocity, vx, vy, both, place, cell)`: its strip from device memory;
+    - `held_bits(pinned, cell)`: bit r is set where mass r of the strip is pinned.
     """
     has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
     pair = np.complex64 if real is np.float32 else np.complex128
     inline = inlined(math)
 
     @inline
-    def read(position, velocity, vx, vy, both, place, i, j, rows, columns):
+    def read(position, velocity, vx, vy, both, place, cell):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         for r in range(strip):
             row = i + np.int32(r)
             p, v = pair(0), pair(0)
@@ -80,7 +82,8 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
             store_pair(both, place + np.int32(r) * width, p.real, p.imag)
 
     @inline
-    def held_bits(pinned, i, j, rows, columns):
+    def held_bits(pinned, cell):
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         bits = np.int32(0)
         if has_pins:
             for r in range(strip):
@@ -156,7 +159,7 @@ def make_step(
                 up_x, up_y = down_x, down_y
             k = np.int32(row * columns + j)
             v = pair(complex(vx[r], vy[r]))
-            px, py, vx[r], vy[r] = move(k, row, j, ax, ay, p, v, parameters, integers, number, rows, columns)
+            px, py, vx[r], vy[r] = move(k, Cell(row, j, rows, columns), ax, ay, p, v, parameters, integers, number)
             store_pair(both, new + here, px, py)
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:

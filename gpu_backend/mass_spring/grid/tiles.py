@@ -22,6 +22,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernel, varia
 from gpu_backend.core.device import simulated
 from gpu_backend.core.pairs import load_pair, store_pair
 from gpu_backend.core.tiling import Tile
+from gpu_backend.core.world import Cell
 from gpu_backend.mass_spring.grid import strips
 from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 from gpu_backend.mass_spring.grid.strips import ALIGNMENT
@@ -49,9 +50,10 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
         return start, first, end
 
     @inline
-    def neighbours(i, j, rows, columns):
+    def neighbours(cell):
         """(place, left, right, above, below): of the strip in shared memory, and where its neighbours lie; at the edge
         of the grid or of the tile a mass stands in for its neighbour, and does not pull itself."""
+        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         down, across = np.int32(cuda.threadIdx.y), np.int32(cuda.threadIdx.x)
         place = np.int32(down * np.int32(strip * width) + across)
         left, right = np.int32(-1), np.int32(1)
@@ -75,7 +77,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
         )
         i = np.int32(row_start + np.int32(cuda.threadIdx.y) * strip)
         j = np.int32(column_start + np.int32(cuda.threadIdx.x))
-        return i, j, neighbours(i, j, rows, columns), (row_first, row_end, column_first, column_end)
+        return i, j, neighbours(Cell(i, j, rows, columns)), (row_first, row_end, column_first, column_end)
 
     def make_run(move: Any) -> Any:
         step = strips.make_step(real, math, parts, tile, cut, point, move)
@@ -157,8 +159,8 @@ def make_tile_pass(
         i, j, (place, left, right, above, below), owned = place_of(rows, columns)
         row_first, row_end, column_first, column_end = owned
         values = constants(parameters)
-        read(position, velocity, vx, vy, both, place, i, j, rows, columns)
-        held = held_bits(pinned, i, j, rows, columns)
+        read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
+        held = held_bits(pinned, Cell(i, j, rows, columns))
         cuda.syncthreads()
         old = zero
         if ends:

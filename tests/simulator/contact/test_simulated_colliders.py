@@ -9,6 +9,7 @@ from numba import cuda
 
 from gpu_backend.contact.colliders import make_collide
 from gpu_backend.core.integers import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES
+from gpu_backend.core.world import World
 from model.mass_spring.cloth_plan import cloth_parts
 
 COUNTED = {"plane": PLANES, "sphere": SPHERES, "capsule": CAPSULES, "box": BOXES}
@@ -25,7 +26,7 @@ def test_one_mass_meets_a_collider_on_the_gpu(name: str, real: type) -> None:
     @cuda.jit
     def kernel(before, given, record, bodies, integers, out):
         made = collide(
-            before, given[0], given[1], given[2], given[3], given[4], given[5], record[0], bodies, integers, STEP
+            before, given[0], given[1], given[2], given[3], given[4], given[5], World(record[0], bodies, integers), STEP
         )
         for k in range(6):
             out[k] = made[k]

@@ -1,0 +1,23 @@
+"""What a mass's step reads beside the masses: it travels through device functions as one thing."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+
+class World(NamedTuple):
+    """`parameters`: the constants, by name, a record or its values in registers; `colliders`: rows of colliders, of motions
+    and of pins, flat (model/mass_spring/cloth_parameters.py); `integers`: of core/integers.py."""
+
+    parameters: Any
+    colliders: Any
+    integers: Any
+
+
+class Cell(NamedTuple):
+    """A mass's place in its sheet: in row `i` of `rows` and column `j` of `columns`."""
+
+    i: Any
+    j: Any
+    rows: Any
+    columns: Any
