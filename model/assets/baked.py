@@ -25,33 +25,7 @@ from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import Lattice
 
 VERSION = 2  # of the files: what is in them, and how
-SOURCES = (
-    *(
-        "assets/baked",
-        "assets/baked_body",
-        "shape_matching/clustering",
-        "shape_matching/clusters",
-        "shape_matching/lattice",
-        "assets/material",
-        "geometry/mesh",
-        "geometry/edges",
-        "geometry/mesh_files",
-        "geometry/neighbours",
-        "geometry/normals",
-        "assets/sampling",
-        "geometry/shapes",
-    ),
-    *(
-        "assets/skin",
-        "assets/soft_body",
-        "assets/soft_lattice",
-        "assets/soft_sheet",
-        "geometry/solid",
-        "assets/strokes",
-        "geometry/surface_nets",
-        "geometry/voxels",
-    ),
-)
+ROOMS = ("assets", "geometry", "shape_matching")  # of the model: the code that makes bodies
 
 Source = Shape | str | Path | Meshes
 
@@ -103,7 +77,7 @@ def _material(parameters: RigidBody) -> dict[str, Any]:
 
 @cache
 def _sources() -> str:
-    return source_digest(*(ROOT / "model" / f"{name}.py" for name in SOURCES))
+    return source_digest(*(ROOT / "model" / room for room in ROOMS))
 
 
 def _bytes(file: Path) -> bytes:

@@ -10,6 +10,7 @@ from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError
 from model.geometry.edges import components
+from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.solid import as_mesh
 from model.scene.parts import NotNegative, Positive
 from model.shape_matching.clustering import check, gather, parts, undetermined
@@ -46,8 +47,7 @@ class SoftSheet(SoftBody):
         position, triangles = made.position, made.triangles
         if not len(triangles):
             raise InputError("the mesh has no triangles; a sheet needs some")
-        a, b, c = (position[corner] for corner in triangles.T)
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+        area = triangle_areas(position, triangles)
         own = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
         total = self.density * area.sum() if self.mass is None else self.mass
         with np.errstate(all="ignore"):
@@ -58,7 +58,7 @@ class SoftSheet(SoftBody):
             if self.link_stiffness
             else np.zeros((0, 2), np.int32)
         )
-        length = np.linalg.norm(position[links[:, 1]] - position[links[:, 0]], axis=1)
+        length = edge_lengths(position, links)
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
         clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
         pieces = len(np.unique(components(len(position), made.edges.edges)))

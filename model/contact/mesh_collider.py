@@ -10,6 +10,7 @@ import numpy as np
 from model.contact.surface_collider import SurfaceCollider
 from model.core.errors import InputError
 from model.formulas.triangle_tree import CORNERS, NODE
+from model.geometry.measures import triangle_areas
 from model.geometry.mesh import check_vertices, without_flat
 from model.geometry.mesh_files import read_arrays
 from model.geometry.topology import mesh_path
@@ -66,8 +67,7 @@ class MeshCollider(SurfaceCollider):
 
 def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
     """Without triangles that are nothing in float32; how many is added to `told`. Raises InputError where none is left."""
-    a, b, c = (position[corner] for corner in triangles.T)
-    large = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * MIN_AREA
+    large = triangle_areas(position, triangles) > MIN_AREA
     if not large.any():
         raise InputError(
             "a mesh_collider whose triangles are all too small: give a scale that turns the file's unit to m"

@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.memory import require_sheet
 from model.core.pins import pin_indices
+from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
 from model.scene.mesh import Mesh
@@ -57,17 +58,11 @@ def rest_positions(grid: Grid | BodySet) -> np.ndarray:
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
-    cloth = grid if isinstance(grid, Cloth) else None
-    position = np.zeros((grid.rows, grid.columns, 3 if cloth else 2))
-    position[:, :, 0] = np.arange(grid.columns) * grid.spacing
-    down = (np.arange(grid.rows) * grid.spacing)[:, None]
-    if cloth and cloth.placement == "flat":
-        position[:, :, 2] = down
-    else:
-        position[:, :, 1] = -down
-    if cloth:
-        position += cloth.origin
-    return position.reshape(grid.particle_count, -1)
+    if not isinstance(grid, Cloth):
+        return sheet_positions(grid.rows, grid.columns, grid.spacing, axes=2).reshape(-1, 2)
+    position = sheet_positions(grid.rows, grid.columns, grid.spacing, flat=grid.placement == "flat")
+    position += grid.origin
+    return position.reshape(-1, 3)
 
 
 def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:

@@ -11,32 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from model.core.errors import InputError
-
-
-@dataclass(frozen=True)
-class Lists:
-    """Lists of different lengths, end to end: list i is `indices[offsets[i]:offsets[i + 1]]`.
-
-    int32; `offsets` (lists + 1,), `indices` (all entries,).
-    """
-
-    offsets: np.ndarray
-    indices: np.ndarray
-
-    def __getitem__(self, i: int) -> np.ndarray:
-        return self.indices[self.offsets[i] : self.offsets[i + 1]]
-
-    @property
-    def lengths(self) -> np.ndarray:
-        """(lists,) int32."""
-        return np.diff(self.offsets)
-
-
-def grouped(keys: np.ndarray, values: np.ndarray, count: int) -> Lists:
-    """For each key 0 ... count - 1 the `values` (n,) that stand at it in `keys` (n,), in their order."""
-    offsets = np.zeros(count + 1, dtype=np.int32)
-    np.cumsum(np.bincount(keys, minlength=count), out=offsets[1:])
-    return Lists(offsets, values[np.argsort(keys, kind="stable")].astype(np.int32))
+from model.geometry.lists import Lists, grouped
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from model.core.errors import SceneError
-from model.geometry.edges import Lists, MeshEdges
+from model.geometry.edges import MeshEdges
+from model.geometry.lists import Lists, ranges
+from model.geometry.measures import edge_lengths
 
 BLOCK = 2**18  # particles at once: some 50 MB
 KEY_BITS = 31  # of a distance over the largest: what is nearer together than that counts as equal
@@ -61,13 +63,14 @@ def mesh_attachments(position: np.ndarray, edges: MeshEdges, anchors: np.ndarray
     equally far ones; -1 and inf where fewer can be reached.
 
     E. W. Dijkstra's labels (1959), `count` to a vertex, a front as deep as a mean edge at once and mended where it ran
-    ahead (U. Meyer, P. Sanders, "Delta-stepping" (2003)): the same numbers as one after the other. Raises SceneError (count).
+    ahead (U. Meyer, P. Sanders, "Delta-stepping" (2003)): the same numbers as one after the other. Of our own, as those of
+    scipy go over the whole mesh for each anchor, of which a row may be pinned. Raises SceneError (count).
     """
     anchors = np.unique(np.asarray(anchors, dtype=np.int64))
     anchor, distance = _empty(len(position), count)
     neighbours = edges.neighbours
     owner = np.repeat(np.arange(len(position)), neighbours.lengths)
-    length = np.linalg.norm(position[owner] - position[neighbours.indices], axis=1)
+    length = edge_lengths(position, np.stack([neighbours.indices, owner], axis=1))
     depth = float(length.mean()) if len(length) else 0.0
     anchor[anchors, 0], distance[anchors, 0] = anchors, 0.0
     vertex, source, far = anchors, anchors, np.zeros(len(anchors))
@@ -87,10 +90,8 @@ Labels = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertex, the anchor it has 
 
 def _spread(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, neighbours: Lists, length: np.ndarray) -> Labels:
     """The labels that those given hand on to all neighbours."""
-    start = neighbours.offsets[vertex].astype(np.int64)
-    many = neighbours.offsets[vertex + 1] - start
-    label = np.repeat(np.arange(len(vertex)), many)
-    entry = np.arange(len(label)) + np.repeat(start - (np.cumsum(many) - many), many)
+    start = neighbours.offsets[vertex]
+    label, entry = ranges(start, neighbours.offsets[vertex + 1] - start)
     return neighbours.indices[entry].astype(np.int64), source[label], far[label] + length[entry]
 
 

@@ -13,6 +13,7 @@ from model.assets.baked_body import BakedBody
 from model.assets.material import joined
 from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, require
+from model.geometry.lists import offsets_of
 from model.scene.bodies import Placed
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import LatticeCopies
@@ -136,7 +137,7 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
     in_order = _by_cluster(copies)
     made_of = [copy.baked.clusters for copy in in_order]
     clusters = Clusters(
-        np.concatenate([[0], np.cumsum(np.concatenate([np.diff(one.offsets) for one in made_of]))]).astype(np.int32),
+        offsets_of(np.concatenate([np.diff(one.offsets) for one in made_of])),
         np.concatenate([copy.baked.clusters.indices + copy.first_particle for copy in in_order]).astype(np.int32),
         np.concatenate([one.coefficients for one in made_of]),
         np.concatenate([one.stiffness for one in made_of]),

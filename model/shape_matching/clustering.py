@@ -13,6 +13,7 @@ import numpy as np
 
 from model.core.errors import SceneError
 from model.geometry.edges import components
+from model.geometry.lists import offsets_of
 from model.geometry.neighbours import SLACK, TooMany, pairs_within
 from model.shape_matching.clusters import Clusters
 
@@ -55,7 +56,7 @@ def gather(position: np.ndarray, mass: np.ndarray, spacing: float, radius: float
     except TooMany as error:
         raise SceneError("cluster_radius", radius, str(error)) from None
     return Clusters(
-        np.concatenate([[0], np.cumsum(np.bincount(cluster, minlength=len(middle)))]).astype(np.int32),
+        offsets_of(np.bincount(cluster, minlength=len(middle))),
         particle.astype(np.int32),
         falloff(distance / radius),
         np.full(len(middle), stiffness),
@@ -133,13 +134,6 @@ def ceiled(value: float) -> float:
 
 def undetermined(clusters: Clusters) -> int:
     """How many clusters have fewer than FEWEST particles, or all on one line: their rotation is partly left open."""
-    weight = np.repeat(1.0, len(clusters.indices))
-    size = np.bincount(clusters.owner, weight, clusters.count)
-    rest = clusters.rest
-    moments = np.empty((clusters.count, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            moments[:, i, j] = np.bincount(clusters.owner, clusters.masses * rest[:, i] * rest[:, j], clusters.count)
-    values = np.linalg.eigvalsh(moments)
+    values = np.linalg.eigvalsh(clusters.rest_moments)
     line = values[:, 1] <= COLLINEAR**2 * values[:, 2]
-    return int(((size < FEWEST) | line).sum())
+    return int(((np.diff(clusters.offsets) < FEWEST) | line).sum())

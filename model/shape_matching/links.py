@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.constraints import Projection
 from model.formulas.constraints import distance
+from model.geometry.lists import offsets_of
 from model.xpbd.colouring import Colouring, colour
 
 LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_compliance", True),))
@@ -71,5 +72,5 @@ def make_links(bodies: Sequence[LinkedCopies]) -> Links:
         sizes.append(size)
     if not sizes:
         return Links(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0), np.zeros(1, np.int32))
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-    return Links(np.concatenate(ends).astype(np.int32), np.concatenate(lengths), np.concatenate(softness), starts)
+    arrays = np.concatenate(ends).astype(np.int32), np.concatenate(lengths), np.concatenate(softness)
+    return Links(*arrays, offsets_of(np.array(sizes)))

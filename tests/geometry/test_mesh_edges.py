@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from meshes import octahedron, sheet, strip
 
 from model.core.errors import InputError
-from model.geometry.edges import components, grouped, mesh_edges
+from model.geometry.edges import components, mesh_edges
+from model.geometry.lists import grouped
 from model.mass_spring.energy import spring_ends
 
 

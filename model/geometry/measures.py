@@ -1,0 +1,22 @@
+"""Lengths, areas and directions of what lies between points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def edge_lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(edges,) float64 [m]: between the two points of `position` (points, 3) [m] that each row of `ends` (edges, 2) names."""
+    return np.linalg.norm(position[ends[:, 1]] - position[ends[:, 0]], axis=1)
+
+
+def triangle_areas(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(triangles,) float64 [m^2]: of `triangles` (n, 3) between points of `position` (points, 3) [m]."""
+    a, b, c = (position[corner] for corner in triangles.T)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """`vectors` (..., 3) made 1 long; 0 where they are 0."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
