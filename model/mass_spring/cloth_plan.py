@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from model.core.integrators import IMPLICIT
 from model.core.plan import Node, Plan, Stage
-from model.formulas import cloth_springs, colliders, implicit, wind
+from model.formulas import colliders, implicit, wind
 from model.formulas import integrators as integrator_formulas
 from model.formulas import random as random_formulas
+from model.formulas import springs as spring_formulas
 from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
 
@@ -69,7 +70,7 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     springs = [kind for kind in ("structural", "shear", "bending") if kind in parts]
     operations = sum(
         SPRINGS_EACH
-        * (cloth_springs.OPERATIONS_SPRING + cloth_springs.OPERATIONS_DAMPER * (f"{kind}-damping" in parts) + 3)
+        * (spring_formulas.OPERATIONS_SPRING + spring_formulas.OPERATIONS_DAMPER * (f"{kind}-damping" in parts) + 3)
         for kind in springs
     )
     damped_springs = any(f"{kind}-damping" in parts for kind in springs)

@@ -18,7 +18,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
 from cpu_backend.mass_spring.cloth.wind import make_winds
-from model.formulas import cloth_springs, random
+from model.formulas import random, springs
 from model.mass_spring.cloth_parameters import (
     C_BENDING,
     C_BENDING_DAMPING,
@@ -45,7 +45,7 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
     """pulls(blocks, source, plane, here, there, record, scratch, triple, width): on the masses from `here` on, by springs
     of a kind that lead to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
-    formulas = cloth_springs.make(real, compiler.compiled)
+    formulas = springs.make_3d(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = CONSTANTS[kind]
 
