@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -45,6 +45,9 @@ class RigidBody(Part):
     Of `density` and `mass`, of the whole body, give one.
     """
 
+    lacks: ClassVar[tuple[str, ...]] = ()  # fields of the classes that it is made from
+    lacks_reason: ClassVar[str] = ""
+
     particle_spacing: Positive  # m
     volume_sampling: NotNegative = 2.0
     surface_sampling: NotNegative = 4.0
@@ -53,8 +56,13 @@ class RigidBody(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _one_weight(cls, fields: object) -> object:
-        if isinstance(fields, dict) and fields.get("mass") is not None and "density" in fields:
+    def _only_its_own(cls, fields: object) -> object:
+        if not isinstance(fields, dict):
+            return fields
+        for name in cls.lacks:
+            if name in fields:
+                raise ValueError(f"{name}: {cls.lacks_reason}")
+        if fields.get("mass") is not None and "density" in fields:
             raise ValueError("density: follows from the mass; give density or mass")
         return fields
 

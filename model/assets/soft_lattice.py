@@ -5,8 +5,9 @@ A. Rivers, D. James, "FastLSM: Fast Lattice Shape Matching for Robust Real-Time 
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
-from pydantic import model_validator
 
 from model.assets.baked_body import BakedBody, Report
 from model.assets.sampling import MAX_PARTICLES
@@ -19,9 +20,6 @@ from model.scene.parts import Count
 from model.shape_matching.clustering import undetermined
 from model.shape_matching.lattice import Lattice
 
-NOT_OF_LATTICES = (
-    "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
-)  # fmt: skip
 OFF = 1e-6  # of a box's longest side: how far a corner of the mesh may be off its sides
 ENTRY_BYTES = 100  # of a window's member while clusters are made
 MAX_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
@@ -31,17 +29,12 @@ class SoftLattice(SoftBody):
     """A box filled with a lattice of particles, `particle_spacing` apart, and a cluster around each of those at most `region`
     places away along each axis: the larger, the stiffer and the smoother. What a step costs hardly hangs on it."""
 
-    region: Count = 2
+    lacks: ClassVar[tuple[str, ...]] = (
+        "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
+    )  # fmt: skip
+    lacks_reason: ClassVar[str] = "does not go with a lattice, which fills a box evenly; region says what moves as one"
 
-    @model_validator(mode="before")
-    @classmethod
-    def _nothing_is_sampled(cls, fields: object) -> object:
-        for name in NOT_OF_LATTICES:
-            if isinstance(fields, dict) and name in fields:
-                raise ValueError(
-                    f"{name}: does not go with a lattice, which fills a box evenly; region says what moves as one"
-                )
-        return fields
+    region: Count = 2
 
     def bake(self, mesh: Meshes) -> BakedBody:
         """See `SoftBody.from_mesh`; the mesh must be a box along the axes. Raises InputError, SceneError."""

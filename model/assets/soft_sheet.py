@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import model_validator
 
@@ -15,25 +17,18 @@ from model.geometry.solid import as_mesh
 from model.scene.parts import NotNegative, Positive
 from model.shape_matching.clustering import check, gather, parts, undetermined
 
-NOT_OF_SHEETS = ("volume_sampling", "surface_sampling", "link_radius")
-
 
 class SoftSheet(SoftBody):
     """A sheet of a mesh's vertices: links along all edges, of `link_stiffness`, hold it against stretch and shear, clusters,
     of `cluster_stiffness`, against bending. `density` is of its area; `particle_spacing`, what the clusters' spacing and the
     particles' radius follow from, should be about the length of its edges."""
 
+    lacks: ClassVar[tuple[str, ...]] = ("volume_sampling", "surface_sampling", "link_radius")
+    lacks_reason: ClassVar[str] = "does not go with a sheet, whose particles are its mesh's vertices"
+
     density: Positive = 0.2  # kg/m^2: a shirt's
     cluster_stiffness: NotNegative = 400.0  # 1/s^2
     link_stiffness: NotNegative = 500.0  # N/m
-
-    @model_validator(mode="before")
-    @classmethod
-    def _nothing_is_sampled(cls, fields: object) -> object:
-        for name in NOT_OF_SHEETS:
-            if isinstance(fields, dict) and name in fields:
-                raise ValueError(f"{name}: does not go with a sheet, whose particles are its mesh's vertices")
-        return fields
 
     @model_validator(mode="after")
     def _clusters_hold_particles(self) -> SoftSheet:

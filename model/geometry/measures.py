@@ -20,3 +20,11 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     """`vectors` (..., 3) made 1 long; 0 where they are 0."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
+    """(3, 3) float64: the rotation about `axis` (3,), 1 long, by `angle` [rad], by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    matrix: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return matrix

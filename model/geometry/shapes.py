@@ -8,7 +8,7 @@ from math import cos, pi, sin
 from typing import Literal
 
 import numpy as np
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import model_validator
 
 from model.assets.strokes import blended, extruded, letters, outline, polygon, tube, union
 from model.geometry.mesh import TriangleMesh, triangle_mesh
@@ -66,11 +66,8 @@ class Shape(Part):
             raise ValueError(f"text: 1 to 16 of the letters {' '.join(letters())}")
         return self
 
-    @model_serializer(mode="wrap")
-    def _sides_of_a_box(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Without what only a box has, as scenes were written before there were any."""
-        fields: dict[str, object] = serialize(self)
-        return {name: value for name, value in fields.items() if name != "sides" or value is not None}
+    def _idle_fields(self) -> set[str]:
+        return {"sides"} if self.sides is None else set()
 
     def mesh(self) -> TriangleMesh:
         """The mesh, around the origin, y up; letters side by side along x, a piece each."""

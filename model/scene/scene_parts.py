@@ -58,7 +58,6 @@ KINDS: dict[str, type[Part]] = (
     | {"contact": Contact}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-ELASTIC_KINDS = ("springs", *CONSTRAINT_KINDS)
 SEVERAL = (
     *SHEETS,
     *BODY_KINDS,
@@ -66,7 +65,6 @@ SEVERAL = (
     "load",
     "motion",
 )  # kinds of which a scene may have more than one part, or is told otherwise
-OTHER_MATERIAL = {"stiffness": "compliance", "compliance": "stiffness"}
 
 
 class SceneParts:
