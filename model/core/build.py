@@ -41,7 +41,7 @@ class Body:
 
 def sheet_name(scene: Scene) -> str:
     """What the scene calls its sheet; `bodies` where it has bodies."""
-    return next((name for name, kind in scene.kinds.items() if kind in SHEETS), "bodies")
+    return scene.name_of(*SHEETS, default="bodies")
 
 
 def pinned_indices(grid: Grid | BodySet) -> np.ndarray:

@@ -28,9 +28,9 @@ class Scene(SceneParts):
             raise SceneError("title", title, "a text")
         super().__init__(tables, name, title)
         for kind in KINDS:
-            if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
-                raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
-        sheets = [n for n, k in self.kinds.items() if k in SHEETS]
+            if kind not in SEVERAL and len(self.all_of(kind)) > 1:
+                raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
+        sheets = list(self.all_of(*SHEETS))
         if len(sheets) != 1 and not (self.bodies and not sheets):
             raise SceneError(
                 "grid",
