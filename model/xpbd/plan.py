@@ -17,10 +17,10 @@ from model.formulas import (
     particle_contact,
     rebound,
     shape_matching,
-    wind,
 )  # fmt: skip
 from model.formulas import random as random_formulas
-from model.mass_spring.cloth_plan import TRIANGLES_EACH, cloth_parts
+from model.mass_spring.cloth_plan import cloth_parts
+from model.mass_spring.plan import WIND
 from model.scene.cloth import SPRING_KINDS
 from model.scene.parts import Elastic
 from model.scene.scene import Scene
@@ -208,7 +208,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     if "gravity" in parts:
         outside.append(Stage("gravity", 0, 0, 1))
     if "wind" in parts:
-        outside.append(Stage("wind", 3, 1, TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)))
+        outside.append(Stage("wind", 3, 1, WIND))
     if "external" in parts:
         outside.append(Stage("external force", 0, 0, random_formulas.OPERATIONS))
     if "poke" in parts:

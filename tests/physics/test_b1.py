@@ -19,9 +19,9 @@ from model.core.energy import energies
 from model.core.errors import Diverged, SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
-from model.core.plan import mass_spring_plan
 from model.core.stability_limit import MAX_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
 from model.mass_spring.energy import spring_ends, spring_stiffness
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)
