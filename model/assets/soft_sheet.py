@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import model_validator
 
-from model.assets.baked_body import BakedBody, Report
+from model.assets.baked_body import BakedBody, report_of
 from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError
@@ -15,7 +15,7 @@ from model.geometry.edges import components
 from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.solid import as_mesh
 from model.scene.parts import NotNegative, Positive
-from model.shape_matching.clustering import check, gather, parts, undetermined
+from model.shape_matching.clustering import check, gather
 
 
 class SoftSheet(SoftBody):
@@ -58,13 +58,7 @@ class SoftSheet(SoftBody):
         clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
         pieces = len(np.unique(components(len(position), made.edges.edges)))
         check(clusters, links, spacing, radius, pieces)
-        members, count = np.diff(clusters.offsets), len(position)
-        report = Report(
-            particles=count, interior=0, surface=count, spacing=self.particle_spacing, mass=float(total), volume=0.0,
-            covered=1.0, clusters=clusters.count, members=(int(members.min()), int(members.max())),
-            overlap=len(clusters.indices) / count, orphans=len(clusters.orphans), links=len(links), pieces=pieces,
-            parts=parts(clusters, links), undetermined=undetermined(clusters), told=tuple(made.repairs),
-        )  # fmt: skip
+        report = report_of(clusters, links, self.particle_spacing, total, len(position), made.repairs, pieces=pieces)
         skin = make_skin(position, triangles, clusters.rest_centre)
         return BakedBody(
             position, mass, clusters, links, length, self.link_stiffness, skin, self.particle_spacing, report

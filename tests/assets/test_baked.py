@@ -122,6 +122,18 @@ def test_other_code_makes_other_bodies(monkeypatch):
     assert body_key(PARAMETERS, BEAM) != key
 
 
+@pytest.mark.parametrize("kind", [SoftBody, RigidBody])
+def test_what_does_nothing_is_told_once(kind, tmp_path):
+    """Made, read, or made without a file: each sentence stands once."""
+    parameters, box = (
+        kind(particle_spacing=0.25, volume_sampling=1.5, surface_sampling=3.0),
+        Shape(name="box", resolution=4),
+    )
+    for keep in (True, True, False):
+        told = baked(parameters, box, folder=tmp_path, keep=keep).report.told
+        assert [sentence.split()[0] for sentence in told] == ["volume_sampling", "surface_sampling"]
+
+
 def test_the_rooms_are_those_that_bake():
     """What baking a body imports of the lab, but for what only describes scenes and errors."""
     import ast
