@@ -180,7 +180,7 @@ class SoftBody(RigidBody):
     def _clusters_hold_particles(self) -> SoftBody:
         if self.spacing_of_clusters < self.particle_spacing:
             raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
-        if (self.link_radius > 0) != (self.link_stiffness > 0):
+        if "link_radius" not in self.lacks and (self.link_radius > 0) != (self.link_stiffness > 0):
             given, missing = (
                 ("link_radius", "link_stiffness") if self.link_radius else ("link_stiffness", "link_radius")
             )

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from pydantic import model_validator
 
 from model.assets.baked_body import BakedBody, report_of
 from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError
-from model.geometry.edges import components
 from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.solid import as_mesh
 from model.scene.parts import NotNegative, Positive
@@ -29,12 +27,6 @@ class SoftSheet(SoftBody):
     density: Positive = 0.2  # kg/m^2: a shirt's
     cluster_stiffness: NotNegative = 400.0  # 1/s^2
     link_stiffness: NotNegative = 500.0  # N/m
-
-    @model_validator(mode="after")
-    def _clusters_hold_particles(self) -> SoftSheet:
-        if self.spacing_of_clusters < self.particle_spacing:
-            raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
-        return self
 
     def bake(self, mesh: Meshes) -> BakedBody:
         """See `SoftBody.from_mesh`; the mesh need not be closed."""
@@ -56,9 +48,10 @@ class SoftSheet(SoftBody):
         length = edge_lengths(position, links)
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
         clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
-        pieces = len(np.unique(components(len(position), made.edges.edges)))
-        check(clusters, links, spacing, radius, pieces)
-        report = report_of(clusters, links, self.particle_spacing, total, len(position), made.repairs, pieces=pieces)
+        check(clusters, links, spacing, radius, made.pieces)
+        report = report_of(
+            clusters, links, self.particle_spacing, total, len(position), made.repairs, pieces=made.pieces
+        )
         skin = make_skin(position, triangles, clusters.rest_centre)
         return BakedBody(
             position, mass, clusters, links, length, self.link_stiffness, skin, self.particle_spacing, report

@@ -47,25 +47,10 @@ class MeshEdges:
         return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.vertex_count)
 
     @cached_property
-    def _at_vertices(self) -> tuple[Lists, np.ndarray]:
-        # lower neighbours stand before higher ones, and edges ascend: both lists of a vertex come out ascending
-        low, high = self.edges.T
-        index = np.arange(len(low), dtype=np.int32)
-        lists = grouped(np.concatenate([high, low]), np.concatenate([index, index]), self.vertex_count)
-        owner = np.repeat(np.arange(self.vertex_count, dtype=np.int32), lists.lengths)
-        ends = self.edges[lists.indices]
-        return lists, np.where(ends[:, 0] == owner, ends[:, 1], ends[:, 0])
-
-    @property
-    def vertex_edges(self) -> Lists:
-        """The edges at each vertex, in the order of `neighbours`."""
-        return self._at_vertices[0]
-
-    @property
     def neighbours(self) -> Lists:
         """The vertices that share an edge with each vertex, ascending."""
-        lists, others = self._at_vertices
-        return Lists(lists.offsets, others)
+        low, high = self.edges.T  # edges ascend, so that a vertex' lower neighbours do, and its higher ones after them
+        return grouped(np.concatenate([high, low]), np.concatenate([low, high]), self.vertex_count)
 
     def boundary_loops(self) -> int:
         """The number of holes and outer rims; two that share a vertex count as one."""

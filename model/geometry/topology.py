@@ -36,14 +36,10 @@ class MeshPart(Protocol):
     pinned: Any
 
 
-def mesh_folder() -> Path:
-    """Where the meshes lie that come with the lab."""
-    return Path(str(resources.files("model"))) / "catalogue" / "meshes"
-
-
 def own_meshes() -> dict[str, Path]:
-    """The lab's own meshes, by the name that a scene gives them."""
-    return {path.name: path for path in sorted(mesh_folder().iterdir())}
+    """The meshes that come with the lab, by the name that a scene gives them."""
+    folder = Path(str(resources.files("model"))) / "catalogue" / "meshes"
+    return {path.name: path for path in sorted(folder.iterdir())}
 
 
 def is_file(path: Path) -> bool:
