@@ -69,6 +69,8 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
 
 def union(fields: Sequence[Field]) -> Field:
+    """What lies in any of them."""
+
     def field(points: np.ndarray) -> np.ndarray:
         return np.min([one(points) for one in fields], axis=0)
 

@@ -58,9 +58,11 @@ class MeshCollider(SurfaceCollider):
 
     @property
     def number_count(self) -> int:
+        """How many numbers the tree has."""
         return NODE * (2 * len(self.triangles) - 1) + CORNERS * len(self.triangles)
 
     def too_many(self) -> tuple[str, object, str]:
+        """See SurfaceCollider."""
         field = "file" if self.file else "shape"
         return field, f"{len(self.triangles)} triangles", "a triangle takes 25 numbers: decimate it"
 

@@ -46,6 +46,7 @@ class Situation:
 
     @property
     def dt(self) -> float:
+        """The step size [s]."""
         return self.scene.method.dt
 
     @property
@@ -55,6 +56,7 @@ class Situation:
 
     @property
     def over(self) -> bool:
+        """Whether that is over the limit."""
         return self.dt > self.limit * (1 + ROUNDING)
 
     @cached_property
@@ -88,6 +90,7 @@ class Situation:
 
     @property
     def under(self) -> str:
+        """How it lies under the limit, where it does."""
         if not isfinite(self.limit):
             return "no linear limit is known for it"
         return f"dt is under the linear limit of {self.limit:.6g} s"

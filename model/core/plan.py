@@ -111,6 +111,7 @@ class Plan:
             yield stage, replace(at, step=step)
 
     def has(self, name: str) -> bool:
+        """Whether a step has a stage of that name."""
         return any(stage.name == name for stage in self.root.stages())
 
 

@@ -67,6 +67,7 @@ class Placed(MeshSource):
 
     @property
     def meets_itself(self) -> bool:
+        """Whether its particles meet those of the same copy."""
         return isinstance(self, SoftBody) if self.self_collision is None else self.self_collision
 
     @cached_property

@@ -77,6 +77,7 @@ class Mesh(Cloth):
 
     @property
     def extent(self) -> float:
+        """Its longest side [m]."""
         return float((mesh_of(self).position.max(axis=0) - mesh_of(self).position.min(axis=0)).max())
 
     def _idle_fields(self) -> set[str]:

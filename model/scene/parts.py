@@ -100,6 +100,7 @@ class Grid(Part):
 
     @property
     def particle_count(self) -> int:
+        """How many masses."""
         return self.rows * self.columns
 
     @property
@@ -109,6 +110,7 @@ class Grid(Part):
 
     @property
     def spring_count(self) -> int:
+        """How many springs to neighbours in row and column."""
         return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
 
 
@@ -249,6 +251,7 @@ class Method(Part):
 
     @property
     def position_based(self) -> bool:
+        """Whether the solver moves masses until constraints hold, instead of adding up forces."""
         return self.solver in POSITION_BASED
 
     @property
@@ -258,6 +261,7 @@ class Method(Part):
 
     @property
     def matches_shapes(self) -> bool:
+        """Whether the solver is shape matching."""
         return self.solver == "shape-matching"
 
     @property

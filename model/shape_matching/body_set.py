@@ -34,6 +34,7 @@ class Copy:
 
     @property
     def particles(self) -> slice:
+        """Where in the set its particles are."""
         return slice(self.first_particle, self.first_particle + len(self.baked.position))
 
 
@@ -61,10 +62,12 @@ class BodySet:
 
     @property
     def columns(self) -> int:
+        """All particles: the set is one row."""
         return len(self.position)
 
     @property
     def particle_count(self) -> int:
+        """How many particles, those of inactive copies too."""
         return len(self.position)
 
     @cached_property

@@ -47,6 +47,7 @@ class Clusters:
 
     @property
     def count(self) -> int:
+        """How many clusters."""
         return len(self.offsets) - 1
 
     @property

@@ -80,6 +80,7 @@ class Lattice:
 
     @property
     def axes(self) -> tuple[Axis, Axis, Axis]:
+        """The tables along x, y and z."""
         x, y, z = (matching_axis(count, self.region) for count in self.counts)
         return x, y, z
 

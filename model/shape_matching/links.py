@@ -27,10 +27,12 @@ class Links:
 
     @property
     def count(self) -> int:
+        """How many links."""
         return len(self.ends)
 
     @property
     def colours(self) -> int:
+        """How many."""
         return len(self.starts) - 1
 
     def values(self, substep: float, mass: float) -> np.ndarray:

@@ -33,6 +33,7 @@ class Colouring:
 
     @property
     def colours(self) -> int:
+        """How many."""
         return len(self.starts) - 1
 
 

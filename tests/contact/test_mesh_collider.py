@@ -367,11 +367,6 @@ def test_jelly_stays_above_the_mesh() -> None:
 def test_soft_on_mesh_has_the_cpus_bits_on_a_gpu() -> None:
     from bodies_scenes import end_state, same
 
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
     scene = load_scene("soft-on-mesh")
     expected = end_state(scene, precision="float32", steps=80, threads=2)
     for kernel in ("graph", "stages"):

@@ -170,11 +170,6 @@ def test_bodies_of_the_catalogue_stay_out_of_the_mill() -> None:
 
 @pytest.mark.gpu
 def test_a_gpu_has_the_cpus_bits() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
     for precision in ("float32", "float64"):
         expected = end_state(falling_bar(), precision=precision, threads=2)
         for kernel in ("launch", "stages"):
