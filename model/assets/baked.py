@@ -41,7 +41,7 @@ def baked(
     `keep` False: neither read nor written. Raises what `read_mesh` and `from_mesh` raise.
     """
     if not keep:
-        return parameters.furnish(parameters.bake(_mesh(mesh, scale)))
+        return parameters.with_material(parameters.bake(_mesh(mesh, scale)))
     key = body_key(parameters, mesh, scale)
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
     held = read_arrays(file)
@@ -49,7 +49,7 @@ def baked(
     if found is None:
         found = parameters.bake(_mesh(mesh, scale))
         write_arrays(file, **_packed(found, key))
-    return parameters.furnish(found)
+    return parameters.with_material(found)
 
 
 def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:

@@ -83,7 +83,7 @@ class RigidBody(Part):
         Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
         """
         made = parameters_of(cls, parameters)
-        return made.furnish(made.bake(mesh))
+        return made.with_material(made.bake(mesh))
 
     def bake(self, mesh: Meshes) -> BakedBody:
         """What `from_mesh` makes with these parameters, but for its material."""
@@ -113,7 +113,7 @@ class RigidBody(Part):
         """What holds particles together: clusters, links (n, 2), their lengths (n,) [m] and their stiffness [N/m]."""
         return one_cluster(position, mass), np.zeros((0, 2), np.int32), np.zeros(0), 0.0
 
-    def furnish(self, body: BakedBody) -> BakedBody:
+    def with_material(self, body: BakedBody) -> BakedBody:
         """The body with what its clusters do beside turning, which no mesh has a say in: nothing, of a rigid one."""
         return replace(body, report=replace(body.report, told=(*body.report.told, *self.idle(body.report))))
 
@@ -168,7 +168,7 @@ class SoftBody(RigidBody):
         )
         return found if found.parts else None
 
-    def furnish(self, body: BakedBody) -> BakedBody:
+    def with_material(self, body: BakedBody) -> BakedBody:
         """The body with its clusters' material, and a word on those that it does not change."""
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
         told = (*body.report.told, *self.idle(body.report))

@@ -33,15 +33,15 @@ class ContactMeasure:
     crossings: int
 
 
-def _cell_pairs(low: np.ndarray, high: np.ndarray, reach: float) -> np.ndarray:
-    """(n, 2) cells of the sheet, first <= second, whose boxes (cells, 3) come within `reach` [m] of each other."""
+def _cell_pairs(low: np.ndarray, high: np.ndarray, distance: float) -> np.ndarray:
+    """(n, 2) cells of the sheet, first <= second, whose boxes (cells, 3) come within `distance` [m] of each other."""
     from scipy.spatial import cKDTree
 
-    size = float((high - low).max(initial=0.0)) + reach
+    size = float((high - low).max(initial=0.0)) + distance
     pairs = cKDTree((low + high) / 2).query_pairs(size * SLACK, p=np.inf, output_type="ndarray")
     each = np.arange(len(low))
     cell, other = np.concatenate([np.stack([each, each], axis=1), pairs]).T
-    near = (low[cell] < high[other] + reach).all(axis=1) & (low[other] < high[cell] + reach).all(axis=1)
+    near = (low[cell] < high[other] + distance).all(axis=1) & (low[other] < high[cell] + distance).all(axis=1)
     return np.stack([cell[near], other[near]], axis=1)
 
 

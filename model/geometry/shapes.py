@@ -90,8 +90,8 @@ def _halves(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.nd
 def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """A pen with a round tip along the outline of a sharp star, filled: its points are round, too."""
     angles = [pi / 2 + k * pi / 5 for k in range(10)]
-    reach = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
-    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(reach, angles, strict=True)])
+    radii = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
+    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(radii, angles, strict=True)])
     field = extruded(polygon(corners, EDGE), STAR_DEPTH, EDGE)
     return _net(field, (-STAR_TIP, -STAR_TIP, -STAR_DEPTH / 2), (STAR_TIP, STAR_TIP, STAR_DEPTH / 2), shape.resolution)
 

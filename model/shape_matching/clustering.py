@@ -101,9 +101,9 @@ def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, 
 def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces: int) -> float:
     """The smallest radius [m] with which every particle is in a cluster and no more than `pieces` parts are left."""
     chosen = centres(position, spacing)
-    count, reach = len(position), spacing
+    count, radius = len(position), spacing
     while True:
-        cluster, particle, distance = pairs_within(position[chosen], position, reach)
+        cluster, particle, distance = pairs_within(position[chosen], position, radius)
         pairs = np.stack([particle, cluster + count], axis=1)
 
         def fit(radius: float, pairs: np.ndarray = pairs, distance: np.ndarray = distance) -> bool:
@@ -113,9 +113,9 @@ def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces
             label = components(count + len(chosen), np.concatenate([near, links]))
             return len(np.unique(label[:count])) <= pieces
 
-        if fit(reach):
+        if fit(radius):
             break
-        reach *= 2
+        radius *= 2
     steps = np.unique(distance)
     low, high = 0, len(steps) - 1
     while low < high:
