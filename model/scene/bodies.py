@@ -43,9 +43,7 @@ class Placed(MeshSource):
     group: Group = 0  # that others may avoid
     avoids: tuple[Group, ...] = ()  # groups that its particles pass through
     self_collision: bool | None = None  # whether the body meets itself; a soft one does unless told otherwise
-    adhesion: NotNegative = (
-        0.0  # m/s^2: the acceleration with which contacts hold what pulls away; of two the larger one
-    )
+    adhesion: NotNegative = 0.0  # m/s^2: with which contacts hold what pulls away; of two the larger
 
     @model_validator(mode="after")
     def _can_be_placed(self) -> Placed:

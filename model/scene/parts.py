@@ -33,9 +33,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
 MAX_COUNTED = 2**31 - 1  # masses along a side: their indices are 32-bit
-MAX_ROUNDS = (
-    1_000_000  # sweeps over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
-)
+MAX_ROUNDS = 1_000_000  # over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
 Count = Annotated[int, Field(ge=1, le=MAX_COUNTED, strict=True)]
 Rounds = Annotated[int, Field(ge=1, le=MAX_ROUNDS, strict=True)]
 Sweeps = Annotated[int, Field(ge=1, le=1000, strict=True)]  # over contacts, after each iteration

@@ -18,9 +18,7 @@ from model.geometry.neighbours import SLACK, TooMany, pairs_within
 from model.shape_matching.clusters import Clusters
 
 RIM = 0.1  # the coefficient at the radius; over 0, so that nobody is in a cluster by name only
-COLLINEAR = (
-    2.0**-10
-)  # width over length of a cluster that counts as a line: turning about it moves nothing one could see
+COLLINEAR = 2.0**-10  # width over length of a cluster that counts as a line: turning about it moves nothing visible
 FEWEST = 4  # particles that can span a space
 
 
