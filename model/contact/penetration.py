@@ -159,9 +159,8 @@ def measure(rows: int, columns: int, spacing: float, position: np.ndarray, thick
         near = (flat >= thickness) & (now < thickness)
         edge_gap = min(edge_gap, float(now[near].min(initial=np.inf)))
         near &= now < NEAR * thickness
-        pair = np.concatenate([edge[near], other[near]], axis=1)
-        missed.append(np.where((pair[:, :1] < pair[:, 2:3]) | ((pair[:, :1] == pair[:, 2:3]) & (pair[:, 1:2] < pair[:, 3:])),
-                               pair, pair[:, [2, 3, 0, 1]]))  # fmt: skip
+        numbers = [ends[near, 0] * rows * columns + ends[near, 1] for ends in (edge, other)]
+        missed.append(np.sort(np.stack(numbers, axis=1), axis=1))
     return ContactMeasure(
         gap, edge_gap, len(np.unique(np.concatenate(missed), axis=0)), len(np.unique(np.concatenate(crossed), axis=0))
     )

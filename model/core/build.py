@@ -117,9 +117,7 @@ def _build(scene: Scene) -> Body:
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
     velocity = np.zeros_like(position)
     pinned = pinned_indices(grid)
-    inverse_mass = 1 / vertex_masses(grid) if isinstance(grid, Mesh) else np.full(count, 1 / grid.mass)
-    for load in scene.loads.values():
-        inverse_mass[load.at[0] * grid.columns + load.at[1]] = 1 / load.mass
+    inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
     free = inverse_mass > 0
     if scene.perturbation:
