@@ -28,7 +28,7 @@ from model.core.digest import ROOT
 from model.core.divergence import DIVERGED_SIZE
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
-from model.core.plan import mass_spring_plan
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import load_scene
 from plots.core.apart import SMALL
 

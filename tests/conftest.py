@@ -11,6 +11,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning id
 
 from collections.abc import Callable
 from fnmatch import fnmatch
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,12 +28,6 @@ DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begi
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
 def backend(request: pytest.FixtureRequest) -> str:
     """`cpu`, and `gpu` where there is one (kernels under the CUDA simulator have their own tests, on small grids)."""
-    if request.param == "gpu":
-        from gpu_backend.core.device import gpu_available, simulated
-
-        available, reason = gpu_available()
-        if not available or simulated():
-            pytest.skip(reason if not available else "the CUDA simulator is no GPU: too slow for this test")
     return request.param
 
 
@@ -126,6 +121,19 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
     if "cpu_backend.core.plain" in sys.modules:
         sys.modules["cpu_backend.core.plain"].plain_python(plain, PLAIN_SECONDS)
+    if item.get_closest_marker("gpu") and no_gpu():
+        pytest.skip(no_gpu())
+
+
+@cache
+def no_gpu() -> str:
+    """Why what is marked `gpu` cannot be tested here, or ""."""
+    from gpu_backend.core.device import gpu_available, simulated
+
+    works, reason = gpu_available()
+    if works and simulated():
+        return "the CUDA simulator is no GPU: tests/simulator holds its tests"
+    return "" if works else reason
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 
 from model.core.build import build
 from model.core.parameters import PARAMETERS, parameter_record
-from model.core.plan import present_parts
 from model.core.simulation import PRECISIONS
+from model.mass_spring.plan import present_parts
 from model.scene.scene import Scene
 
 

@@ -38,7 +38,7 @@ def linked(scene: Scene, position: np.ndarray, multipliers: np.ndarray) -> np.nd
     for n, (i, j) in enumerate(links.ends):
         d = moved[j] - moved[i]
         length = float(np.linalg.norm(d))
-        alpha = links.softness[n] / h**2
+        alpha = links.compliance[n] / h**2
         change = (links.rest_length[n] - length - alpha * multipliers[n]) / (weight[i] + weight[j] + alpha)
         multipliers[n] += change
         moved[j] += weight[j] * change * d / length

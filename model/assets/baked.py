@@ -20,38 +20,13 @@ from model.assets.soft_body import MATERIAL, Meshes, RigidBody
 from model.core.digest import ROOT, source_digest
 from model.core.disk_cache import cache_folder, read_arrays, write_arrays
 from model.core.errors import InputError, SoftlabError
+from model.geometry.mesh import read_mesh
 from model.geometry.shapes import Shape
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import Lattice
 
 VERSION = 2  # of the files: what is in them, and how
-SOURCES = (
-    *(
-        "assets/baked",
-        "assets/baked_body",
-        "shape_matching/clustering",
-        "shape_matching/clusters",
-        "shape_matching/lattice",
-        "assets/material",
-        "geometry/mesh",
-        "geometry/edges",
-        "geometry/mesh_files",
-        "geometry/neighbours",
-        "geometry/normals",
-        "assets/sampling",
-        "geometry/shapes",
-    ),
-    *(
-        "assets/skin",
-        "assets/soft_body",
-        "assets/soft_lattice",
-        "assets/soft_sheet",
-        "geometry/solid",
-        "assets/strokes",
-        "geometry/surface_nets",
-        "geometry/voxels",
-    ),
-)
+ROOMS = ("assets", "geometry", "shape_matching")  # of the model: the code that makes bodies
 
 Source = Shape | str | Path | Meshes
 
@@ -59,30 +34,29 @@ Source = Shape | str | Path | Meshes
 def baked(
     parameters: RigidBody, mesh: Source, *, scale: float = 1.0, folder: Path | None = None, keep: bool = True
 ) -> BakedBody:
-    """`parameters.bake` of a mesh: one of the lab's shapes, a file (whose coordinates are multiplied by `scale` [m per
+    """The body of a mesh by `parameters`: one of the lab's shapes, a file (whose coordinates are multiplied by `scale` [m per
     unit]), or what `from_mesh` takes. From `folder` (the user's cache) where it was made before, else made and put there.
 
     The same bits either way. A file that is older, damaged or cannot be written costs the time to make the body again.
     `keep` False: neither read nor written. Raises what `read_mesh` and `from_mesh` raise.
     """
     if not keep:
-        return parameters.bake(_mesh(mesh, scale))
+        return parameters.with_material(parameters.bake(_mesh(mesh, scale)))
     key = body_key(parameters, mesh, scale)
-    bare = parameters.model_copy(update={name: field.default for name, field in _material(parameters).items()})
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
     held = read_arrays(file)
     found = _unpacked(held, key) if held else None
     if found is None:
-        found = bare.bake(_mesh(mesh, scale))
+        found = parameters.bake(_mesh(mesh, scale))
         write_arrays(file, **_packed(found, key))
-    return parameters.furnish(found)
+    return parameters.with_material(found)
 
 
 def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
     """32 hexadecimal digits of the mesh (a file's bytes, a shape's fields, or the arrays), of all parameters but the
     material's, and of the code. Raises InputError (a file that cannot be read)."""
     digest = hashlib.sha256(f"{VERSION} {_sources()} {type(parameters).__name__} ".encode())
-    digest.update(parameters.model_dump_json(exclude=set(_material(parameters))).encode())
+    digest.update(parameters.model_dump_json(exclude=set(MATERIAL)).encode())
     if isinstance(mesh, Shape):
         digest.update(b" shape " + mesh.model_dump_json().encode())
     elif isinstance(mesh, str | Path):
@@ -96,14 +70,9 @@ def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
     return digest.hexdigest()[:32]
 
 
-def _material(parameters: RigidBody) -> dict[str, Any]:
-    """The fields that bodies are furnished by after they were baked."""
-    return {name: field for name, field in type(parameters).model_fields.items() if name in MATERIAL}
-
-
 @cache
 def _sources() -> str:
-    return source_digest(*(ROOT / "model" / f"{name}.py" for name in SOURCES))
+    return source_digest(*(ROOT / "model" / room for room in ROOMS))
 
 
 def _bytes(file: Path) -> bytes:
@@ -117,8 +86,6 @@ def _mesh(mesh: Source, scale: float) -> Meshes:
     if isinstance(mesh, Shape):
         return mesh.mesh()
     if isinstance(mesh, str | Path):
-        from model.geometry.mesh import read_mesh
-
         return read_mesh(mesh, scale)
     return mesh
 

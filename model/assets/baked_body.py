@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from model.assets.sampling import Samples
 from model.assets.skin import Skin
-from model.geometry.solid import Solid
 from model.shape_matching.clustering import parts, undetermined
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import Lattice
@@ -87,30 +87,38 @@ class BakedBody:
 
 
 def report_of(
-    samples: Samples, mass: float, clusters: Clusters, links: np.ndarray, body: Solid, spacing: float
+    clusters: Clusters,
+    links: np.ndarray,
+    spacing: float,
+    mass: float,
+    surface: int,
+    told: Sequence[str],
+    *,
+    volume: float = 0.0,
+    pieces: int = 1,
+    hanging: int | None = None,
+    samples: Samples | None = None,
 ) -> Report:
-    count, members, told = len(samples.position), np.diff(clusters.offsets), body.told
-    if samples.overlapping:
-        told = (
-            *told,
-            "parts of the mesh overlap one another, or cross themselves: what is inside any of them is inside",
-        )
+    """The report of a body of particles `spacing` [m] apart, of `mass` [kg] and `volume` [m^3], `surface` of them on its
+    surface, in `clusters` with `links` (n, 2), from a mesh of so many `pieces`. `hanging`: how many parts hang together,
+    where that is known; `samples`: where particles were sampled."""
+    count, members = len(clusters.mass), np.diff(clusters.offsets)
     return Report(
         particles=count,
-        interior=samples.interior,
-        surface=samples.surface,
+        interior=count - surface,
+        surface=surface,
         spacing=spacing,
         mass=float(mass),
-        volume=float(samples.total),
-        covered=samples.covered,
+        volume=float(volume),
+        covered=samples.covered if samples else 1.0,
         clusters=clusters.count,
         members=(int(members.min()), int(members.max())),
         overlap=len(clusters.indices) / count,
         orphans=len(clusters.orphans),
         links=len(links),
-        pieces=body.pieces,
-        parts=parts(clusters, links),
+        pieces=pieces,
+        parts=parts(clusters, links) if hanging is None else hanging,
         undetermined=undetermined(clusters),
-        told=told,
-        filled=samples.filled,
+        told=tuple(told),
+        filled=samples.filled if samples else 0,
     )

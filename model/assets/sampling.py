@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import InputError, SceneError
+from model.geometry.measures import triangle_areas
 from model.geometry.neighbours import nearest, spread
 from model.geometry.solid import Solid
 from model.geometry.voxels import Runs, divided, runs_inside
@@ -127,27 +128,18 @@ def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray,
     for _, place in runs_inside(body.position, body.triangles, spacing / sampling).points():
         # within sqrt(3)/2 spacings of a lattice point that is taken there is no room; most are: sorted out here
         corner = np.rint((place - coarse.origin) / spacing).astype(np.int64)
-        held = _in_sorted((corner + 1) @ strides, taken)
-        tried.append(place[~held])
+        tried.append(place[~np.isin((corner + 1) @ strides, taken)])
     found = np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)])
     fine = np.concatenate([np.zeros((0, 3)), *tried])
     more = fine[spread(fine, found, CLOSEST * spacing)]
     return np.concatenate([found, more]), len(more)
 
 
-def _in_sorted(keys: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(keys,) bool: which are among `known`, ascending."""
-    if len(known) == 0:
-        return np.zeros(len(keys), dtype=bool)
-    return known[np.minimum(np.searchsorted(known, keys), len(known) - 1)] == keys
-
-
 def _weights(body: Solid, spacing: float) -> np.ndarray:
     """(triangles,): places tried on each, at a surface sampling of 1."""
     corners = body.position[body.triangles]
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    return np.maximum(area / spacing**2, sides.max(axis=1) / spacing)
+    return np.maximum(triangle_areas(body.position, body.triangles) / spacing**2, sides.max(axis=1) / spacing)
 
 
 def _surface(body: Solid, spacing: float, sampling: float) -> np.ndarray:

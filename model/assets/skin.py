@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.measures import unit
+from model.geometry.normals import mesh_normals
+
 INFLUENCES = 4  # clusters of a vertex
 BATCH = 1 << 22  # distances at once
 
@@ -41,8 +44,7 @@ class Skin:
         away = self.position[:, None] - self.rest_centre[self.clusters]
         position = np.einsum("vk,vki->vi", self.weights, centre[self.clusters] + np.einsum("vkij,vkj->vki", turn, away))
         normal = np.einsum("vk,vkij,vj->vi", self.weights, cofactors(deformation)[self.clusters], self.normal)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        return position, np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+        return position, unit(normal)
 
 
 def cofactors(matrices: np.ndarray) -> np.ndarray:
@@ -53,8 +55,6 @@ def cofactors(matrices: np.ndarray) -> np.ndarray:
 
 def make_skin(position: np.ndarray, triangles: np.ndarray, rest_centre: np.ndarray) -> Skin:
     """The skin of the mesh of `position` (vertices, 3) [m] and `triangles` (n, 3), over clusters at `rest_centre` (n, 3)."""
-    from model.geometry.normals import mesh_normals
-
     nearest, distance = _nearest(position, rest_centre, INFLUENCES + 1)
     clusters, weights = influences(nearest, distance)
     return Skin(

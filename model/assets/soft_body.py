@@ -5,9 +5,8 @@ The parameters are those of NVIDIA Flex's flexExtCreateSoftFromMesh and flexExtC
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -35,6 +34,8 @@ Limit = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False, strict=True)]  #
 MATERIAL = ("linear", "plastic_threshold", "plastic_creep", "plastic_limit", "cluster_damping")  # not of the bake
 Meshes = TriangleMesh | tuple[np.ndarray, np.ndarray]
 Made = TypeVar("Made", bound="RigidBody")
+Held = tuple[Clusters, np.ndarray, np.ndarray, float]
+OVERLAPPING = "parts of the mesh overlap one another, or cross themselves: what is inside any of them is inside"
 
 
 class RigidBody(Part):
@@ -45,6 +46,9 @@ class RigidBody(Part):
     Of `density` and `mass`, of the whole body, give one.
     """
 
+    lacks: ClassVar[tuple[str, ...]] = ()  # fields of the classes that it is made from
+    lacks_reason: ClassVar[str] = ""
+
     particle_spacing: Positive  # m
     volume_sampling: NotNegative = 2.0
     surface_sampling: NotNegative = 4.0
@@ -53,8 +57,13 @@ class RigidBody(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _one_weight(cls, fields: object) -> object:
-        if isinstance(fields, dict) and fields.get("mass") is not None and "density" in fields:
+    def _only_its_own(cls, fields: object) -> object:
+        if not isinstance(fields, dict):
+            return fields
+        for name in cls.lacks:
+            if name in fields:
+                raise ValueError(f"{name}: {cls.lacks_reason}")
+        if fields.get("mass") is not None and "density" in fields:
             raise ValueError("density: follows from the mass; give density or mass")
         return fields
 
@@ -73,18 +82,38 @@ class RigidBody(Part):
 
         Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
         """
-        return parameters_of(cls, parameters).bake(mesh)
+        made = parameters_of(cls, parameters)
+        return made.with_material(made.bake(mesh))
 
     def bake(self, mesh: Meshes) -> BakedBody:
-        """What `from_mesh` makes with these parameters."""
-        none = np.zeros((0, 2), np.int32)
+        """What `from_mesh` makes with these parameters, but for its material."""
+        spacing, body = self.particle_spacing, solid(as_mesh(mesh), self.particle_spacing)
+        samples = sample(body, spacing, self.volume_sampling, self.surface_sampling)
+        total = self.density * samples.total if self.mass is None else self.mass
+        with np.errstate(all="ignore"):
+            mass = samples.volume * (total / samples.total)
+        check_masses(self, mass)
+        clusters, links, length, stiffness = self._held(samples.position, mass, body.pieces)
+        told = (*body.told, OVERLAPPING) if samples.overlapping else body.told
+        report = report_of(
+            clusters,
+            links,
+            spacing,
+            total,
+            samples.surface,
+            told,
+            volume=samples.total,
+            pieces=body.pieces,
+            samples=samples,
+        )
+        skin = make_skin(body.position, body.triangles, clusters.rest_centre)
+        return BakedBody(samples.position, mass, clusters, links, length, stiffness, skin, spacing, report)
 
-        def clusters(position: np.ndarray, mass: np.ndarray, pieces: int) -> tuple[Clusters, np.ndarray, np.ndarray]:
-            return one_cluster(position, mass), none, np.zeros(0)
+    def _held(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Held:
+        """What holds particles together: clusters, links (n, 2), their lengths (n,) [m] and their stiffness [N/m]."""
+        return one_cluster(position, mass), np.zeros((0, 2), np.int32), np.zeros(0), 0.0
 
-        return _bake(self, mesh, clusters, 0.0)
-
-    def furnish(self, body: BakedBody) -> BakedBody:
+    def with_material(self, body: BakedBody) -> BakedBody:
         """The body with what its clusters do beside turning, which no mesh has a say in: nothing, of a rigid one."""
         return replace(body, report=replace(body.report, told=(*body.report.told, *self.idle(body.report))))
 
@@ -139,7 +168,7 @@ class SoftBody(RigidBody):
         )
         return found if found.parts else None
 
-    def furnish(self, body: BakedBody) -> BakedBody:
+    def with_material(self, body: BakedBody) -> BakedBody:
         """The body with its clusters' material, and a word on those that it does not change."""
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
         told = (*body.report.told, *self.idle(body.report))
@@ -151,7 +180,7 @@ class SoftBody(RigidBody):
     def _clusters_hold_particles(self) -> SoftBody:
         if self.spacing_of_clusters < self.particle_spacing:
             raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
-        if (self.link_radius > 0) != (self.link_stiffness > 0):
+        if "link_radius" not in self.lacks and (self.link_radius > 0) != (self.link_stiffness > 0):
             given, missing = (
                 ("link_radius", "link_stiffness") if self.link_radius else ("link_stiffness", "link_radius")
             )
@@ -168,17 +197,12 @@ class SoftBody(RigidBody):
         """[m]"""
         return OVERLAP * self.spacing_of_clusters if self.cluster_radius is None else self.cluster_radius
 
-    def bake(self, mesh: Meshes) -> BakedBody:
-        """What `from_mesh` makes with these parameters."""
+    def _held(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Held:
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
-
-        def clusters(position: np.ndarray, mass: np.ndarray, pieces: int) -> tuple[Clusters, np.ndarray, np.ndarray]:
-            links, length = self._links(position)
-            found = gather(position, mass, spacing, radius, self.cluster_stiffness)
-            check(found, links, spacing, radius, pieces)
-            return found, links, length
-
-        return self.furnish(_bake(self, mesh, clusters, self.link_stiffness))
+        links, length = self._links(position)
+        clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
+        check(clusters, links, spacing, radius, pieces)
+        return clusters, links, length, self.link_stiffness
 
     def _links(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 2) int32 and their lengths [m]. Raises SceneError where `link_radius` reaches nobody, or too many."""
@@ -212,28 +236,3 @@ def parameters_of(kind: type[Made], fields: dict[str, Any]) -> Made:
     except ValidationError as error:
         found = scene_error(kind.__name__, error, kind)
         raise SceneError(found.field.removeprefix(f"{kind.__name__}."), found.value, found.allowed) from None
-
-
-Gather = Callable[[np.ndarray, np.ndarray, int], tuple[Clusters, np.ndarray, np.ndarray]]
-
-
-def _bake(parameters: RigidBody, mesh: Meshes, clusters_of: Gather, link_stiffness: float) -> BakedBody:
-    spacing = parameters.particle_spacing
-    body = solid(as_mesh(mesh), spacing)
-    samples = sample(body, spacing, parameters.volume_sampling, parameters.surface_sampling)
-    total = parameters.density * samples.total if parameters.mass is None else parameters.mass
-    with np.errstate(all="ignore"):
-        mass = samples.volume * (total / samples.total)
-    check_masses(parameters, mass)
-    clusters, links, length = clusters_of(samples.position, mass, body.pieces)
-    return BakedBody(
-        samples.position,
-        mass,
-        clusters,
-        links,
-        length,
-        link_stiffness,
-        make_skin(body.position, body.triangles, clusters.rest_centre),
-        spacing,
-        report_of(samples, total, clusters, links, body, spacing),
-    )

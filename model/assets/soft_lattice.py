@@ -5,10 +5,11 @@ A. Rivers, D. James, "FastLSM: Fast Lattice Shape Matching for Robust Real-Time 
 
 from __future__ import annotations
 
-import numpy as np
-from pydantic import model_validator
+from typing import ClassVar
 
-from model.assets.baked_body import BakedBody, Report
+import numpy as np
+
+from model.assets.baked_body import BakedBody, report_of
 from model.assets.sampling import MAX_PARTICLES
 from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
@@ -16,12 +17,8 @@ from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.geometry.solid import as_mesh
 from model.scene.parts import Count
-from model.shape_matching.clustering import undetermined
 from model.shape_matching.lattice import Lattice
 
-NOT_OF_LATTICES = (
-    "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
-)  # fmt: skip
 OFF = 1e-6  # of a box's longest side: how far a corner of the mesh may be off its sides
 ENTRY_BYTES = 100  # of a window's member while clusters are made
 MAX_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
@@ -31,17 +28,12 @@ class SoftLattice(SoftBody):
     """A box filled with a lattice of particles, `particle_spacing` apart, and a cluster around each of those at most `region`
     places away along each axis: the larger, the stiffer and the smoother. What a step costs hardly hangs on it."""
 
-    region: Count = 2
+    lacks: ClassVar[tuple[str, ...]] = (
+        "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
+    )  # fmt: skip
+    lacks_reason: ClassVar[str] = "does not go with a lattice, which fills a box evenly; region says what moves as one"
 
-    @model_validator(mode="before")
-    @classmethod
-    def _nothing_is_sampled(cls, fields: object) -> object:
-        for name in NOT_OF_LATTICES:
-            if isinstance(fields, dict) and name in fields:
-                raise ValueError(
-                    f"{name}: does not go with a lattice, which fills a box evenly; region says what moves as one"
-                )
-        return fields
+    region: Count = 2
 
     def bake(self, mesh: Meshes) -> BakedBody:
         """See `SoftBody.from_mesh`; the mesh must be a box along the axes. Raises InputError, SceneError."""
@@ -69,18 +61,12 @@ class SoftLattice(SoftBody):
         mass = np.full(lattice.size, total / lattice.size)
         check_masses(self, mass)
         clusters = lattice.clusters(position, mass, self.cluster_stiffness)
-        members, none = np.diff(clusters.offsets), np.zeros((0, 2), np.int32)
+        none = np.zeros((0, 2), np.int32)
         surface = lattice.size - int(np.prod([max(0, count - 2) for count in counts]))
-        report = Report(
-            particles=lattice.size, interior=lattice.size - surface, surface=surface, spacing=self.particle_spacing,
-            mass=float(total), volume=volume, covered=1.0, clusters=clusters.count,
-            members=(int(members.min()), int(members.max())), overlap=len(clusters.indices) / lattice.size, orphans=0,
-            links=0, pieces=1, parts=1, undetermined=undetermined(clusters), told=tuple(made.repairs),
-        )  # fmt: skip
+        spacing, told = self.particle_spacing, made.repairs
+        report = report_of(clusters, none, spacing, total, surface, told, volume=volume, hanging=1)
         skin = make_skin(made.position, made.triangles, clusters.rest_centre)
-        return self.furnish(
-            BakedBody(position, mass, clusters, none, np.zeros(0), 0.0, skin, self.particle_spacing, report, lattice)
-        )
+        return BakedBody(position, mass, clusters, none, np.zeros(0), 0.0, skin, spacing, report, lattice)
 
 
 def _box(position: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
-from pydantic import model_validator
+from typing import ClassVar
 
-from model.assets.baked_body import BakedBody, Report
+import numpy as np
+
+from model.assets.baked_body import BakedBody, report_of
 from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError
-from model.geometry.edges import components
+from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.solid import as_mesh
 from model.scene.parts import NotNegative, Positive
-from model.shape_matching.clustering import check, gather, parts, undetermined
-
-NOT_OF_SHEETS = ("volume_sampling", "surface_sampling", "link_radius")
+from model.shape_matching.clustering import check, gather
 
 
 class SoftSheet(SoftBody):
@@ -22,23 +21,12 @@ class SoftSheet(SoftBody):
     of `cluster_stiffness`, against bending. `density` is of its area; `particle_spacing`, what the clusters' spacing and the
     particles' radius follow from, should be about the length of its edges."""
 
+    lacks: ClassVar[tuple[str, ...]] = ("volume_sampling", "surface_sampling", "link_radius")
+    lacks_reason: ClassVar[str] = "does not go with a sheet, whose particles are its mesh's vertices"
+
     density: Positive = 0.2  # kg/m^2: a shirt's
     cluster_stiffness: NotNegative = 400.0  # 1/s^2
     link_stiffness: NotNegative = 500.0  # N/m
-
-    @model_validator(mode="before")
-    @classmethod
-    def _nothing_is_sampled(cls, fields: object) -> object:
-        for name in NOT_OF_SHEETS:
-            if isinstance(fields, dict) and name in fields:
-                raise ValueError(f"{name}: does not go with a sheet, whose particles are its mesh's vertices")
-        return fields
-
-    @model_validator(mode="after")
-    def _clusters_hold_particles(self) -> SoftSheet:
-        if self.spacing_of_clusters < self.particle_spacing:
-            raise ValueError(f"cluster_spacing: must be at least particle_spacing, {self.particle_spacing:g}")
-        return self
 
     def bake(self, mesh: Meshes) -> BakedBody:
         """See `SoftBody.from_mesh`; the mesh need not be closed."""
@@ -46,8 +34,7 @@ class SoftSheet(SoftBody):
         position, triangles = made.position, made.triangles
         if not len(triangles):
             raise InputError("the mesh has no triangles; a sheet needs some")
-        a, b, c = (position[corner] for corner in triangles.T)
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+        area = triangle_areas(position, triangles)
         own = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
         total = self.density * area.sum() if self.mass is None else self.mass
         with np.errstate(all="ignore"):
@@ -58,18 +45,13 @@ class SoftSheet(SoftBody):
             if self.link_stiffness
             else np.zeros((0, 2), np.int32)
         )
-        length = np.linalg.norm(position[links[:, 1]] - position[links[:, 0]], axis=1)
+        length = edge_lengths(position, links)
         spacing, radius = self.spacing_of_clusters, self.radius_of_clusters
         clusters = gather(position, mass, spacing, radius, self.cluster_stiffness)
-        pieces = len(np.unique(components(len(position), made.edges.edges)))
-        check(clusters, links, spacing, radius, pieces)
-        members, count = np.diff(clusters.offsets), len(position)
-        report = Report(
-            particles=count, interior=0, surface=count, spacing=self.particle_spacing, mass=float(total), volume=0.0,
-            covered=1.0, clusters=clusters.count, members=(int(members.min()), int(members.max())),
-            overlap=len(clusters.indices) / count, orphans=len(clusters.orphans), links=len(links), pieces=pieces,
-            parts=parts(clusters, links), undetermined=undetermined(clusters), told=tuple(made.repairs),
-        )  # fmt: skip
+        check(clusters, links, spacing, radius, made.pieces)
+        report = report_of(
+            clusters, links, self.particle_spacing, total, len(position), made.repairs, pieces=made.pieces
+        )
         skin = make_skin(position, triangles, clusters.rest_centre)
         return BakedBody(
             position, mass, clusters, links, length, self.link_stiffness, skin, self.particle_spacing, report

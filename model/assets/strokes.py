@@ -69,21 +69,23 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
 
 def union(fields: Sequence[Field]) -> Field:
+    """What lies in any of them."""
+
     def field(points: np.ndarray) -> np.ndarray:
         return np.min([one(points) for one in fields], axis=0)
 
     return field
 
 
-def blended(fields: Sequence[Field], reach: float) -> Field:
-    """Their union with hollows filled where two surfaces are about `reach` [m] apart."""
+def blended(fields: Sequence[Field], width: float) -> Field:
+    """Their union with hollows filled where two surfaces are about `width` [m] apart."""
 
     def field(points: np.ndarray) -> np.ndarray:
         total = fields[0](points)
         for one in fields[1:]:
             other = one(points)
-            near = np.maximum(reach - np.abs(total - other), 0)
-            total = np.minimum(total, other) - near * near / (4 * reach)
+            near = np.maximum(width - np.abs(total - other), 0)
+            total = np.minimum(total, other) - near * near / (4 * width)
         return total
 
     return field

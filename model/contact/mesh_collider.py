@@ -10,6 +10,7 @@ import numpy as np
 from model.contact.surface_collider import SurfaceCollider
 from model.core.errors import InputError
 from model.formulas.triangle_tree import CORNERS, NODE
+from model.geometry.measures import triangle_areas
 from model.geometry.mesh import check_vertices, without_flat
 from model.geometry.mesh_files import read_arrays
 from model.geometry.topology import mesh_path
@@ -57,17 +58,18 @@ class MeshCollider(SurfaceCollider):
 
     @property
     def number_count(self) -> int:
+        """How many numbers the tree has."""
         return NODE * (2 * len(self.triangles) - 1) + CORNERS * len(self.triangles)
 
     def too_many(self) -> tuple[str, object, str]:
+        """See SurfaceCollider."""
         field = "file" if self.file else "shape"
         return field, f"{len(self.triangles)} triangles", "a triangle takes 25 numbers: decimate it"
 
 
 def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
     """Without triangles that are nothing in float32; how many is added to `told`. Raises InputError where none is left."""
-    a, b, c = (position[corner] for corner in triangles.T)
-    large = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 2 * MIN_AREA
+    large = triangle_areas(position, triangles) > MIN_AREA
     if not large.any():
         raise InputError(
             "a mesh_collider whose triangles are all too small: give a scale that turns the file's unit to m"

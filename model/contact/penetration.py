@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.formulas.contact import PRIMES
+from model.geometry.neighbours import SLACK
+from model.geometry.sheets import cell_corners, split_cells
 
 NEAR = 0.8  # of the thickness: edges nearer than that to one another count as missed
 BATCH = 1 << 20  # pairs looked at together
@@ -32,27 +33,16 @@ class ContactMeasure:
     crossings: int
 
 
-def _cell_pairs(low: np.ndarray, high: np.ndarray, reach: float) -> np.ndarray:
-    """(n, 2) cells of the sheet, first <= second, whose boxes (cells, 3) come within `reach` [m] of each other."""
-    center = (low + high) / 2
-    size = float((high - low).max(initial=0.0)) + reach
-    place = np.floor(center / size).astype(np.int64)
-    code = place[:, 0] * PRIMES[0] ^ place[:, 1] * PRIMES[1] ^ place[:, 2] * PRIMES[2]
-    order = np.argsort(code, kind="stable")
-    codes, found = code[order], []
-    for offset in np.ndindex(3, 3, 3):
-        at = place + np.array(offset) - 1
-        wanted = at[:, 0] * PRIMES[0] ^ at[:, 1] * PRIMES[1] ^ at[:, 2] * PRIMES[2]
-        first, last = np.searchsorted(codes, wanted, "left"), np.searchsorted(codes, wanted, "right")
-        count = last - first
-        cell = np.repeat(np.arange(len(place)), count)
-        entry = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
-        other = order[entry]
-        same = (place[other] == at[cell]).all(axis=1) & (cell <= other)  # cells of space may share a code
-        cell, other = cell[same], other[same]
-        near = (low[cell] < high[other] + reach).all(axis=1) & (low[other] < high[cell] + reach).all(axis=1)
-        found.append(np.stack([cell[near], other[near]], axis=1))
-    return np.concatenate(found)
+def _cell_pairs(low: np.ndarray, high: np.ndarray, distance: float) -> np.ndarray:
+    """(n, 2) cells of the sheet, first <= second, whose boxes (cells, 3) come within `distance` [m] of each other."""
+    from scipy.spatial import cKDTree
+
+    size = float((high - low).max(initial=0.0)) + distance
+    pairs = cKDTree((low + high) / 2).query_pairs(size * SLACK, p=np.inf, output_type="ndarray")
+    each = np.arange(len(low))
+    cell, other = np.concatenate([np.stack([each, each], axis=1), pairs]).T
+    near = (low[cell] < high[other] + distance).all(axis=1) & (low[other] < high[cell] + distance).all(axis=1)
+    return np.stack([cell[near], other[near]], axis=1)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -109,9 +99,9 @@ class _Sheet:
 
     def __init__(self, rows: int, columns: int, spacing: float, position: np.ndarray):
         number = np.arange(rows * columns).reshape(rows, columns)
-        a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+        a, b, c, d = (part.ravel() for part in cell_corners(number))
         self.corners = np.stack([a, b, c, d], axis=1)
-        self.triangles = np.stack([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)], axis=1)
+        self.triangles = split_cells(number).reshape(-1, 2, 3)
         # of a cell all its five edges: some belong to two cells, so that pairs are made unique afterwards
         self.edges = np.stack([np.stack(pair, axis=1) for pair in ((a, b), (a, c), (a, d), (c, d), (b, d))], axis=1)
         self.position = np.asarray(position, np.float64)
@@ -169,9 +159,8 @@ def measure(rows: int, columns: int, spacing: float, position: np.ndarray, thick
         near = (flat >= thickness) & (now < thickness)
         edge_gap = min(edge_gap, float(now[near].min(initial=np.inf)))
         near &= now < NEAR * thickness
-        pair = np.concatenate([edge[near], other[near]], axis=1)
-        missed.append(np.where((pair[:, :1] < pair[:, 2:3]) | ((pair[:, :1] == pair[:, 2:3]) & (pair[:, 1:2] < pair[:, 3:])),
-                               pair, pair[:, [2, 3, 0, 1]]))  # fmt: skip
+        numbers = [ends[near, 0] * rows * columns + ends[near, 1] for ends in (edge, other)]
+        missed.append(np.sort(np.stack(numbers, axis=1), axis=1))
     return ContactMeasure(
         gap, edge_gap, len(np.unique(np.concatenate(missed), axis=0)), len(np.unique(np.concatenate(crossed), axis=0))
     )

@@ -8,51 +8,22 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
 
 from model.core.errors import SceneError
-from model.geometry.shapes import Shape
-from model.scene.bodies import file_digest
-from model.scene.cloth import ZERO, Collider, Number, Vector
-from model.scene.parts import Positive
-
-FILE_CONTRADICTIONS = {"shape": ("file", "digest", "scale"), "file": ("shape", "digest")}
+from model.geometry.measures import rotation_matrix
+from model.scene.cloth import Collider
+from model.scene.mesh_source import MeshSource
+from model.scene.parts import ZERO, Positive, Vector
 
 
-class SurfaceCollider(Collider):
+class SurfaceCollider(MeshSource, Collider):
     """A mesh that stands at `origin`, turned there by `angle` about `axis`, moves at `velocity` and turns about its origin at
     `spin`; masses in its way are swept along."""
 
-    such_as: ClassVar[str] = "blob"  # a shape to name where none is given
+    such_as: ClassVar[str] = "blob"
 
-    shape: Shape | None = None  # of the lab's own
-    file: str | None = None  # .obj, .stl or .ply
-    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
-    scale: Positive = 1.0  # m per unit of the file
-    origin: Vector = ZERO  # m
-    angle: Number = 0.0  # degrees
-    axis: Vector = (0.0, 1.0, 0.0)
     spin: Vector = ZERO  # rad/s
     thickness: Positive = 0.01  # m
-
-    @model_validator(mode="after")
-    def _one_source(self) -> SurfaceCollider:
-        if (self.shape is None) == (self.file is None):
-            raise ValueError(f'file: give either a file or a shape, such as shape = {{ name = "{self.such_as}" }}')
-        if self.shape is not None and (self.digest is not None or self.scale != 1):
-            raise ValueError("scale: belongs to a file; a shape has a scale of its own")
-        if self.angle != 0 and not any(self.axis):
-            raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
-        if self.file is not None:
-            digest = file_digest(self.file)
-            if self.digest not in (None, digest):
-                raise ValueError(f"digest: {self.file} is another file by now ({digest}); leave it out")
-            self.__dict__["digest"] = digest  # the part is frozen for everyone else
-        return self
-
-    def _idle_fields(self) -> set[str]:
-        """Only what can be given: a scene that is written can be read."""
-        return super()._idle_fields() | ({"file", "digest", "scale"} if self.shape is not None else {"shape"})
 
     def _read(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
         """(position (vertices, 3) [m], triangles (n, 3), a sentence for what was made good), unturned. Raises InputError."""
@@ -115,9 +86,6 @@ def naming(part: str) -> Iterator[None]:
 
 
 def turn_matrix(turn: np.ndarray) -> np.ndarray:
-    """(3, 3) float64: the rotation about `turn` (3,) by its length [rad], by Rodrigues' formula."""
+    """(3, 3) float64: the rotation about `turn` (3,) by its length [rad]."""
     angle = float(np.linalg.norm(turn))
-    x, y, z = turn / (angle or 1.0)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    matrix: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return matrix
+    return rotation_matrix(turn / (angle or 1.0), angle)

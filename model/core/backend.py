@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from model.scene.scene import Scene
+from model.scene.sheets import scene_normals
 
 
 class Backend(ABC):
@@ -59,8 +60,6 @@ class Backend(ABC):
     def _read_normal(self, into: Any) -> Any:
         """A cloth's normals into `into` (None: a new host array, in the simulation's precision). Computed on the host in
         float64; a backend overrides this to compute them where the state is."""
-        from model.scene.sheets import scene_normals
-
         normal = scene_normals(self.scene, self._read_position(None))
         if into is None:
             return normal.astype(self.real)

@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.memory import require_sheet
 from model.core.pins import pin_indices
+from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
 from model.scene.mesh import Mesh
@@ -40,7 +41,7 @@ class Body:
 
 def sheet_name(scene: Scene) -> str:
     """What the scene calls its sheet; `bodies` where it has bodies."""
-    return next((name for name, kind in scene.kinds.items() if kind in SHEETS), "bodies")
+    return scene.name_of(*SHEETS, default="bodies")
 
 
 def pinned_indices(grid: Grid | BodySet) -> np.ndarray:
@@ -57,17 +58,11 @@ def rest_positions(grid: Grid | BodySet) -> np.ndarray:
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
-    cloth = grid if isinstance(grid, Cloth) else None
-    position = np.zeros((grid.rows, grid.columns, 3 if cloth else 2))
-    position[:, :, 0] = np.arange(grid.columns) * grid.spacing
-    down = (np.arange(grid.rows) * grid.spacing)[:, None]
-    if cloth and cloth.placement == "flat":
-        position[:, :, 2] = down
-    else:
-        position[:, :, 1] = -down
-    if cloth:
-        position += cloth.origin
-    return position.reshape(grid.particle_count, -1)
+    if not isinstance(grid, Cloth):
+        return sheet_positions(grid.rows, grid.columns, grid.spacing, axes=2).reshape(-1, 2)
+    position = sheet_positions(grid.rows, grid.columns, grid.spacing, flat=grid.placement == "flat")
+    position += grid.origin
+    return position.reshape(-1, 3)
 
 
 def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
@@ -122,9 +117,7 @@ def _build(scene: Scene) -> Body:
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
     velocity = np.zeros_like(position)
     pinned = pinned_indices(grid)
-    inverse_mass = 1 / vertex_masses(grid) if isinstance(grid, Mesh) else np.full(count, 1 / grid.mass)
-    for load in scene.loads.values():
-        inverse_mass[load.at[0] * grid.columns + load.at[1]] = 1 / load.mass
+    inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
     free = inverse_mass > 0
     if scene.perturbation:

@@ -56,4 +56,5 @@ class ConstraintSet:
 
     @property
     def colours(self) -> int:
+        """How many."""
         return len(self.starts) - 1

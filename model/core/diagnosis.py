@@ -46,6 +46,7 @@ class Situation:
 
     @property
     def dt(self) -> float:
+        """The step size [s]."""
         return self.scene.method.dt
 
     @property
@@ -55,6 +56,7 @@ class Situation:
 
     @property
     def over(self) -> bool:
+        """Whether that is over the limit."""
         return self.dt > self.limit * (1 + ROUNDING)
 
     @cached_property
@@ -73,9 +75,9 @@ class Situation:
         if self.scene.method.position_based:
             substeps = ceil(self.scene.method.substeps * self.dt / self.limit)
             return f"{remedy}, or --set method.substeps={substeps}: the masses' dampers are explicit"
-        name, reach = self.other
-        if reach > MUCH * self.limit:
-            remedy += f", or {name}, which holds to {reach:.6g} s (--set method.integrator={name})"
+        name, largest = self.other
+        if largest > MUCH * self.limit:
+            remedy += f", or {name}, which holds to {largest:.6g} s (--set method.integrator={name})"
         return remedy
 
     @cached_property
@@ -88,6 +90,7 @@ class Situation:
 
     @property
     def under(self) -> str:
+        """How it lies under the limit, where it does."""
         if not isfinite(self.limit):
             return "no linear limit is known for it"
         return f"dt is under the linear limit of {self.limit:.6g} s"
@@ -100,10 +103,10 @@ def no_step_size(at: Situation) -> Diagnosis | None:
     """The integrator grows at any step size: explicit Euler without a damper."""
     if at.limit > 0:
         return None
-    name, reach = at.other
+    name, largest = at.other
     return Diagnosis(
         f"{at.integrator} grows at every step size here",
-        f"use {name} with dt <= {reach:.6g} s (--set method.integrator={name})",
+        f"use {name} with dt <= {largest:.6g} s (--set method.integrator={name})",
     )
 
 

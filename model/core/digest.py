@@ -42,6 +42,7 @@ class _Walk:
         self._entered: dict[int, int] = {}
 
     def digest(self, value: Any) -> bytes:
+        """Of a value and all it refers to."""
         summary = hashlib.sha256()
         for piece in self._pieces(value):
             summary.update(len(piece).to_bytes(8, "little") + piece)

@@ -126,18 +126,23 @@ class Place:
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Place | None:
+        """The place, or None where no folder can be written."""
         return cls() if folder() else None
 
     def ensure_cache_path(self) -> None:
+        """Make the folder."""
         Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
+        """The folder of all kernels."""
         return str(folder())
 
     def get_source_stamp(self) -> str:
-        return ""  # what a kernel is made of is in its name
+        """Nothing: what a kernel is made of is in its name."""
+        return ""
 
     def get_disambiguator(self) -> str:
+        """Nothing, for the same reason."""
         return ""
 
 
@@ -145,6 +150,7 @@ class NamedByContent:
     """Mixin of numba's cache implementations: a file's name is the kernel's, which holds its content."""
 
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        """The kernel's name, and the Python it is for."""
         return f"{fullname.partition('.')[2]}.py{sys.version_info[0]}{sys.version_info[1]}{abiflags}"
 
 
@@ -174,6 +180,7 @@ class Kept:
         return os.path.exists(self._cache_file._index_path)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The machine code for these types, or None: it is to be compiled, as watchers are told."""
         try:
             found = super().load_overload(sig, target_context)  # type: ignore[misc]
         except Exception:  # a damaged file, or one that names modules of another version, can fail anywhere
@@ -188,6 +195,7 @@ class Kept:
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep machine code for these types, if it can be written."""
         _end(self.label)
         try:
             _make_room()

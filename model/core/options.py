@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from model.core.errors import SceneError
 from model.scene.cloth import CONSTRAINT_KINDS
-
-if TYPE_CHECKING:
-    from model.scene.scene import Scene
+from model.scene.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")

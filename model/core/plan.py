@@ -10,13 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from model.core.errors import SceneError
-from model.core.own_forces import own_forces, own_parts
-from model.formulas import integrators as integrator_formulas
-from model.formulas import manufactured as manufactured_formulas
-from model.formulas import springs as spring_formulas
-from model.scene.scene import Scene
-
 
 @dataclass(frozen=True)
 class Stage:
@@ -118,88 +111,8 @@ class Plan:
             yield stage, replace(at, step=step)
 
     def has(self, name: str) -> bool:
+        """Whether a step has a stage of that name."""
         return any(stage.name == name for stage in self.root.stages())
-
-
-def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need a stage: those of the scene that do anything, and those that may be switched on live."""
-    parts = set()
-    if scene.springs or "stiffness" in live:
-        parts.add("springs")
-    if scene.springs and scene.springs.alternate:
-        parts.add("alternating")  # no stage of its own: which stiffness a spring has
-    if (scene.damping and scene.damping.coefficient > 0) or "damping" in live:
-        parts.add("damping")
-    gravity = scene.gravity
-    if (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live:
-        parts.add("gravity")
-    if scene.manufactured:
-        parts.add("manufactured")
-    if scene.grid.pinned not in ("none", []):
-        parts.add("pins")
-    return frozenset(parts | own_parts(scene, live))
-
-
-def own_stages(parts: frozenset[str], memory: int = 1) -> tuple[Stage, ...]:
-    """Of the forces on a particle by itself; `memory` 0 where they cost none, since positions are predicted with them."""
-    return tuple(
-        Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)
-        for force in own_forces(parts)
-    )
-
-
-def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of the mass-spring solver for the scene's parts and integrator."""
-    parts = present_parts(scene, live)
-    if scene.springs and {"alternating", "manufactured"} <= parts:
-        raise SceneError(
-            "springs.stiffness_ratio", scene.springs.stiffness_ratio,
-            "must be 1 with a manufactured force, whose formula knows one stiffness",
-        )  # fmt: skip
-    integrator = scene.method.integrator
-    implicit_damping = integrator == "velocity-verlet"  # its damper is part of the kicks
-
-    def forces(offset: float) -> tuple[Stage, ...]:
-        stages = []
-        if "springs" in parts:
-            stages.append(Stage("spring forces", 1, 1, 2 * spring_formulas.OPERATIONS_SPRING_2D + 6))
-        else:
-            stages.append(Stage("no forces", 0, 1, 0))
-        if "gravity" in parts:
-            stages.append(Stage("gravity", 1, 1, 1))
-        stages.extend(own_stages(parts))
-        if "manufactured" in parts:
-            stages.append(Stage("manufactured force", 1, 1, manufactured_formulas.OPERATIONS, offset))
-        if "damping" in parts and not implicit_damping:
-            stages.append(Stage("damping", 2, 1, 4))
-        return tuple(stages)
-
-    pins = (Stage("pins", 0, 0, 0),) if "pins" in parts else ()
-    per_axis = integrator_formulas.OPERATIONS[integrator]
-    if integrator == "velocity-verlet":
-        children: tuple[Node | Stage, ...] = (
-            Node("forces at the start", forces(0.0)),
-            Stage("first half kick and drift", 3, 2, 12 if "damping" in parts else 8),
-            *pins,
-            Node("forces at the end", forces(1.0)),
-            Stage("second half kick", 2, 1, 6 if "damping" in parts else 4),
-            *pins,
-        )
-        scalars = 4  # the kicks of neighbouring steps meet in one pass, so that one force a step is enough
-    elif integrator == "rk4":
-        steps: list[Node | Stage] = []
-        for stage, offset in enumerate((0.0, 0.5, 0.5, 1.0), start=1):
-            steps.append(
-                Node(
-                    f"stage {stage}", (*forces(offset), Stage(f"accumulate (rk4 {stage})", 7, 4, per_axis // 2), *pins)
-                )
-            )
-        children = tuple(steps)
-        scalars = 4 * 10
-    else:
-        children = (*forces(0.0), Stage(f"integrate ({integrator})", 3, 2, 2 * per_axis), *pins)
-        scalars = 4
-    return Plan(Node("step", children), scalars, parts)
 
 
 @dataclass(frozen=True)

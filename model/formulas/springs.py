@@ -1,11 +1,15 @@
-"""Springs, and the other point-wise accelerations: damper, external force."""
+"""Springs in a plane and in space, and dampers: of a mass, and along a spring."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 from model.formulas import plain
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_SPRING_2D = 12  # 2 differences, 3 for the square, 2 for 1/length, 2 for the scale, 2 products, 1 comparison
+OPERATIONS_SPRING = 15  # in space: 3 differences, 5 for the square, 2 for 1/length, 2 for the scale, 3 products
+OPERATIONS_DAMPER = 12  # 3 differences, 5 for the product of speed and way, 4 for its scale
 
 
 def make(real, compiled=plain):
@@ -33,3 +37,31 @@ def make(real, compiled=plain):
         return acceleration - rate * velocity
 
     return spring_acceleration_2d, damped
+
+
+def make_3d(real, compiled=plain):
+    """`spring_acceleration_3d` and `damped_pull_3d` in the arithmetic `real`."""
+    lengths = make_lengths(real, compiled)
+    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
+
+    @compiled
+    def spring_acceleration_3d(dx, dy, dz, stiffness, stiffness_rest):
+        """Pull over mass [m/s^2] on a mass whose neighbour lies at d [m]: (k - k L0 / |d|) d, k stiffness over mass.
+
+        `stiffness_rest` is k L0. Zero for coincident masses; exactly antisymmetric in any rounding.
+        """
+        scale = stiffness - stiffness_rest * inverse_length(squared_length(dx, dy, dz))
+        return scale * dx, scale * dy, scale * dz
+
+    @compiled
+    def damped_pull_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping):
+        """The same with a damper along the spring: + damping (w.d / |d|^2) d, w the neighbour's velocity less one's own.
+
+        `damping`: coefficient over mass [1/s].
+        """
+        inverse = inverse_length(squared_length(dx, dy, dz))
+        speed = ((wx * dx + wy * dy) + wz * dz) * inverse  # at which the spring lengthens
+        scale = (stiffness - stiffness_rest * inverse) + damping * speed * inverse
+        return scale * dx, scale * dy, scale * dz
+
+    return SimpleNamespace(spring_acceleration_3d=spring_acceleration_3d, damped_pull_3d=damped_pull_3d)

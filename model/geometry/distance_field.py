@@ -116,9 +116,11 @@ class DistanceField(SurfaceCollider):
 
     @property
     def number_count(self) -> int:
+        """How many numbers the header and the samples are."""
         return HEADER + int(self.grid[1].prod())
 
     def too_many(self) -> tuple[str, object, str]:
+        """See SurfaceCollider."""
         _, points, spacing, _ = self.grid
         return "spacing", spacing, f"{points.prod()} samples are too many beside the others: use {2 * spacing:.3g}"
 

@@ -11,32 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from model.core.errors import InputError
-
-
-@dataclass(frozen=True)
-class Lists:
-    """Lists of different lengths, end to end: list i is `indices[offsets[i]:offsets[i + 1]]`.
-
-    int32; `offsets` (lists + 1,), `indices` (all entries,).
-    """
-
-    offsets: np.ndarray
-    indices: np.ndarray
-
-    def __getitem__(self, i: int) -> np.ndarray:
-        return self.indices[self.offsets[i] : self.offsets[i + 1]]
-
-    @property
-    def lengths(self) -> np.ndarray:
-        """(lists,) int32."""
-        return np.diff(self.offsets)
-
-
-def grouped(keys: np.ndarray, values: np.ndarray, count: int) -> Lists:
-    """For each key 0 ... count - 1 the `values` (n,) that stand at it in `keys` (n,), in their order."""
-    offsets = np.zeros(count + 1, dtype=np.int32)
-    np.cumsum(np.bincount(keys, minlength=count), out=offsets[1:])
-    return Lists(offsets, values[np.argsort(keys, kind="stable")].astype(np.int32))
+from model.geometry.lists import Lists, grouped
 
 
 @dataclass(frozen=True)
@@ -72,25 +47,10 @@ class MeshEdges:
         return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.vertex_count)
 
     @cached_property
-    def _at_vertices(self) -> tuple[Lists, np.ndarray]:
-        # lower neighbours stand before higher ones, and edges ascend: both lists of a vertex come out ascending
-        low, high = self.edges.T
-        index = np.arange(len(low), dtype=np.int32)
-        lists = grouped(np.concatenate([high, low]), np.concatenate([index, index]), self.vertex_count)
-        owner = np.repeat(np.arange(self.vertex_count, dtype=np.int32), lists.lengths)
-        ends = self.edges[lists.indices]
-        return lists, np.where(ends[:, 0] == owner, ends[:, 1], ends[:, 0])
-
-    @property
-    def vertex_edges(self) -> Lists:
-        """The edges at each vertex, in the order of `neighbours`."""
-        return self._at_vertices[0]
-
-    @property
     def neighbours(self) -> Lists:
         """The vertices that share an edge with each vertex, ascending."""
-        lists, others = self._at_vertices
-        return Lists(lists.offsets, others)
+        low, high = self.edges.T  # edges ascend, so that a vertex' lower neighbours do, and its higher ones after them
+        return grouped(np.concatenate([high, low]), np.concatenate([low, high]), self.vertex_count)
 
     def boundary_loops(self) -> int:
         """The number of holes and outer rims; two that share a vertex count as one."""
@@ -151,21 +111,11 @@ def _refuse_fins(places: np.ndarray, beside: np.ndarray, order: np.ndarray, low:
 
 
 def components(count: int, ends: np.ndarray) -> np.ndarray:
-    """(count,) int64: for each of `count` nodes the lowest node that edges `ends` (n, 2) join it to.
+    """(count,) int64: for each of `count` nodes the lowest node that edges `ends` (n, 2) join it to."""
+    from scipy.sparse import coo_array  # a tenth of a second, for those who have meshes
+    from scipy.sparse.csgraph import connected_components
 
-    In rounds each tree's root with a lower root beside it hangs itself under the lowest such one, and trees are made
-    flat: Y. Shiloach, U. Vishkin, "An O(log n) parallel connectivity algorithm" (1982), with `lowest` for their `any`.
-    """
-    root = np.arange(count)
     one, other = np.asarray(ends, dtype=np.int64).reshape(-1, 2).T
-    while len(one):
-        np.minimum.at(root, np.maximum(one, other), np.minimum(one, other))
-        while True:
-            above = root[root]
-            if np.array_equal(above, root):
-                break
-            root = above
-        one, other = root[one], root[other]
-        apart = one != other
-        one, other = one[apart], other[apart]
-    return root
+    graph = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    label = connected_components(graph, directed=False)[1]
+    return np.unique(label, return_index=True)[1][label]

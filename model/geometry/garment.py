@@ -11,6 +11,8 @@ from math import pi
 
 import numpy as np
 
+from model.geometry.sheets import split_cells
+
 DECIMALS = 4  # of the file: a tenth of a millimetre
 
 
@@ -87,11 +89,8 @@ def _distance_to(seam: np.ndarray) -> np.ndarray:
 
 def _triangles(number: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(2 cells, 3): counter-clockwise seen from +z, diagonals of the right half mirrored to those of the left."""
-    a, b, c, d = (corner[cells] for corner in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
-    left = np.broadcast_to(np.arange(cells.shape[1]) < cells.shape[1] / 2, cells.shape)[cells][:, None]
-    one = np.where(left, np.stack([a, c, d], 1), np.stack([a, c, b], 1))
-    two = np.where(left, np.stack([a, d, b], 1), np.stack([b, c, d], 1))
-    return np.stack([one, two], axis=1).reshape(-1, 3)
+    right = np.arange(cells.shape[1]) >= cells.shape[1] / 2
+    return split_cells(number, right)[cells].reshape(-1, 3)
 
 
 def obj_text(position: np.ndarray, triangles: np.ndarray, title: str) -> str:

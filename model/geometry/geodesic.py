@@ -8,15 +8,14 @@ nothing back that the cloth itself allows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from model.core.errors import SceneError
-from model.geometry.edges import Lists, MeshEdges
+from model.geometry.edges import MeshEdges
+from model.geometry.lists import Lists, ranges
+from model.geometry.measures import edge_lengths
 
-CHUNK = 2**20  # distances at once: some 50 MB
-SMALL = 512  # particles that are not worth halving
+BLOCK = 2**18  # particles at once: some 50 MB
 KEY_BITS = 31  # of a distance over the largest: what is nearer together than that counts as equal
 MAX_COUNT = 64
 
@@ -27,10 +26,11 @@ def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int)
     """(anchor (particles, count) int32, distance (particles, count) float64 [m]) of a flat sheet: for each particle its
     `count` nearest of the `pinned` ones, nearest first, the lower index first of equally near ones.
 
-    -1 and inf where there are fewer. `rest_position` (particles, dimensions) [m]. Anchors in a row along an axis, as all the
-    words of `pinned` give them, are found among their neighbours in the row; only scattered ones are all looked at.
-    Raises SceneError (count).
+    -1 and inf where there are fewer. `rest_position` (particles, dimensions) [m]. A k-d tree proposes; distances are computed
+    here, rounded to KEY_BITS and sorted, so that the answer is the same on every machine. Raises SceneError (count).
     """
+    from scipy.spatial import cKDTree
+
     pinned = np.unique(np.asarray(pinned, dtype=np.int64))
     position = np.asarray(rest_position, dtype=np.float64)
     anchor, distance = _empty(len(position), count)
@@ -38,18 +38,22 @@ def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int)
     if taken == 0 or len(position) == 0:
         return anchor, distance
     held = position[pinned]
-    lines, scattered = _lines(held, count)
+    tree = cKDTree(held)
     largest = float(np.linalg.norm(np.ptp(position, axis=0))) or 1.0
-    for block, near in _blocks(position, held, scattered, count, 2 * count * len(lines)):
-        here = position[block]
-        candidates = [np.broadcast_to(near, (len(here), len(near)))]
-        candidates += [_window(here[:, axis], held[line, axis], line, count) for axis, line in lines]
-        candidate = np.concatenate(candidates, axis=1)
-        # one number to sort by: the rounded distance, then the anchor's index
-        rounded = np.rint(_length(here, held, candidate) / largest * 2.0**KEY_BITS).astype(np.int64)
-        chosen = _least(rounded << KEY_BITS | candidate, taken) & (2**KEY_BITS - 1)
-        anchor[block, :taken] = pinned[chosen]
-        distance[block, :taken] = _length(here, held, chosen)
+    for begin in range(0, len(position), BLOCK):
+        left, asked = np.arange(begin, min(begin + BLOCK, len(position))), taken
+        while len(left):
+            asked = min(2 * asked, len(pinned))
+            here = position[left]
+            near = tree.query(here, asked)[1].reshape(len(left), asked)
+            rounded = np.rint(_length(here, held, near) / largest * 2.0**KEY_BITS).astype(np.int64)
+            key = np.sort(rounded << KEY_BITS | near, axis=1)[:, :taken]  # one number to sort by
+            # who was not asked is no nearer than the last who was, but for rounding
+            sure = (rounded[:, -1] > (key[:, -1] >> KEY_BITS) + 1) | (asked == len(pinned))
+            chosen = key[sure] & (2**KEY_BITS - 1)
+            anchor[left[sure], :taken] = pinned[chosen]
+            distance[left[sure], :taken] = _length(here[sure], held, chosen)
+            left = left[~sure]
     return anchor, distance
 
 
@@ -59,13 +63,14 @@ def mesh_attachments(position: np.ndarray, edges: MeshEdges, anchors: np.ndarray
     equally far ones; -1 and inf where fewer can be reached.
 
     E. W. Dijkstra's labels (1959), `count` to a vertex, a front as deep as a mean edge at once and mended where it ran
-    ahead (U. Meyer, P. Sanders, "Delta-stepping" (2003)): the same numbers as one after the other. Raises SceneError (count).
+    ahead (U. Meyer, P. Sanders, "Delta-stepping" (2003)): the same numbers as one after the other. Of our own, as those of
+    scipy go over the whole mesh for each anchor, of which a row may be pinned. Raises SceneError (count).
     """
     anchors = np.unique(np.asarray(anchors, dtype=np.int64))
     anchor, distance = _empty(len(position), count)
     neighbours = edges.neighbours
     owner = np.repeat(np.arange(len(position)), neighbours.lengths)
-    length = np.linalg.norm(position[owner] - position[neighbours.indices], axis=1)
+    length = edge_lengths(position, np.stack([neighbours.indices, owner], axis=1))
     depth = float(length.mean()) if len(length) else 0.0
     anchor[anchors, 0], distance[anchors, 0] = anchors, 0.0
     vertex, source, far = anchors, anchors, np.zeros(len(anchors))
@@ -85,10 +90,8 @@ Labels = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertex, the anchor it has 
 
 def _spread(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, neighbours: Lists, length: np.ndarray) -> Labels:
     """The labels that those given hand on to all neighbours."""
-    start = neighbours.offsets[vertex].astype(np.int64)
-    many = neighbours.offsets[vertex + 1] - start
-    label = np.repeat(np.arange(len(vertex)), many)
-    entry = np.arange(len(label)) + np.repeat(start - (np.cumsum(many) - many), many)
+    start = neighbours.offsets[vertex]
+    label, entry = ranges(start, neighbours.offsets[vertex + 1] - start)
     return neighbours.indices[entry].astype(np.int64), source[label], far[label] + length[entry]
 
 
@@ -136,63 +139,3 @@ def _length(here: np.ndarray, held: np.ndarray, candidate: np.ndarray) -> np.nda
     for axis in range(here.shape[1]):
         total += (held[candidate, axis] - here[:, None, axis]) ** 2
     return np.sqrt(total)
-
-
-def _lines(held: np.ndarray, count: int) -> tuple[list[tuple[int, np.ndarray]], np.ndarray]:
-    """Anchors that differ along one axis only: (axis, their numbers sorted along it); and the numbers of all others.
-
-    An anchor at a crossing belongs to one line. A line pays where a particle's neighbours in it are fewer than all.
-    """
-    lines: list[tuple[int, np.ndarray]] = []
-    left = np.arange(len(held))
-    for axis in np.flatnonzero(np.ptp(held, axis=0) > 0):
-        _, line = np.unique(np.delete(held[left], axis, axis=1), axis=0, return_inverse=True)
-        line = line.ravel()
-        long = np.bincount(line) > 4 * count
-        for number in np.flatnonzero(long):
-            members = left[line == number]
-            lines.append((int(axis), members[np.argsort(held[members, axis], kind="stable")]))
-        left = left[~long[line]]
-    return lines, left
-
-
-def _window(along: np.ndarray, stops: np.ndarray, line: np.ndarray, count: int) -> np.ndarray:
-    """(particles, 2 count): the `count` anchors of `line`, sorted by `stops`, to either side of `along` (particles,)."""
-    first = np.clip(np.searchsorted(stops, along) - count, 0, len(line) - 2 * count)
-    return line[first[:, None] + np.arange(2 * count)]
-
-
-def _blocks(
-    position: np.ndarray, held: np.ndarray, numbers: np.ndarray, count: int, width: int
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """(particles, those of the anchors `numbers` that can be among their `count` nearest), all particles in turn.
-
-    Particles are halved along their longer side, and anchors are left out that lie further from the nearest point of the
-    half's box than `count` others do from its furthest. `width`: other candidates that each particle has.
-    """
-    stack = [(np.arange(len(position)), numbers)]
-    slack = np.linalg.norm(np.ptp(position, axis=0)) * 2.0 ** (1 - KEY_BITS)  # so that equally near ones all stay
-    while stack:
-        block, near = stack.pop()
-        here = position[block]
-        low, high = here.min(axis=0), here.max(axis=0)
-        if len(near) > count:
-            at = held[near]
-            nearest = np.linalg.norm(at - np.clip(at, low, high), axis=1)
-            furthest = np.linalg.norm(np.maximum(np.abs(at - low), np.abs(at - high)), axis=1)
-            reach = np.partition(furthest, count - 1)[count - 1]
-            near = near[nearest <= reach + slack]
-        small = len(block) <= SMALL or len(near) <= 4 * count
-        if len(block) == 1 or (small and len(block) * (len(near) + width) <= CHUNK):
-            yield block, near
-            continue
-        half = len(block) // 2
-        order = np.argpartition(here[:, np.argmax(high - low)], half)
-        stack += [(block[order[:half]], near), (block[order[half:]], near)]
-
-
-def _least(key: np.ndarray, taken: int) -> np.ndarray:
-    """The `taken` least of each row, ascending."""
-    if key.shape[1] > 4 * taken:
-        key = np.partition(key, taken - 1, axis=1)[:, :taken]
-    return np.sort(key, axis=1)[:, :taken]

@@ -17,9 +17,7 @@ from model.core.errors import InputError, SceneError
 from model.geometry.edges import MeshEdges, components, mesh_edges
 from model.geometry.mesh_files import read_arrays
 
-FLAT = (
-    2.0**-20
-)  # height over longest side below which a triangle has no area: what float32, as in STL, cannot tell from 0
+FLAT = 2.0**-20  # height over longest side of a triangle without an area: what float32, as in STL, cannot tell from 0
 LARGEST = 1e9  # m: products of four lengths, as in squared areas, stay inside float32
 MAX_VERTICES = 2**31 // 6  # indices of half edges are 32-bit
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.geometry.measures import unit
+from model.geometry.sheets import cell_corners
+
 
 def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """(particles, 3) float64, each 1 long: the sum of the normals, as long as twice the area, of the triangles that a mass
@@ -13,16 +16,14 @@ def vertex_normals(position: np.ndarray, rows: int, columns: int) -> np.ndarray:
     area: M. Botsch et al., "Polygon Mesh Processing" (2010), section 3.3.
     """
     p = np.asarray(position, dtype=np.float64).reshape(rows, columns, 3)
-    a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
+    a, b, c, d = cell_corners(p)
     lower, upper = np.cross(c - a, d - a), np.cross(d - a, b - a)
     normal = np.zeros_like(p)
     normal[:-1, :-1] += lower + upper
     normal[:-1, 1:] += upper
     normal[1:, :-1] += lower
     normal[1:, 1:] += lower + upper
-    length = np.linalg.norm(normal, axis=2, keepdims=True)
-    unit = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-    return unit.reshape(-1, 3)
+    return unit(normal).reshape(-1, 3)
 
 
 def mesh_normals(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -32,5 +33,4 @@ def mesh_normals(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     each = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     corner = triangles.ravel()
     normal = np.stack([np.bincount(corner, each[:, axis], len(p)) for axis in range(3)], axis=1)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    return unit(normal)

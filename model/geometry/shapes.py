@@ -8,10 +8,11 @@ from math import cos, pi, sin
 from typing import Literal
 
 import numpy as np
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import model_validator
 
 from model.assets.strokes import blended, extruded, letters, outline, polygon, tube, union
 from model.geometry.mesh import TriangleMesh, triangle_mesh
+from model.geometry.sheets import cell_corners, sheet_triangles
 from model.geometry.surface_nets import Field, surface
 from model.scene.parts import Count, Part, Positive
 
@@ -65,11 +66,8 @@ class Shape(Part):
             raise ValueError(f"text: 1 to 16 of the letters {' '.join(letters())}")
         return self
 
-    @model_serializer(mode="wrap")
-    def _sides_of_a_box(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Without what only a box has, as scenes were written before there were any."""
-        fields: dict[str, object] = serialize(self)
-        return {name: value for name, value in fields.items() if name != "sides" or value is not None}
+    def _idle_fields(self) -> set[str]:
+        return {"sides"} if self.sides is None else set()
 
     def mesh(self) -> TriangleMesh:
         """The mesh, around the origin, y up; letters side by side along x, a piece each."""
@@ -83,11 +81,17 @@ def _net(
     return surface(field, np.array(low), np.array(high), 1 / resolution)
 
 
+def _halves(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """(2 n, 3): quadrilaterals by the numbers of their corners, in their order round them, each cut from a to c: first all
+    halves with b, then all with d."""
+    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+
+
 def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """A pen with a round tip along the outline of a sharp star, filled: its points are round, too."""
     angles = [pi / 2 + k * pi / 5 for k in range(10)]
-    reach = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
-    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(reach, angles, strict=True)])
+    radii = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
+    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(radii, angles, strict=True)])
     field = extruded(polygon(corners, EDGE), STAR_DEPTH, EDGE)
     return _net(field, (-STAR_TIP, -STAR_TIP, -STAR_DEPTH / 2), (STAR_TIP, STAR_TIP, STAR_DEPTH / 2), shape.resolution)
 
@@ -102,9 +106,7 @@ def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     position = np.stack([far * np.cos(u), tube_radius * np.sin(v) + 0 * u, far * np.sin(u)], axis=-1)
     a = np.arange(around * across).reshape(around, across)
     b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
-    c = np.roll(b, -1, axis=1)
-    triangles = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
-    return position.reshape(-1, 3), triangles.astype(np.int32)
+    return position.reshape(-1, 3), _halves(a, d, np.roll(b, -1, axis=1), b).astype(np.int32)
 
 
 def _beam(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
@@ -122,9 +124,8 @@ def _cuboid(sides: tuple[float, float, float], resolution: int) -> tuple[np.ndar
     for axis in range(3):
         one, two = (axis + 1) % 3, (axis + 2) % 3
         i, j = np.meshgrid(np.arange(counts[one] + 1), np.arange(counts[two] + 1), indexing="ij")
-        number = np.arange(i.size).reshape(i.shape)
-        a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-        cells = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+        a, d, b, c = cell_corners(np.arange(i.size).reshape(i.shape))
+        cells = _halves(a, b, c, d)
         for end in (0, counts[axis]):
             place = np.empty((i.size, 3), dtype=np.int64)
             place[:, axis], place[:, one], place[:, two] = end, i.ravel(), j.ravel()
@@ -150,12 +151,7 @@ def _sheet(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """A square metre in y = 0, its cells cut along the diagonals in turn, so that no direction is stiffer."""
     count = shape.resolution
     z, x = np.meshgrid(np.linspace(-0.5, 0.5, count + 1), np.linspace(-0.5, 0.5, count + 1), indexing="ij")
-    number = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = (corner.ravel() for corner in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
-    even = (np.add(*np.indices((count, count))) % 2 == 0).ravel()[:, None]
-    one = np.where(even, np.stack([a, c, d], 1), np.stack([a, c, b], 1))
-    other = np.where(even, np.stack([a, d, b], 1), np.stack([b, c, d], 1))
-    triangles = np.stack([one, other], 1).reshape(-1, 3).astype(np.int32)
+    triangles = sheet_triangles(count + 1, count + 1, "alternating").astype(np.int32)
     return np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1), triangles
 
 
@@ -199,10 +195,8 @@ def _terrain(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     height += 0.15 * np.sin(1.6 * x - 1.3 * z) + 0.1 * np.cos(2.3 * z + x)
     height += TERRAIN_RIM * ((2 * x / TERRAIN) ** 4 + (2 * z / TERRAIN) ** 4)
     position = np.stack([x + 0 * z, height, z + 0 * x], axis=-1)
-    number = np.arange(count * count).reshape(count, count)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return position.reshape(-1, 3), triangles.astype(np.int32)
+    a, d, b, c = cell_corners(np.arange(count * count).reshape(count, count))
+    return position.reshape(-1, 3), _halves(a, b, c, d).astype(np.int32)
 
 
 MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import hashlib
 from functools import cache
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from model.core.digest import ROOT, source_digest
+from model.core.digest import source_digest
 from model.core.disk_cache import cache_folder, read_arrays, write_arrays
 from model.formulas.triangle_tree import NODE
 from model.geometry.triangle_tree import order_of, tree_numbers
@@ -21,7 +22,6 @@ from model.geometry.voxels import runs_inside
 
 BATCH = 1 << 13  # points looked at together: their pairs with boxes stay in the cache
 VERSION = 1  # of the files
-SOURCES = ("geometry/signed_distance", "geometry/triangle_tree", "geometry/voxels")
 WORTH_KEEPING = 1.0  # s: what takes longer is kept on disk
 
 
@@ -47,7 +47,7 @@ def sampled(
 
 @cache
 def _sources() -> str:
-    return source_digest(*(ROOT / "model" / f"{name}.py" for name in SOURCES))
+    return source_digest(Path(__file__).parent)
 
 
 def signed_distances(

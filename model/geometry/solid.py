@@ -12,6 +12,7 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.geometry.edges import MeshEdges, components, mesh_edges
+from model.geometry.measures import triangle_areas
 from model.geometry.mesh import TriangleMesh, triangle_mesh
 from model.geometry.voxels import winding_numbers
 
@@ -55,8 +56,7 @@ def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> Solid:
             f"the mesh holds no volume ({volume:.3g} m^3): a flat sheet, or folded flat; give it a "
             f"thickness, or make it {instead}"
         )
-    a, b, c = (mesh.position[corner] for corner in triangles.T)
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    area = float(triangle_areas(mesh.position, triangles).sum())
     return Solid(mesh.position, np.ascontiguousarray(triangles, dtype=np.int32), volume, area, pieces, tuple(told))
 
 

@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-Field = Callable[
-    [np.ndarray], np.ndarray
-]  # points (n, 3) [m] -> (n,), under 0 inside, about a distance [m] near the surface
+# points (n, 3) [m] -> (n,), under 0 inside, about a distance [m] near the surface
+Field = Callable[[np.ndarray], np.ndarray]
 
 NEWTON = 3  # steps: the fields here are distances but for their blends
 STEP = 2.0**-10  # of a cell: for gradients
@@ -63,12 +62,9 @@ def _compose(value: np.ndarray, depth: float) -> None:
         inside, wrong = value < 0, np.zeros(value.shape, dtype=bool)
         for axis in range(3):
             one, two = (k for k in range(3) if k != axis)
-            squares = [_along(part, two) for part in _along(inside, one)]
-            (a, b), (c, d) = squares
+            (a, b), (c, d) = (_along(part, two) for part in _along(inside, one))
             _mark(wrong, value, (a == d) & (b == c) & (a != b), (0 if k == axis else 1 for k in range(3)))
-        low = inside.astype(np.int8)
-        total = sum(low[x : x + n, y : y + m, z : z + p] for x, y, z in np.ndindex(2, 2, 2)
-                    for n, m, p in [np.array(low.shape) - 1])  # fmt: skip
+        total = sum(_corner(inside.astype(np.int8), corner) for corner in np.ndindex(2, 2, 2))
         for x, y in np.ndindex(2, 2):
             near, far = _corner(inside, (0, x, y)), _corner(inside, (1, 1 - x, 1 - y))
             _mark(wrong, value, ((total == 2) & near & far) | ((total == 6) & ~near & ~far), (1, 1, 1))
@@ -77,7 +73,7 @@ def _compose(value: np.ndarray, depth: float) -> None:
         value[wrong] = -depth
 
 
-def _corner(array: np.ndarray, corner: tuple[int, int, int]) -> np.ndarray:
+def _corner(array: np.ndarray, corner: tuple[int, ...]) -> np.ndarray:
     """That corner of every cell."""
     return array[tuple(slice(k, k + n - 1) for k, n in zip(corner, array.shape, strict=True))]
 

@@ -12,7 +12,7 @@ from model.geometry.mesh import TriangleMesh
 from model.geometry.topology import mesh_of
 from model.scene.scene import Scene
 
-UNREACHED = 1e18  # m: the reach of an attachment to nothing; its square is a number in float32
+UNREACHED = 1e18  # m: the length of an attachment to nothing; its square is a number in float32
 
 
 def wind_lists(mesh: TriangleMesh, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -36,5 +36,5 @@ def vertex_attachments(scene: Scene, body: Body, real: Any, wanted: bool = True)
     anchor, far = np.where(missing, anchor[:, :1], anchor), np.where(missing, far[:, :1], far)
     alone = anchor < 0
     anchor = np.where(alone, np.arange(len(anchor))[:, None], anchor)
-    reach = np.where(alone, UNREACHED, far * (1 + attachments.slack))
-    return np.ascontiguousarray(anchor, dtype=np.int32), np.ascontiguousarray(reach, dtype=real)
+    longest = np.where(alone, UNREACHED, far * (1 + attachments.slack))
+    return np.ascontiguousarray(anchor, dtype=np.int32), np.ascontiguousarray(longest, dtype=real)

@@ -6,15 +6,15 @@ import hashlib
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.memory import require_sheet
-
-if TYPE_CHECKING:
-    from model.geometry.mesh import TriangleMesh
+from model.geometry.measures import edge_lengths, triangle_areas
+from model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
+from model.geometry.sheets import sheet_positions, sheet_triangles
 
 SHEET_BYTES = 600  # of a vertex while a sheet's triangles and edges are made
 TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as high
@@ -23,38 +23,23 @@ TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as
 class MeshPart(Protocol):
     """What a scene tells of a mesh (model/scene/mesh.py has the part itself): a file, or rows and columns."""
 
-    @property
-    def file(self) -> str | None: ...
-    @property
-    def scale(self) -> float: ...
-    @property
-    def digest(self) -> str | None: ...
-    @property
-    def rows(self) -> int: ...
-    @property
-    def columns(self) -> int: ...
-    @property
-    def spacing(self) -> float: ...
-    @property
-    def diagonals(self) -> str: ...
-    @property
-    def placement(self) -> str: ...
-    @property
-    def density(self) -> float | None: ...
-    @property
-    def mass(self) -> float: ...
-    @property
-    def pinned(self) -> Any: ...
-
-
-def mesh_folder() -> Path:
-    """Where the meshes lie that come with the lab."""
-    return Path(str(resources.files("model"))) / "catalogue" / "meshes"
+    file: str | None
+    scale: float
+    digest: str | None
+    rows: int
+    columns: int
+    spacing: float
+    diagonals: Any  # one of its words
+    placement: Any
+    density: float | None
+    mass: float
+    pinned: Any
 
 
 def own_meshes() -> dict[str, Path]:
-    """The lab's own meshes, by the name that a scene gives them."""
-    return {path.name: path for path in sorted(mesh_folder().iterdir())}
+    """The meshes that come with the lab, by the name that a scene gives them."""
+    folder = Path(str(resources.files("model"))) / "catalogue" / "meshes"
+    return {path.name: path for path in sorted(folder.iterdir())}
 
 
 def is_file(path: Path) -> bool:
@@ -78,6 +63,11 @@ def mesh_path(file: str) -> Path:
     return path
 
 
+def file_digest(path: Path) -> str:
+    """16 hexadecimal digits of a file's bytes, by which a scene knows it."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
 def mesh_of(part: MeshPart) -> TriangleMesh:
     """The mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
     if part.file is None:
@@ -89,36 +79,14 @@ def mesh_of(part: MeshPart) -> TriangleMesh:
 
 @lru_cache(maxsize=8)
 def _read(path: Path, scale: float, changed: int, size: int) -> tuple[TriangleMesh, str]:
-    from model.geometry.mesh import read_mesh
-
-    return read_mesh(path, scale), hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return read_mesh(path, scale), file_digest(path)
 
 
 @lru_cache(maxsize=8)
 def _sheet(rows: int, columns: int, spacing: float, diagonals: str, placement: str) -> TriangleMesh:
-    from model.geometry.mesh import triangle_mesh
-
     require_sheet(rows, columns, SHEET_BYTES, "mesh")
-    position = np.zeros((rows, columns, 3))
-    position[..., 0] = np.arange(columns) * spacing
-    down = (np.arange(rows) * spacing)[:, None]
-    position[..., 2 if placement == "flat" else 1] = down if placement == "flat" else -down
+    position = sheet_positions(rows, columns, spacing, flat=placement == "flat")
     return triangle_mesh(position.reshape(-1, 3), sheet_triangles(rows, columns, diagonals))
-
-
-def sheet_triangles(rows: int, columns: int, diagonals: str = "one") -> np.ndarray:
-    """(2 (rows - 1) (columns - 1), 3) uint32: two triangles a cell, split from its first mass to the one opposite; of
-    `alternating` diagonals the cells of odd row + column the other way.
-
-    Counter-clockwise from where a hanging cloth is seen from +z, a flat one from above.
-    """
-    index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    pairs = np.stack([a, c, d, a, d, b], axis=-1)
-    if diagonals == "alternating":
-        i, j = np.indices(a.shape)
-        pairs = np.where(((i + j) % 2 == 1)[..., None], np.stack([a, c, b, b, c, d], axis=-1), pairs)
-    return np.ascontiguousarray(pairs.reshape(-1, 3))
 
 
 def describe(part: MeshPart) -> dict[str, Any]:
@@ -130,7 +98,7 @@ def describe(part: MeshPart) -> dict[str, Any]:
         digest = _read(path, part.scale, stamp.st_mtime_ns, stamp.st_size)[1]
         if part.digest not in (None, digest):
             raise SceneError("mesh.digest", part.digest, f"{part.file} is another file by now ({digest}); leave it out")
-        found |= {"digest": digest, "columns": len(mesh.position), "spacing": float(edge_lengths(mesh).mean())}
+        found |= {"digest": digest, "columns": len(mesh.position), "spacing": _mean_edge(mesh)}
         if isinstance(part.pinned, list):
             pinned_vertices(part)
     elif min(part.rows, part.columns) < 2:
@@ -142,16 +110,8 @@ def describe(part: MeshPart) -> dict[str, Any]:
     return found
 
 
-def edge_lengths(mesh: TriangleMesh) -> np.ndarray:
-    """(edges,) float64 [m], at rest."""
-    one, other = mesh.edges.edges.T
-    return np.linalg.norm(mesh.position[other] - mesh.position[one], axis=1)
-
-
-def triangle_areas(mesh: TriangleMesh) -> np.ndarray:
-    """(triangles,) float64 [m^2], at rest."""
-    a, b, c = (mesh.position[corner] for corner in mesh.triangles.T)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+def _mean_edge(mesh: TriangleMesh) -> float:
+    return float(edge_lengths(mesh.position, mesh.edges.edges).mean())
 
 
 def vertex_masses(part: MeshPart) -> np.ndarray:
@@ -159,7 +119,7 @@ def vertex_masses(part: MeshPart) -> np.ndarray:
     mesh = mesh_of(part)
     if part.density is None:
         return np.full(len(mesh.position), part.mass)
-    thirds = np.repeat(triangle_areas(mesh) / 3, 3)
+    thirds = np.repeat(triangle_areas(mesh.position, mesh.triangles) / 3, 3)
     return part.density * np.bincount(mesh.triangles.ravel(), thirds, len(mesh.position))
 
 
@@ -168,7 +128,7 @@ def pinned_vertices(part: MeshPart) -> np.ndarray:
     mesh = mesh_of(part)
     if part.pinned == "top":
         height = mesh.position[:, 1]
-        return np.flatnonzero(height >= height.max() - TOP * edge_lengths(mesh).mean())
+        return np.flatnonzero(height >= height.max() - TOP * _mean_edge(mesh))
     if part.pinned == "none":
         return np.zeros(0, np.int64)
     told = np.array(part.pinned, dtype=np.int64)

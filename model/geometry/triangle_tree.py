@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from model.formulas.triangle_tree import CORNERS, NODE
+from model.geometry.lists import offsets_of, ranges
 
 GROWN = 16  # eps of the largest coordinate, by which boxes are larger: rounded distances to them are no larger than the true
 
@@ -35,11 +36,9 @@ def order_of(corners: np.ndarray) -> np.ndarray:
         first, last, _ = level[level[:, 1] - level[:, 0] > 1].T
         if not len(first):
             break
-        size = last - first
-        taken = np.repeat(first - np.cumsum(size) + size, size) + np.arange(size.sum())
-        here, starts = middles[order[taken]], np.cumsum(size) - size
+        part, taken = ranges(first, last - first)
+        here, starts = middles[order[taken]], offsets_of(last - first)[:-1]
         sides = np.maximum.reduceat(here, starts) - np.minimum.reduceat(here, starts)
-        part = np.repeat(np.arange(len(first)), size)
         along = here[np.arange(len(here)), sides.argmax(axis=1)[part]]
         order[taken] = order[taken][np.lexsort((along, part))]
     return order

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.lists import ranges
+
 BATCH = 1 << 20  # points at once
 
 
@@ -48,9 +50,8 @@ class Runs:
             before = int(ends[begin] - length[begin])
             end = max(begin + 1, int(np.searchsorted(ends, before + BATCH, "right")))
             some = slice(begin, end)
-            run = np.repeat(np.arange(begin, end), length[some])
-            along = np.arange(len(run)) - (ends - length - before)[run] + self.low[run]
-            index = np.stack([self.x[run], self.y[run], along], axis=1)
+            run, along = ranges(self.low[some], length[some])
+            index = np.stack([self.x[some][run], self.y[some][run], along], axis=1)
             yield index, self.origin + index * self.pitch
             begin = end
 
@@ -115,12 +116,8 @@ def _crossings(
     above = np.clip(np.ceil(place[:, 1]), 0, counts[1]).astype(np.int64)  # the first row at or above each vertex
     corner = above[triangles]
     first, last = corner.min(axis=1), corner.max(axis=1)
-    number = np.repeat(np.arange(len(triangles)), last - first)
-    row = np.arange(len(number)) - np.repeat(np.cumsum(last - first) - last, last - first)
-    x, z = (
-        np.empty((2, len(number))),
-        np.empty((2, len(number))),
-    )  # where the side going down, and the one going up, cross
+    number, row = ranges(first, last - first)
+    x, z = np.empty((2, 2, len(number)))  # where the side going down, and the one going up, cross
     for k in range(3):
         start, end = triangles[number, k], triangles[number, (k + 1) % 3]
         one, two = np.minimum(start, end), np.maximum(start, end)
@@ -134,9 +131,7 @@ def _crossings(
     edge = np.clip(np.ceil(x), 0, counts[0]).astype(np.int64)
     left, right = edge.min(axis=0), edge.max(axis=0)
     sign = np.where(edge[0] < edge[1], 1, -1)
-    width = right - left
-    side = np.repeat(np.arange(len(row)), width)
-    column = np.arange(len(side)) - np.repeat(np.cumsum(width) - right, width)
+    side, column = ranges(left, right - left)
     across = x[1, side] - x[0, side]
     part = np.divide(column - x[0, side], across, out=np.zeros(len(side)), where=across != 0)
     height = z[0, side] + np.clip(part, 0, 1) * (z[1, side] - z[0, side])

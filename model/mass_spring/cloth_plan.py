@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from model.core.integrators import IMPLICIT
-from model.core.own_forces import own_parts
-from model.core.plan import Node, Plan, Stage, own_stages
-from model.formulas import cloth_springs, colliders, implicit, wind
-from model.formulas import integrators as integrator_formulas
+from model.core.plan import Node, Plan, Stage
+from model.formulas import colliders, implicit, integrators
+from model.formulas import springs as spring_formulas
+from model.mass_spring.plan import Stages, force_stages, sheet_parts, stepped
+from model.scene.cloth import SPRING_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
 
 SPRINGS_EACH = 4  # of a kind, on a mass inside
-TRIANGLES_EACH = 6  # that a mass is a corner of
 PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler
 
 
 def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: those of the scene that do anything, and those that may be switched on live."""
-    parts = set()
+    """The parts of a cloth that need code: those of any sheet (`sheet_parts`), springs, wind, motions and colliders."""
+    parts = sheet_parts(scene, live)
     for kind, springs in scene.cloth_springs.items():
         parts.add(kind)
         if springs.damping > 0:
             parts.add(f"{kind}-damping")
-    if (scene.damping and scene.damping.coefficient > 0) or "damping" in live:
-        parts.add("damping")
-    gravity = scene.gravity
-    if (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live:
-        parts.add("gravity")
     if scene.wind and (scene.wind.drag > 0 or scene.wind.lift > 0):
         parts.add("wind")
         if scene.wind.gust > 0:
             parts.add("gust")
-    parts |= own_parts(scene, live)
-    if scene.grid.pinned not in ("none", []):
-        parts.add("pins")
     if scene.motions:
         motions_of_pins(scene.grid, scene.motions)  # refuses those of masses that are not pinned
         if any(part.moves for part in scene.motions.values()):
@@ -62,65 +56,25 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of the mass-spring solver for a cloth. Numbers are per particle and axis, as in model/core/plan.py."""
     parts = cloth_parts(scene, live)
     integrator = scene.method.integrator
-    verlet = integrator == "velocity-verlet"
-    springs = [kind for kind in ("structural", "shear", "bending") if kind in parts]
-    operations = sum(
-        SPRINGS_EACH
-        * (cloth_springs.OPERATIONS_SPRING + cloth_springs.OPERATIONS_DAMPER * (f"{kind}-damping" in parts) + 3)
-        for kind in springs
-    )
-    damped_springs = any(f"{kind}-damping" in parts for kind in springs)
+    springs = [kind for kind in SPRING_KINDS if kind in parts]
+    dampers = [f"{kind}-damping" in parts for kind in springs]
+    pull = spring_formulas.OPERATIONS_SPRING + 3
+    operations = SPRINGS_EACH * (len(springs) * pull + sum(dampers) * spring_formulas.OPERATIONS_DAMPER)
+    pulls = Stage("spring forces", 2 if any(dampers) else 1, 1, operations) if springs else None
+    cost = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
+    touch = (Stage("collide", 2, 2, cost, 1.0),) if scene.colliders else ()
 
-    def forces(offset: float) -> tuple[Stage, ...]:
-        stages = []
-        if springs:
-            stages.append(Stage("spring forces", 2 if damped_springs else 1, 1, operations))
-        else:
-            stages.append(Stage("no forces", 0, 1, 0))
-        if "gravity" in parts:
-            stages.append(Stage("gravity", 1, 1, 1))
-        if "wind" in parts:
-            each = wind.OPERATIONS_TRIANGLE + 18  # the mean velocity of its corners
-            stages.append(Stage("wind", 3, 1, TRIANGLES_EACH * each, offset))
-        stages.extend(own_stages(parts))
-        if "damping" in parts and not verlet:
-            stages.append(Stage("damping", 2, 1, 6))
-        return tuple(stages)
-
-    bodies = scene.colliders
-    cost = sum(colliders.OPERATIONS[kind] for kind, _ in bodies)
-    touch = (Stage("collide", 2, 2, cost, 1.0),) if bodies else ()
-
-    def pins(offset: float) -> tuple[Stage, ...]:
+    def pins(offset: float) -> Stages:
         return (Stage("pins", 0, 0, 0, offset),) if "pins" in parts else ()
 
     if integrator in IMPLICIT:
-        own = tuple(stage for stage in forces(0.0) if stage.name not in ("spring forces", "no forces", "damping"))
+        own = force_stages(parts - {"damping"}, pulls, 3, 0.0)[1:]
         return _implicit_plan(integrator, parts, own, operations, len(springs), (*touch, *pins(1.0)))
-    per_axis = integrator_formulas.OPERATIONS[integrator]
-    if verlet:
-        children: tuple[Node | Stage, ...] = (
-            Node("forces at the start", forces(0.0)),
-            Stage("first half kick and drift", 3, 2, 3 * per_axis // 2),
-            *touch,
-            *pins(1.0),
-            Node("forces at the end", forces(1.0)),
-            Stage("second half kick", 2, 1, 3 * per_axis // 2),
-            *pins(1.0),
-        )
-        scalars = 4
-    elif integrator == "rk4":
-        steps: list[Node | Stage] = []
-        for stage, (offset, end) in enumerate(((0.0, 0.5), (0.5, 0.5), (0.5, 1.0), (1.0, 1.0)), start=1):
-            last = touch if stage == 4 else ()
-            body = (*forces(offset), Stage(f"accumulate (rk4 {stage})", 7, 4, 3 * per_axis // 4), *last, *pins(end))
-            steps.append(Node(f"stage {stage}", body))
-        children = tuple(steps)
-        scalars = 4 * 10
-    else:
-        children = (*forces(0.0), Stage(f"integrate ({integrator})", 3, 2, 3 * per_axis), *touch, *pins(1.0))
-        scalars = 4
-    return Plan(Node("step", children), scalars, parts, dimensions=3)
+    acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # whose damper is part of the kicks
+    kick = 3 * integrators.OPERATIONS[integrator] // 2
+    forces = partial(force_stages, acting, pulls, 3)
+    root, scalars = stepped(integrator, 3, forces, pins, (kick, kick), touch)
+    return Plan(root, scalars, parts, dimensions=3)
 
 
 def _implicit_plan(

@@ -7,10 +7,10 @@ from dataclasses import replace
 from model.core.family import ANY_SHEET, SolverFamily
 from model.core.integrators import explicit_limit, integrators_for
 from model.core.parameters import parameter_record
-from model.core.plan import mass_spring_plan
 from model.mass_spring.cloth_parameters import cloth_record
 from model.mass_spring.cloth_plan import cloth_plan
 from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from model.scene.scene import Scene
 

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from model.assets.baked import baked
 from model.assets.baked_body import BakedBody
 from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
-from model.assets.soft_lattice import NOT_OF_LATTICES, SoftLattice
-from model.assets.soft_sheet import NOT_OF_SHEETS, SoftSheet
-from model.geometry.shapes import Shape
+from model.assets.soft_lattice import SoftLattice
+from model.assets.soft_sheet import SoftSheet
+from model.geometry.measures import rotation_matrix
 from model.geometry.topology import mesh_path
-from model.scene.cloth import ZERO, Number, Vector
-from model.scene.parts import Count, NotNegative, Part, Positive
+from model.scene.mesh_source import MeshSource
+from model.scene.parts import ZERO, Count, NotNegative, Part, Positive, Vector
 
 MAX_COPIES = 1_000_000
 Copies = tuple[Count, Count, Count]
@@ -24,47 +25,32 @@ Spare = Annotated[int, Field(ge=0, le=MAX_COPIES, strict=True)]
 Group = Annotated[int, Field(ge=0, le=31, strict=True)]
 
 
-class Placed(Part):
+class Placed(MeshSource):
     """Where a body's copies start: a block of `copies` along x, y and z, `apart` from each other, the first at `origin`, each
     turned by `angle` about `axis` through the mesh's origin, moving at `velocity` and spinning at `spin` about its centre."""
 
-    shape: Shape | None = None  # of the lab's own
-    file: str | None = None  # .obj, .stl or .ply
-    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
-    scale: Positive = 1.0  # m per unit of the file
-    origin: Vector = ZERO  # m
+    such_as: ClassVar[str] = "star"
+    contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **MeshSource.contradicts, "density": ("mass",), "mass": ("density",),
+    }  # fmt: skip
+
     copies: Copies = (1, 1, 1)
     spare: Spare = 0  # further copies, which wait until `Simulation.add_body` brings them in
     apart: Vector = (1.0, 1.0, 1.0)  # m
-    angle: Number = 0.0  # degrees
-    axis: Vector = (0.0, 1.0, 0.0)
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s
     radius: Positive | None = None  # m, of a particle in contacts; half the particle spacing
     group: Group = 0  # that others may avoid
     avoids: tuple[Group, ...] = ()  # groups that its particles pass through
     self_collision: bool | None = None  # whether the body meets itself; a soft one does unless told otherwise
-    adhesion: NotNegative = (
-        0.0  # m/s^2: the acceleration with which contacts hold what pulls away; of two the larger one
-    )
+    adhesion: NotNegative = 0.0  # m/s^2: with which contacts hold what pulls away; of two the larger
 
     @model_validator(mode="after")
-    def _one_source(self) -> Placed:
-        if (self.shape is None) == (self.file is None):
-            raise ValueError('file: give either a file or a shape, such as shape = { name = "star" }')
+    def _can_be_placed(self) -> Placed:
         if self.shape is not None and self.shape.name == "terrain":
             raise ValueError("shape: a terrain is a surface that bodies fall on; it belongs to a mesh_collider")
-        if self.shape is not None and (self.digest is not None or self.scale != 1):
-            raise ValueError("scale: belongs to a file; a shape has a scale of its own")
-        if self.angle != 0 and not any(self.axis):
-            raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
         if self.count > MAX_COPIES:
             raise ValueError(f"copies: at most {MAX_COPIES} together")
-        if self.file is not None:
-            digest = file_digest(self.file)
-            if self.digest not in (None, digest):
-                raise ValueError(f"digest: {self.file} is another file by now ({digest}); leave it out")
-            self.__dict__["digest"] = digest  # the part is frozen for everyone else
         return self
 
     @property
@@ -79,6 +65,7 @@ class Placed(Part):
 
     @property
     def meets_itself(self) -> bool:
+        """Whether its particles meet those of the same copy."""
         return isinstance(self, SoftBody) if self.self_collision is None else self.self_collision
 
     @cached_property
@@ -100,26 +87,14 @@ class Placed(Part):
         return np.asarray(self.origin) + steps * np.asarray(self.apart)
 
     def turn(self) -> np.ndarray:
-        """(3, 3) float64: the start's rotation, by Rodrigues' formula."""
+        """(3, 3) float64: the start's rotation."""
         axis = np.asarray(self.axis, dtype=np.float64)
-        axis = axis / (float(np.linalg.norm(axis)) or 1.0)
-        x, y, z = axis
-        cross, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.radians(self.angle)
-        turned: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-        return turned
+        return rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(self.angle))
 
-    @model_serializer(mode="wrap")
-    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Only what can be given: a scene that is written can be read."""
-        fields = serialize(self)
-        idle = {"file", "digest", "scale"} if self.shape is not None else {"shape"}
-        idle.add("density" if fields.get("mass") is not None else "mass")
-        if isinstance(self, SoftSheet):
-            idle |= set(NOT_OF_SHEETS)
-        if isinstance(self, SoftLattice):
-            idle |= set(NOT_OF_LATTICES)
-        idle |= {name for name in MATERIAL if not fields.get(name)}  # as scenes were written before there was any
-        return {name: value for name, value in fields.items() if name not in idle and value is not None}
+    def _idle_fields(self) -> set[str]:
+        made: Any = self  # of a RigidBody, too
+        idle = {*made.lacks, "density" if made.mass is not None else "mass"}
+        return super()._idle_fields() | idle | {name for name in MATERIAL if not getattr(made, name, None)}
 
 
 class SoftBodyPart(Placed, SoftBody):
@@ -138,16 +113,6 @@ class RigidBodyPart(Placed, RigidBody):
     """A rigid body and its copies."""
 
 
-def file_digest(file: str) -> str:
-    """16 hexadecimal digits of a mesh file's bytes. Raises InputError."""
-    import hashlib
-
-    return hashlib.sha256(mesh_path(file).read_bytes()).hexdigest()[:16]
-
-
-BODY_CONTRADICTIONS = {
-    "density": ("mass",), "mass": ("density",), "shape": ("file", "digest", "scale"), "file": ("shape", "digest"),
-}  # fmt: skip
 BODY_KINDS: dict[str, type[Part]] = {
     "soft_body": SoftBodyPart,
     "soft_sheet": SoftSheetPart,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from model.core.errors import SceneError
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.particle_contact import MAX_KINDS
 from model.scene.parts import Elastic, Method
-from model.scene.scene_parts import SceneParts
+from model.scene.scene_parts import KINDS, SceneParts
 from model.scene.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
@@ -24,22 +26,24 @@ def check_fit(scene: SceneParts) -> None:
         _check_bodies(scene)
         return
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
-    wrong = GRID_ONLY if scene.cloth else of_cloth
+    _refuse(
+        scene,
+        GRID_ONLY if scene.cloth else of_cloth,
+        f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a "
+        f"grid has {', '.join(GRID_ONLY)}",
+    )
+
+
+def _refuse(scene: SceneParts, kinds: Collection[str], why: str) -> None:
+    """Raise SceneError for the first part of one of the `kinds`."""
     for name, kind in scene.kinds.items():
-        if kind in wrong:
-            raise SceneError(
-                f"{name}.kind",
-                kind,
-                f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and "
-                f"colliders, a grid has {', '.join(GRID_ONLY)}",
-            )
+        if kind in kinds:
+            raise SceneError(f"{name}.kind", kind, why)
 
 
 def _check_bodies(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with bodies."""
-    for name, kind in scene.kinds.items():
-        if kind not in OF_BODIES:
-            raise SceneError(f"{name}.kind", kind, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
+    _refuse(scene, KINDS.keys() - OF_BODIES, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
     _check_contact(scene)
     method = scene.one("method")
     if method is None:
@@ -90,10 +94,8 @@ def _check_matching(scene: SceneParts) -> None:
         return
     if scene.cloth:
         raise SceneError("method.solver", scene.method.solver, "is for a grid; a cloth takes mass-spring, xpbd or pbd")
-    for name, kind in scene.kinds.items():
-        if kind not in MATCHED:
-            raise SceneError(f"{name}.kind", kind, "is not known to the solver shape-matching; leave it out")
-    springs, name = scene.springs, next((n for n, k in scene.kinds.items() if k == "springs"), "springs")
+    _refuse(scene, KINDS.keys() - MATCHED, "is not known to the solver shape-matching; leave it out")
+    springs, name = scene.springs, scene.name_of("springs", default="springs")
     if springs is None:
         raise SceneError(
             name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
@@ -109,12 +111,10 @@ def _check_matching(scene: SceneParts) -> None:
 
 def _check_mesh(scene: SceneParts) -> None:
     """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
-    bending = next((name for name, kind in scene.kinds.items() if kind == "bending"), "bending")
+    bending = scene.name_of("bending", default="bending")
     model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
     if scene.mesh is None:
-        for name, kind in scene.kinds.items():
-            if kind in OF_MESHES:
-                raise SceneError(f"{name}.kind", kind, "is for a mesh, which a cloth and a grid are not; leave it out")
+        _refuse(scene, OF_MESHES, "is for a mesh, which a cloth and a grid are not; leave it out")
         if model != "distance":
             raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
         return

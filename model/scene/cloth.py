@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from model.scene.motion import Motion
-from model.scene.parts import Elastic, Grid, NotNegative, Part, Positive, Seed
-
-Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-Vector = tuple[Number, Number, Number]  # x, y (up), z
-ZERO: Vector = (0.0, 0.0, 0.0)
+from model.scene.parts import ZERO, Elastic, Grid, NotNegative, Part, Positive, Seed, Vector, friction_is_ordered
 
 
 class Cloth(Grid):
@@ -68,6 +64,9 @@ class Bending(ClothSprings):
     stiffness: Positive = 10.0
     model: Literal["distance", "isometric", "dihedral"] = "distance"
 
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | ({"model"} if self.model == "distance" else set())
+
 
 class Volume(Elastic):
     """A filling of a closed mesh: tetrahedra between its vertices, each of which keeps its volume.
@@ -108,17 +107,7 @@ class Collider(Part):
     dynamic_friction: NotNegative = 0.0
     restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
 
-    @model_validator(mode="after")
-    def _friction_is_ordered(self) -> Collider:
-        if self.dynamic_friction > self.static_friction:
-            raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
-        return self
-
-    @model_serializer(mode="wrap")
-    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """As scenes were written before there was restitution: what is measured of them is kept under that."""
-        idle = self._idle_fields()
-        return {name: value for name, value in serialize(self).items() if name not in idle and value is not None}
+    _friction_is_ordered = model_validator(mode="after")(friction_is_ordered)
 
     def _idle_fields(self) -> set[str]:
         return set() if self.restitution else {"restitution"}

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from model.core.errors import SceneError
 from model.geometry.shapes import Shape
+from model.scene.mesh_source import MeshSource
 from model.scene.parts import Part
 from model.scene.scene_parts import KINDS
 from model.scene.words import suggestion
@@ -43,8 +44,8 @@ def about(kind: str) -> str:
     """What a table of that kind is, in the words of its part and of what that shares with others; not of another kind that
     it is made from. Raises SceneError."""
     part = kind_named(kind)
-    inherited = [owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner is not Part]
-    owners = [part, *(owner for owner in inherited if owner not in TOLD.values())]
+    untold = (Part, MeshSource, *TOLD.values())
+    owners = [part, *(owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner not in untold)]
     return " ".join(" ".join((owner.__doc__ or "").split()) for owner in owners)
 
 

@@ -3,18 +3,18 @@ another."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
-from pydantic import SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
+from pydantic import field_validator, model_validator
 
 from model.geometry.topology import describe, mesh_of
 from model.scene.cloth import Cloth
+from model.scene.mesh_source import OF_FILES
 from model.scene.parts import Count, Grid, Part, Positive
 
 Diagonals = Literal["one", "alternating"]
 OF_SHEETS = ("shape", "rows", "columns", "spacing", "diagonals", "placement")
-OF_FILES = ("file", "digest", "scale")
-CONTRADICTIONS = {"density": ("mass",), "mass": ("density",), "file": ("digest", *OF_SHEETS), "shape": OF_FILES}
 FILE_PINS = "none, top (the highest vertices) or a list of vertices, numbered from 0 as in the file"
 
 Pins = str | list[int] | list[tuple[int, int]]
@@ -28,6 +28,10 @@ class Mesh(Cloth):
     (`alternating`). Each vertex weighs `mass`, or a third of every triangle at it times `density`. The other fields are a
     cloth's; of a file `rows` is 1, `columns` the number of vertices, `spacing` the mean edge, `mass` the mean mass.
     """
+
+    contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "density": ("mass",), "mass": ("density",), "file": ("digest", *OF_SHEETS), "shape": OF_FILES,
+    }  # fmt: skip
 
     rows: Count = 1
     columns: Count = 1
@@ -73,14 +77,12 @@ class Mesh(Cloth):
 
     @property
     def extent(self) -> float:
+        """Its longest side [m]."""
         return float((mesh_of(self).position.max(axis=0) - mesh_of(self).position.min(axis=0)).max())
 
-    @model_serializer(mode="wrap")
-    def _without_what_follows(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
+    def _idle_fields(self) -> set[str]:
         """Only what can be given: a scene that is written can be read."""
-        fields = serialize(self)
-        idle = {"density" if self.density is None else "mass", *(OF_FILES if self.file is None else OF_SHEETS)}
-        return {name: value for name, value in fields.items() if name not in idle}
+        return {"density" if self.density is None else "mass", *(OF_FILES if self.file is None else OF_SHEETS)}
 
 
 def _vertices(pinned: object) -> bool:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import hypot, inf
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
 from model.core.errors import SceneError
 from model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
-from model.scene.parts import Grid, NotNegative, Part, Positive
+from model.scene.parts import Grid, NotNegative, Number, Part, Positive, Vector
 
-Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-Vector = tuple[Number, Number, Number]  # x, y (up), z
 MAX_RADIANS = 1e9  # of a motion in all: quarter turns are counted in whole numbers
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from model.scene.parts import NotNegative, Part, Positive, Sweeps
+from model.scene.parts import NotNegative, Part, Positive, Sweeps, friction_is_ordered
 
 MAX_KINDS = 64  # bodies of a scene, copies not counted: their table is of all pairs
 
@@ -33,13 +33,7 @@ class Contact(Part):
     maximum_speed: Positive | None = None  # m/s
     sleeping_speed: NotNegative = 0.0  # m/s: what moved slower in a substep stays where it was
 
-    @model_validator(mode="after")
-    def _friction_is_ordered(self) -> Contact:
-        if self.dynamic_friction > self.static_friction:
-            raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
-        return self
+    _friction_is_ordered = model_validator(mode="after")(friction_is_ordered)
 
-    @model_serializer(mode="wrap")
-    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """As scenes were written before there was restitution: what is measured of them is kept under that."""
-        return {name: value for name, value in serialize(self).items() if name != "restitution" or value}
+    def _idle_fields(self) -> set[str]:
+        return set() if self.restitution else {"restitution"}

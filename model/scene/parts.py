@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     BaseModel,
@@ -25,13 +26,14 @@ SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd", "shape-matching")
 
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Vector = tuple[Number, Number, Number]  # x, y (up), z
+ZERO: Vector = (0.0, 0.0, 0.0)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
 MAX_COUNTED = 2**31 - 1  # masses along a side: their indices are 32-bit
-MAX_ROUNDS = (
-    1_000_000  # sweeps over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
-)
+MAX_ROUNDS = 1_000_000  # over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
 Count = Annotated[int, Field(ge=1, le=MAX_COUNTED, strict=True)]
 Rounds = Annotated[int, Field(ge=1, le=MAX_ROUNDS, strict=True)]
 Sweeps = Annotated[int, Field(ge=1, le=1000, strict=True)]  # over contacts, after each iteration
@@ -40,9 +42,30 @@ MAX_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edg
 
 
 class Part(BaseModel):
-    """Base of every table of a scene: frozen, unknown keys refused."""
+    """Base of every table of a scene: frozen, unknown keys refused.
+
+    `contradicts`: the fields that no longer say anything once a field is given another value.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+    contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    def _idle_fields(self) -> set[str]:
+        """Fields that say nothing here, and are left out where the part is written: so that scenes keep the text by which
+        stores of measurements know them, whatever fields came later."""
+        return set()
+
+    @model_serializer(mode="wrap")
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        idle = self._idle_fields()
+        return {name: value for name, value in serialize(self).items() if name not in idle}
+
+
+def friction_is_ordered(part: Any) -> Any:
+    """A validator of parts with friction: what slides is not held back by more than what sticks."""
+    if part.dynamic_friction > part.static_friction:
+        raise ValueError(f"dynamic_friction: must be at most static_friction, {part.static_friction:g}")
+    return part
 
 
 class Grid(Part):
@@ -75,6 +98,7 @@ class Grid(Part):
 
     @property
     def particle_count(self) -> int:
+        """How many masses."""
         return self.rows * self.columns
 
     @property
@@ -84,6 +108,7 @@ class Grid(Part):
 
     @property
     def spring_count(self) -> int:
+        """How many springs to neighbours in row and column."""
         return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
 
 
@@ -92,6 +117,8 @@ class Elastic(Part):
 
     Given a compliance, the stiffness follows from it. Only what was given is written.
     """
+
+    contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {"stiffness": ("compliance",), "compliance": ("stiffness",)}
 
     stiffness: Positive = 10.0  # N/m
     compliance: NotNegative | None = None  # m/N; 0: inextensible
@@ -124,21 +151,8 @@ class Elastic(Part):
         """The compliance [m/N] of a spring `ratio` times as stiff."""
         return 0.0 if self.inextensible else 1 / (self.stiffness * ratio)
 
-    @model_serializer(mode="wrap")
-    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Scenes keep the text that they are known by in stores of measurements, whatever fields came later."""
-        fields = serialize(self)
-        if self.compliance is None:
-            del fields["compliance"]
-        else:
-            del fields["stiffness"]
-        for name, idle in IDLE.items():
-            if fields.get(name) == idle:
-                del fields[name]
-        return fields
-
-
-IDLE = {"stiffness_ratio": 1, "model": "distance"}  # what fields that came later mean where they are not given
+    def _idle_fields(self) -> set[str]:
+        return {"compliance" if self.compliance is None else "stiffness"}
 
 
 class Springs(Elastic):
@@ -150,6 +164,9 @@ class Springs(Elastic):
 
     rest_length: NotNegative = 1.0  # m, whatever grid.spacing is
     stiffness_ratio: AtLeastOne = 1.0
+
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | (set() if self.alternate else {"stiffness_ratio"})
 
     @property
     def alternate(self) -> bool:
@@ -232,6 +249,7 @@ class Method(Part):
 
     @property
     def position_based(self) -> bool:
+        """Whether the solver moves masses until constraints hold, instead of adding up forces."""
         return self.solver in POSITION_BASED
 
     @property
@@ -241,6 +259,7 @@ class Method(Part):
 
     @property
     def matches_shapes(self) -> bool:
+        """Whether the solver is shape matching."""
         return self.solver == "shape-matching"
 
     @property
@@ -250,10 +269,8 @@ class Method(Part):
             return self.solver
         return f"{self.solver} {self.ordering if self.position_based else self.integrator}"
 
-    @model_serializer(mode="wrap")
-    def _of_the_solver(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
-        fields = serialize(self)
-        return {name: fields[name] for name in FIELDS_OF_SOLVER[self.solver]}
+    def _idle_fields(self) -> set[str]:
+        return set(type(self).model_fields) - set(FIELDS_OF_SOLVER[self.solver])
 
 
 FIELDS_OF_SOLVER = {

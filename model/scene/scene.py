@@ -10,20 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from model.contact.surface_collider import FILE_CONTRADICTIONS
 from model.core.errors import SceneError
-from model.scene.bodies import BODY_CONTRADICTIONS, BODY_KINDS
 from model.scene.checks import check_fit, check_solver
-from model.scene.cloth import (
-    SURFACE_KINDS,
-)
-from model.scene.mesh import CONTRADICTIONS
-from model.scene.parts import (
-    FIELDS_OF_SOLVER,
-    Method,
-)
+from model.scene.parts import FIELDS_OF_SOLVER, Method
 from model.scene.reader import scene_tables
-from model.scene.scene_parts import ELASTIC_KINDS, KINDS, OTHER_MATERIAL, SEVERAL, SHEETS, SceneParts
+from model.scene.scene_parts import KINDS, SEVERAL, SHEETS, SceneParts
 from model.scene.words import suggestion
 
 
@@ -37,9 +28,9 @@ class Scene(SceneParts):
             raise SceneError("title", title, "a text")
         super().__init__(tables, name, title)
         for kind in KINDS:
-            if kind not in SEVERAL and sum(k == kind for k in self.kinds.values()) > 1:
-                raise SceneError(kind, [n for n, k in self.kinds.items() if k == kind], "one part of this kind a scene")
-        sheets = [n for n, k in self.kinds.items() if k in SHEETS]
+            if kind not in SEVERAL and len(self.all_of(kind)) > 1:
+                raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
+        sheets = list(self.all_of(*SHEETS))
         if len(sheets) != 1 and not (self.bodies and not sheets):
             raise SceneError(
                 "grid",
@@ -87,19 +78,10 @@ class Scene(SceneParts):
 
 
 def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -> list[str]:
-    """The fields of a part that no longer say anything once `field` gets a `value`: of stiffness and compliance one follows
-    from the other, and a solver has its own fields."""
-    if kind in ELASTIC_KINDS and field in OTHER_MATERIAL:
-        return [OTHER_MATERIAL[field]]
-    if kind == "mesh":
-        return list(CONTRADICTIONS.get(field, ()))
-    if kind in BODY_KINDS:
-        return list(BODY_CONTRADICTIONS.get(field, ()))
-    if kind in SURFACE_KINDS:
-        return list(FILE_CONTRADICTIONS.get(field, ()))
+    """The fields of a part that no longer say anything once `field` gets a `value`: a solver has its own fields."""
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
-    return []
+    return list(KINDS[kind].contradicts.get(field, ()))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

@@ -58,15 +58,12 @@ KINDS: dict[str, type[Part]] = (
     | {"contact": Contact}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-ELASTIC_KINDS = ("springs", *CONSTRAINT_KINDS)
-SEVERAL = (
-    *SHEETS,
-    *BODY_KINDS,
-    *COLLIDER_KINDS,
-    "load",
-    "motion",
-)  # kinds of which a scene may have more than one part, or is told otherwise
-OTHER_MATERIAL = {"stiffness": "compliance", "compliance": "stiffness"}
+SEVERAL = (*SHEETS, *BODY_KINDS, *COLLIDER_KINDS, "load", "motion")  # may be more than one, or are refused otherwise
+
+
+def _part(kind: str) -> Any:
+    """A property: the scene's part of a kind of which it has one at most, or None."""
+    return property(lambda scene: scene.one(kind))
 
 
 class SceneParts:
@@ -104,9 +101,17 @@ class SceneParts:
                 raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
             self.kinds[part_name] = kind
 
+    def all_of(self, *kinds: str) -> dict[str, Any]:
+        """The parts of these kinds by name, in the order of the file."""
+        return {name: self.parts[name] for name, kind in self.kinds.items() if kind in kinds}
+
     def one(self, kind: str) -> Any:
         """The part of a kind of which a scene has one at most, or None."""
-        return next((self.parts[n] for n, k in self.kinds.items() if k == kind), None)
+        return next(iter(self.all_of(kind).values()), None)
+
+    def name_of(self, *kinds: str, default: str = "") -> str:
+        """What the scene calls its first part of these kinds; `default`: where it has none."""
+        return next(iter(self.all_of(*kinds)), default)
 
     @property
     def grid(self) -> Grid:
@@ -117,7 +122,7 @@ class SceneParts:
     @property
     def bodies(self) -> dict[str, Placed]:
         """The scene's soft and rigid bodies, by the part's name."""
-        return {name: self.parts[name] for name, kind in self.kinds.items() if kind in BODY_KINDS}  # type: ignore[misc]
+        return self.all_of(*BODY_KINDS)
 
     @cached_property
     def body_set(self) -> BodySet:
@@ -126,11 +131,8 @@ class SceneParts:
 
     @property
     def cloth(self) -> Cloth | None:
+        """The sheet in space: rows and columns, or a mesh."""
         return self.one("cloth") or self.mesh
-
-    @property
-    def mesh(self) -> Mesh | None:
-        return self.one("mesh")
 
     @property
     def dimensions(self) -> int:
@@ -148,71 +150,33 @@ class SceneParts:
         return {kind: part for kind in CONSTRAINT_KINDS if (part := self.one(kind)) is not None}
 
     @property
-    def wind(self) -> Wind | None:
-        return self.one("wind")
-
-    @property
     def colliders(self) -> list[tuple[str, Collider]]:
         """(kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of the file."""
-        found: list[tuple[str, Any]] = []
-        for kind in COLLIDER_KINDS:
-            found += [(kind, self.parts[name]) for name, k in self.kinds.items() if k == kind]
-        return found
+        return [(kind, part) for kind in COLLIDER_KINDS for part in self.all_of(kind).values()]
 
     @property
     def motions(self) -> dict[str, Motion]:
         """What pinned masses follow, by the part's name."""
-        return {name: self.parts[name] for name, kind in self.kinds.items() if kind == "motion"}  # type: ignore[misc]
+        return self.all_of("motion")
 
     @property
     def loads(self) -> dict[str, Load]:
         """Masses that differ from the sheet's, by the part's name."""
-        return {name: self.parts[name] for name, kind in self.kinds.items() if kind == "load"}  # type: ignore[misc]
+        return self.all_of("load")
 
-    @property
-    def attachments(self) -> Attachments | None:
-        return self.one("attachments")
-
-    @property
-    def self_collision(self) -> SelfCollision | None:
-        return self.one("self_collision")
-
-    @property
-    def contact(self) -> Contact | None:
-        """What makes particles of bodies meet."""
-        return self.one("contact")
-
-    @property
-    def fold(self) -> Fold | None:
-        return self.one("fold")
-
-    @property
-    def springs(self) -> Springs | None:
-        return self.one("springs")
-
-    @property
-    def damping(self) -> Damping | None:
-        return self.one("damping")
-
-    @property
-    def gravity(self) -> Gravity | None:
-        return self.one("gravity")
-
-    @property
-    def external(self) -> External | None:
-        return self.one("external")
-
-    @property
-    def perturbation(self) -> Perturbation | None:
-        return self.one("perturbation")
-
-    @property
-    def manufactured(self) -> Manufactured | None:
-        return self.one("manufactured")
-
-    @property
-    def method(self) -> Method:
-        return self.one("method")
+    attachments: Attachments | None = _part("attachments")
+    contact: Contact | None = _part("contact")  # what makes particles of bodies meet
+    damping: Damping | None = _part("damping")
+    external: External | None = _part("external")
+    fold: Fold | None = _part("fold")
+    gravity: Gravity | None = _part("gravity")
+    manufactured: Manufactured | None = _part("manufactured")
+    mesh: Mesh | None = _part("mesh")
+    method: Method = _part("method")
+    perturbation: Perturbation | None = _part("perturbation")
+    self_collision: SelfCollision | None = _part("self_collision")
+    springs: Springs | None = _part("springs")
+    wind: Wind | None = _part("wind")
 
     def as_dict(self) -> dict[str, Any]:
         """The scene as nested tables, defaults filled in: what a TOML file of it would hold."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import model_validator
 
-from model.scene.parts import NotNegative, Part, Positive, Sweeps
+from model.scene.parts import NotNegative, Part, Positive, Sweeps, friction_is_ordered
 
 MAX_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
 # On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
@@ -26,8 +26,4 @@ class SelfCollision(Part):
     separation_speed: Positive = 0.5  # m/s
     sweeps: Sweeps = 4  # over all contacts, after each iteration over the constraints
 
-    @model_validator(mode="after")
-    def _friction_is_ordered(self) -> SelfCollision:
-        if self.dynamic_friction > self.static_friction:
-            raise ValueError(f"dynamic_friction: must be at most static_friction, {self.static_friction:g}")
-        return self
+    _friction_is_ordered = model_validator(mode="after")(friction_is_ordered)

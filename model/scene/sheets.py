@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from model.geometry.normals import mesh_normals, vertex_normals
-from model.geometry.topology import mesh_of, sheet_triangles
+from model.geometry.sheets import sheet_triangles
+from model.geometry.topology import mesh_of
 from model.scene.scene import Scene
 
 

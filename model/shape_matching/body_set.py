@@ -12,13 +12,12 @@ import numpy as np
 from model.assets.baked_body import BakedBody
 from model.assets.material import joined
 from model.core.errors import InputError, SceneError
-from model.core.memory import available_bytes, require
+from model.core.memory import MAX_PARTICLES, available_bytes, require
+from model.geometry.lists import offsets_of
 from model.scene.bodies import Placed
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import LatticeCopies
 from model.shape_matching.links import LinkedCopies, Links, make_links
-
-MAX_PARTICLES = 2**31 - 1  # indices are 32-bit
 
 
 @dataclass(frozen=True)
@@ -35,6 +34,7 @@ class Copy:
 
     @property
     def particles(self) -> slice:
+        """Where in the set its particles are."""
         return slice(self.first_particle, self.first_particle + len(self.baked.position))
 
 
@@ -62,10 +62,12 @@ class BodySet:
 
     @property
     def columns(self) -> int:
+        """All particles: the set is one row."""
         return len(self.position)
 
     @property
     def particle_count(self) -> int:
+        """How many particles, those of inactive copies too."""
         return len(self.position)
 
     @cached_property
@@ -111,9 +113,8 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
     needed = sum((part.count + part.spare) * _bytes_of(part.baked) for part in parts.values())
     require(needed, available_bytes(), "copies", total, "main memory")
     copies: list[Copy] = []
-    positions, velocities, bodies, masses = _lists(4)
-    lattices = []
-    particle = 0
+    positions, velocities = [], []
+    lattices, particle = [], 0
     first_clusters = _first_clusters(parts)
     for name, part in parts.items():
         made, turn, cluster = part.baked, part.turn(), first_clusters[name]
@@ -129,14 +130,12 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
             copies.append(Copy(name, made, len(copies), particle, cluster, waits))
             positions.append(here + place)
             velocities.append(0 * moving if waits else moving)
-            bodies.append(np.full(len(here), len(bodies), np.int32))
-            masses.append(made.mass)
             particle, cluster = particle + len(here), cluster + made.clusters.count
-    position, mass = np.concatenate(positions), np.concatenate(masses)
+    position, mass = np.concatenate(positions), np.concatenate([copy.baked.mass for copy in copies])
     in_order = _by_cluster(copies)
     made_of = [copy.baked.clusters for copy in in_order]
     clusters = Clusters(
-        np.concatenate([[0], np.cumsum(np.concatenate([np.diff(one.offsets) for one in made_of]))]).astype(np.int32),
+        offsets_of(np.concatenate([np.diff(one.offsets) for one in made_of])),
         np.concatenate([copy.baked.clusters.indices + copy.first_particle for copy in in_order]).astype(np.int32),
         np.concatenate([one.coefficients for one in made_of]),
         np.concatenate([one.stiffness for one in made_of]),
@@ -148,7 +147,7 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
     return BodySet(
         position,
         np.concatenate(velocities),
-        np.concatenate(bodies),
+        np.repeat(np.arange(len(copies), dtype=np.int32), [len(one) for one in positions]),
         clusters,
         make_links(_linked(copies)),
         tuple(copies),
@@ -191,7 +190,3 @@ def _linked(copies: list[Copy]) -> list[LinkedCopies]:
         made, firsts = same[0].baked, np.array([copy.first_particle for copy in same])
         found.append(LinkedCopies(made.links, made.rest_length, made.link_stiffness, firsts, len(made.position)))
     return found
-
-
-def _lists(count: int) -> tuple[list[np.ndarray], ...]:
-    return tuple([] for _ in range(count))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from model.core.errors import InputError
@@ -72,50 +74,44 @@ def leans(clusters: Clusters, real: type) -> np.ndarray:
     return np.stack([*(one * inverse for one in sums), inverse], axis=1).astype(real)
 
 
-def checked_rotation(rotation: np.ndarray, count: int, real: type) -> np.ndarray:
-    """(clusters, 4) unit quaternions (w, x, y, z) in the arithmetic `real`, as they are. Raises InputError."""
-    array = np.asarray(rotation)
-    if array.shape != (count, 4):
-        raise InputError(
-            f"rotation has shape {array.shape}, this scene needs ({count}, 4): a quaternion for each cluster"
-        )
+def _checked(
+    name: str, given: np.ndarray, shape: tuple[int, ...], real: type, size: Callable, told: tuple[str, str]
+) -> np.ndarray:
+    """An array for each cluster, `shape` in all, in the arithmetic `real`, as it is; `size`: of the arrays in float64, which
+    must be 1. `told`: what each is, and what its size is called. Raises InputError."""
+    array = np.asarray(given)
+    if array.shape != shape:
+        raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}: a {told[0]} for each cluster")
     if not np.issubdtype(array.dtype, np.floating):
-        raise InputError(f"rotation holds {array.dtype}, this needs real numbers")
-    length = np.sqrt(np.einsum("nk,nk->n", array, array, dtype=np.float64))
-    if not (np.abs(length - 1) <= UNIT).all():  # false for NaN
-        worst = int(np.argmax(np.where(np.isfinite(length), np.abs(length - 1), np.inf)))
-        raise InputError(f"rotation of cluster {worst} has the length {length[worst]:g}; it must be 1")
-    return np.ascontiguousarray(array, dtype=real)
-
-
-def checked_plastic(plastic: np.ndarray, count: int, real: type) -> np.ndarray:
-    """(clusters, 3, 3) in the arithmetic `real`, as they are. Raises InputError."""
-    array = np.asarray(plastic)
-    if array.shape != (count, 3, 3):
-        raise InputError(
-            f"plastic has shape {array.shape}, this scene needs ({count}, 3, 3): a matrix for each cluster"
-        )
-    if not np.issubdtype(array.dtype, np.floating):
-        raise InputError(f"plastic holds {array.dtype}, this needs real numbers")
+        raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
     with np.errstate(invalid="ignore"):
-        volume = np.linalg.det(array.astype(np.float64))
-    if not (np.abs(volume - 1) <= UNIT).all():  # false for NaN
-        worst = int(np.argmax(np.where(np.isfinite(volume), np.abs(volume - 1), np.inf)))
-        raise InputError(f"plastic of cluster {worst} has the volume {volume[worst]:g}; it must be 1")
+        found = size(array)
+    if not (np.abs(found - 1) <= UNIT).all():  # false for NaN
+        worst = int(np.argmax(np.where(np.isfinite(found), np.abs(found - 1), np.inf)))
+        raise InputError(f"{name} of cluster {worst} has the {told[1]} {found[worst]:g}; it must be 1")
     return np.ascontiguousarray(array, dtype=real)
 
 
 def checked_clusters(
     rotation: np.ndarray | None, plastic: np.ndarray | None, parts: frozenset[str], count: int, real: type
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Both as they were checked, where they are given. Raises InputError, for plastic strains of a scene without, too."""
+    """(unit quaternions (clusters, 4), plastic strains (clusters, 3, 3) of volume 1) in the arithmetic `real`, as they are,
+    where they are given. Raises InputError, for plastic strains of a scene without, too."""
     if rotation is not None:
-        rotation = checked_rotation(rotation, count, real)
+        rotation = _checked("rotation", rotation, (count, 4), real, _lengths, ("quaternion", "length"))
     if plastic is not None:
         if "plastic" not in parts:
             raise InputError("plastic: this scene has no plastic bodies; plastic_creep makes them so")
-        plastic = checked_plastic(plastic, count, real)
+        plastic = _checked("plastic", plastic, (count, 3, 3), real, _volumes, ("matrix", "volume"))
     return rotation, plastic
+
+
+def _lengths(quaternions: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.einsum("nk,nk->n", quaternions, quaternions, dtype=np.float64))
+
+
+def _volumes(matrices: np.ndarray) -> np.ndarray:
+    return np.linalg.det(matrices.astype(np.float64))
 
 
 def every_plastic(loose: np.ndarray | None, count: int) -> np.ndarray | None:

@@ -13,13 +13,12 @@ import numpy as np
 
 from model.core.errors import SceneError
 from model.geometry.edges import components
+from model.geometry.lists import offsets_of
 from model.geometry.neighbours import SLACK, TooMany, pairs_within
 from model.shape_matching.clusters import Clusters
 
 RIM = 0.1  # the coefficient at the radius; over 0, so that nobody is in a cluster by name only
-COLLINEAR = (
-    2.0**-10
-)  # width over length of a cluster that counts as a line: turning about it moves nothing one could see
+COLLINEAR = 2.0**-10  # width over length of a cluster that counts as a line: turning about it moves nothing visible
 FEWEST = 4  # particles that can span a space
 
 
@@ -55,7 +54,7 @@ def gather(position: np.ndarray, mass: np.ndarray, spacing: float, radius: float
     except TooMany as error:
         raise SceneError("cluster_radius", radius, str(error)) from None
     return Clusters(
-        np.concatenate([[0], np.cumsum(np.bincount(cluster, minlength=len(middle)))]).astype(np.int32),
+        offsets_of(np.bincount(cluster, minlength=len(middle))),
         particle.astype(np.int32),
         falloff(distance / radius),
         np.full(len(middle), stiffness),
@@ -100,9 +99,9 @@ def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, 
 def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces: int) -> float:
     """The smallest radius [m] with which every particle is in a cluster and no more than `pieces` parts are left."""
     chosen = centres(position, spacing)
-    count, reach = len(position), spacing
+    count, radius = len(position), spacing
     while True:
-        cluster, particle, distance = pairs_within(position[chosen], position, reach)
+        cluster, particle, distance = pairs_within(position[chosen], position, radius)
         pairs = np.stack([particle, cluster + count], axis=1)
 
         def fit(radius: float, pairs: np.ndarray = pairs, distance: np.ndarray = distance) -> bool:
@@ -112,9 +111,9 @@ def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces
             label = components(count + len(chosen), np.concatenate([near, links]))
             return len(np.unique(label[:count])) <= pieces
 
-        if fit(reach):
+        if fit(radius):
             break
-        reach *= 2
+        radius *= 2
     steps = np.unique(distance)
     low, high = 0, len(steps) - 1
     while low < high:
@@ -133,13 +132,6 @@ def ceiled(value: float) -> float:
 
 def undetermined(clusters: Clusters) -> int:
     """How many clusters have fewer than FEWEST particles, or all on one line: their rotation is partly left open."""
-    weight = np.repeat(1.0, len(clusters.indices))
-    size = np.bincount(clusters.owner, weight, clusters.count)
-    rest = clusters.rest
-    moments = np.empty((clusters.count, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            moments[:, i, j] = np.bincount(clusters.owner, clusters.masses * rest[:, i] * rest[:, j], clusters.count)
-    values = np.linalg.eigvalsh(moments)
+    values = np.linalg.eigvalsh(clusters.rest_moments)
     line = values[:, 1] <= COLLINEAR**2 * values[:, 2]
-    return int(((size < FEWEST) | line).sum())
+    return int(((np.diff(clusters.offsets) < FEWEST) | line).sum())

@@ -18,6 +18,7 @@ import numpy as np
 from model.assets.material import Material
 from model.core.errors import InputError
 from model.formulas.deformation import MIN_VOLUME
+from model.geometry.lists import grouped
 
 FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long
 
@@ -46,6 +47,7 @@ class Clusters:
 
     @property
     def count(self) -> int:
+        """How many clusters."""
         return len(self.offsets) - 1
 
     @property
@@ -77,11 +79,7 @@ class Clusters:
     @cached_property
     def rest_centre(self) -> np.ndarray:
         """(clusters, dimensions) float64 [m]: weighted by mass; 0 where a cluster has none."""
-        sums = [binned(self.owner, self.masses * axis[self.indices], self.count) for axis in self.position.T]
-        heavy = self.cluster_mass > 0
-        return np.stack(
-            [np.divide(one, self.cluster_mass, out=np.zeros(self.count), where=heavy) for one in sums], axis=1
-        )
+        return self.centres(self.position)
 
     @cached_property
     def rest(self) -> np.ndarray:
@@ -91,14 +89,20 @@ class Clusters:
     @cached_property
     def of_particle(self) -> tuple[np.ndarray, np.ndarray]:
         """(offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
-        offsets = np.concatenate([[0], np.cumsum(np.bincount(self.indices, minlength=len(self.mass)))])
-        return offsets.astype(np.int32), np.argsort(self.indices, kind="stable").astype(np.int32)
+        entries = np.arange(len(self.indices), dtype=np.int32)
+        found = grouped(self.indices, entries, len(self.mass))
+        return found.offsets, found.indices
+
+    @property
+    def rest_moments(self) -> np.ndarray:
+        """(clusters, d, d) float64 [kg m^2]: sum m rest rest'."""
+        return self._summed(self.masses[:, None, None] * self.rest[:, :, None] * self.rest[:, None, :])
 
     @cached_property
     def inverse_moments(self) -> np.ndarray:
         """(clusters, d, d) float64 [1/(kg m^2)]: the inverse of sum m rest rest', which takes moments to the linear map that
         is nearest; 0 where the cluster is `flat`, along a line or at a point, and tells of no such map."""
-        moments = self._summed(self.masses[:, None, None] * self.rest[:, :, None] * self.rest[:, None, :])
+        moments = self.rest_moments
         values = np.linalg.eigvalsh(moments)
         solid = values[:, 0] > FLAT * values[:, -1]
         found = np.zeros_like(moments)
@@ -157,9 +161,7 @@ class Clusters:
 
     def centres(self, position: np.ndarray) -> np.ndarray:
         """(clusters, d) float64 [m]: centres of mass with particles at `position`; 0 of a cluster without mass."""
-        sums = np.stack(
-            [np.bincount(self.owner, self.masses * x[self.indices], self.count) for x in position.T], axis=1
-        )
+        sums = np.stack([binned(self.owner, self.masses * x[self.indices], self.count) for x in position.T], axis=1)
         heavy = self.cluster_mass[:, None] > 0
         return np.divide(sums, self.cluster_mass[:, None], out=np.zeros_like(sums), where=heavy)
 

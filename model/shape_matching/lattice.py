@@ -7,10 +7,12 @@ off by straight edges, shares, masses, rest offsets and numbers are products, or
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.lists import Lists, offsets_of
 from model.shape_matching.clusters import Clusters, matching_share
 
 TABLE = 5  # rows of an axis's table
@@ -49,6 +51,19 @@ def matching_axis(count: int, region: int) -> Axis:
     return Axis(share, 1 / mass, (turns[last + 1] - turns[first]) / mass - place, mass, last - first + 1.0)
 
 
+def windows(counts: Sequence[int], region: int) -> Lists:
+    """The members, ascending, of the window around each mass of a lattice of `counts` masses along its axes, numbered along
+    the last one first."""
+    at, inside = np.zeros((1, 1), np.int64), np.ones((1, 1), bool)
+    for count in counts:
+        side = min(region, count - 1)
+        place = np.arange(count)[:, None] + np.arange(-side, side + 1)
+        there = (place >= 0) & (place < count)
+        at = (at[:, None, :, None] * count + place[:, None, :]).reshape(len(at) * count, -1)
+        inside = (inside[:, None, :, None] & there[:, None, :]).reshape(at.shape)
+    return Lists(offsets_of(inside.sum(axis=1)), at[inside].astype(np.int32))
+
+
 @dataclass(frozen=True)
 class Lattice:
     """A block of `counts` equal masses along x, y and z, `spacing` [m] apart at rest, with windows of the half-width
@@ -65,6 +80,7 @@ class Lattice:
 
     @property
     def axes(self) -> tuple[Axis, Axis, Axis]:
+        """The tables along x, y and z."""
         x, y, z = (matching_axis(count, self.region) for count in self.counts)
         return x, y, z
 
@@ -76,23 +92,9 @@ class Lattice:
 
     def clusters(self, position: np.ndarray, mass: np.ndarray, stiffness: float) -> Clusters:
         """The windows in compressed form: what the tables stand for, and what is summed directly."""
-        nx, ny, nz = self.counts
-        sides = [np.minimum(self.region, count - 1) for count in self.counts]
-        z, y, x = (
-            np.arange(count)[:, None] + np.arange(-side, side + 1)
-            for count, side in zip((nz, ny, nx), reversed(sides), strict=True)
-        )
-        at = (z[:, None, None, :, None, None] * ny + y[None, :, None, None, :, None]) * nx + x[
-            None, None, :, None, None
-        ]
-        inside = (
-            ((z >= 0) & (z < nz))[:, None, None, :, None, None]
-            & ((y >= 0) & (y < ny))[None, :, None, None, :, None]
-            & ((x >= 0) & (x < nx))[None, None, :, None, None]
-        )
-        offsets = np.concatenate([[0], np.cumsum(inside.reshape(self.size, -1).sum(axis=1))]).astype(np.int32)
-        members = at[inside].astype(np.int32)
-        return Clusters(offsets, members, np.ones(len(members)), np.full(self.size, float(stiffness)), mass, position)
+        found = windows(self.counts[::-1], self.region)
+        coefficients, stiffnesses = np.ones(len(found.indices)), np.full(self.size, float(stiffness))
+        return Clusters(found.offsets, found.indices, coefficients, stiffnesses, mass, position)
 
 
 V_SPACING, V_MATCHING, V_TURN = range(3)  # places of what a lattice's kernels read beside tables

@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.constraints import Projection
 from model.formulas.constraints import distance
+from model.geometry.lists import offsets_of
 from model.xpbd.colouring import Colouring, colour
 
 LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_compliance", True),))
@@ -16,26 +17,28 @@ LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_com
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """`ends` (links, 2) int32: particles; `rest_length` (links,) float64 [m]; `softness` (links,) float64 [m/N]; colour c is
-    those from `starts[c]` to before `starts[c + 1]`, no two of which share a particle."""
+    """`ends` (links, 2) int32: particles; `rest_length` (links,) float64 [m]; `compliance` (links,) float64 [m/N]; colour c
+    is those from `starts[c]` to before `starts[c + 1]`, no two of which share a particle."""
 
     ends: np.ndarray
     rest_length: np.ndarray
-    softness: np.ndarray
+    compliance: np.ndarray
     starts: np.ndarray
 
     @property
     def count(self) -> int:
+        """How many links."""
         return len(self.ends)
 
     @property
     def colours(self) -> int:
+        """How many."""
         return len(self.starts) - 1
 
     def values(self, substep: float, mass: float) -> np.ndarray:
-        """(links, 2) float64: rest length [m], compliance softness m / h^2, of no unit, for substeps of h [s] and masses
+        """(links, 2) float64: rest length [m], compliance times m / h^2, of no unit, for substeps of h [s] and masses
         counted in m [kg] (M. Macklin et al., "XPBD", MIG 2016, eq. 4)."""
-        return np.stack([self.rest_length, self.softness * mass / substep**2], axis=1)
+        return np.stack([self.rest_length, self.compliance * mass / substep**2], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,7 @@ def make_links(bodies: Sequence[LinkedCopies]) -> Links:
     made: list[tuple[LinkedCopies, Colouring]] = [
         (body, colour(body.ends, body.particles)) for body in bodies if len(body.ends)
     ]
-    ends, lengths, softness, sizes = [], [], [], []
+    ends, lengths, compliance, sizes = [], [], [], []
     for number in range(max((found.colours for _, found in made), default=0)):
         size = 0
         for body, found in made:
@@ -66,10 +69,10 @@ def make_links(bodies: Sequence[LinkedCopies]) -> Links:
             copies = len(body.firsts)
             ends.append((body.ends[chosen][None] + body.firsts[:, None, None]).reshape(-1, 2))
             lengths.append(np.tile(body.rest_length[chosen], copies))
-            softness.append(np.full(copies * len(chosen), 1 / body.stiffness))
+            compliance.append(np.full(copies * len(chosen), 1 / body.stiffness))
             size += copies * len(chosen)
         sizes.append(size)
     if not sizes:
         return Links(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0), np.zeros(1, np.int32))
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-    return Links(np.concatenate(ends).astype(np.int32), np.concatenate(lengths), np.concatenate(softness), starts)
+    arrays = np.concatenate(ends).astype(np.int32), np.concatenate(lengths), np.concatenate(compliance)
+    return Links(*arrays, offsets_of(np.array(sizes)))

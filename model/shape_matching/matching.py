@@ -8,6 +8,7 @@ import numpy as np
 from model.core.build import masses
 from model.scene.scene import Scene
 from model.shape_matching.clusters import Clusters
+from model.shape_matching.lattice import windows
 
 
 def matching_stiffness(scene: Scene) -> float:
@@ -26,15 +27,12 @@ def lattice_clusters(scene: Scene) -> Clusters:
     """The windows of a scene's grid in compressed form, row by row: what the tables stand for."""
     grid, region = scene.grid, scene.method.region
     row, column = np.divmod(np.arange(grid.particle_count), grid.columns)
-    reach = np.arange(-region, region + 1)
-    rows, columns = row[:, None, None] + reach[:, None], column[:, None, None] + reach
-    inside = (rows >= 0) & (rows < grid.rows) & (columns >= 0) & (columns < grid.columns)
-    members = (rows * grid.columns + columns)[inside]
+    found = windows((grid.rows, grid.columns), region)
     rest = scene.springs.rest_length if scene.springs else grid.spacing
     return Clusters(
-        np.concatenate([[0], np.cumsum(inside.sum(axis=(1, 2)))]).astype(np.int32),
-        members.astype(np.int32),
-        np.ones(len(members)),
+        found.offsets,
+        found.indices,
+        np.ones(len(found.indices)),
         np.full(grid.particle_count, matching_stiffness(scene)),
         np.broadcast_to(masses(scene), (grid.particle_count, 1))[:, 0].astype(np.float64),
         np.stack([column * rest, -row * rest], axis=1).astype(np.float64),

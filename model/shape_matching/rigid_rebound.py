@@ -16,14 +16,10 @@ flat, this is the s of both.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from model.scene.scene import Scene
 from model.shape_matching.clusters import Clusters
-
-if TYPE_CHECKING:
-    from model.scene.scene import Scene
 
 
 def whole_clusters(clusters: Clusters) -> np.ndarray:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import SceneError
+from model.geometry.lists import offsets_of
 
 MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that needs another solver
 PASSES = 32  # of saving colours; later ones were seen to save none
@@ -32,6 +33,7 @@ class Colouring:
 
     @property
     def colours(self) -> int:
+        """How many."""
         return len(self.starts) - 1
 
 
@@ -62,8 +64,7 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
     rank = np.empty(len(sizes), dtype=np.int64)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
     order = np.argsort(rank[given], kind="stable").astype(np.int32)
-    starts = np.concatenate([[0], np.cumsum(np.sort(sizes)[::-1])]).astype(np.int32)
-    return Colouring(order, starts, least)
+    return Colouring(order, offsets_of(np.sort(sizes)[::-1]), least)
 
 
 def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np.ndarray:

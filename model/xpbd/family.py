@@ -27,6 +27,7 @@ def projection_limit(scene: Scene, frequency: float | None = None) -> float:
 
 
 def projection_note(scene: Scene) -> str:
+    """A line on what projections do to a motion, and whether the step size has a limit."""
     text = "constraints are projected, at any step size; first order, and damped by it"
     return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < inf else "")
 

@@ -19,9 +19,10 @@ from model.core.errors import InputError
 from model.formulas import bending as bending_formulas
 from model.formulas import distance as distance_formulas
 from model.formulas.constraints import dihedral, distance, isometric, tether, volume
+from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.mesh import TriangleMesh
 from model.geometry.tables import UNREACHED, vertex_attachments
-from model.geometry.topology import edge_lengths, mesh_of, triangle_areas
+from model.geometry.topology import mesh_of
 from model.geometry.voxels import winding_numbers
 from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
@@ -142,17 +143,18 @@ def operations_of(projection: Projection) -> int:
 
 
 def _distances(mesh: TriangleMesh, kind: str) -> Arrays:
-    ends = mesh.edges.winged[:, 2:] if kind == "bending" else mesh.edges.edges
-    rest = _lengths(mesh.position, ends) if kind == "bending" else edge_lengths(mesh)
+    ends, rest = _ends(mesh, kind)
     return ends, rest[:, None]
 
 
+def _ends(mesh: TriangleMesh, kind: str) -> Arrays:
+    """(ends (n, 2) int32, rest lengths (n,) [m]): of edges; of `bending` of the ways between wings."""
+    ends = mesh.edges.winged[:, 2:] if kind == "bending" else mesh.edges.edges
+    return ends, edge_lengths(mesh.position, ends)
+
+
 def _stretch(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
-    return _lengths(position, corners) - values[:, 0], 1.0
-
-
-def _lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(position[ends[:, 1]] - position[ends[:, 0]], axis=1)
+    return edge_lengths(position, corners) - values[:, 0], 1.0
 
 
 # ---------------------------------------------------------------------- hinges
@@ -160,7 +162,7 @@ def _lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 def _thirds(mesh: TriangleMesh) -> np.ndarray:
     """(hinges,): a third of both triangles' areas [m^2]."""
-    return triangle_areas(mesh)[mesh.edges.triangles[mesh.edges.inner]].sum(axis=1) / 3
+    return triangle_areas(mesh.position, mesh.triangles)[mesh.edges.triangles[mesh.edges.inner]].sum(axis=1) / 3
 
 
 def _cotangents(apex: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -186,7 +188,7 @@ def dihedral_values(mesh: TriangleMesh) -> np.ndarray:
     tangent = quarter_tangents(mesh.position, mesh.edges.winged)
     tangent[np.abs(tangent) < FLAT] = 0.0
     ends = mesh.edges.winged[:, :2]
-    return np.column_stack([_lengths(mesh.position, ends), tangent, _thirds(mesh)])
+    return np.column_stack([edge_lengths(mesh.position, ends), tangent, _thirds(mesh)])
 
 
 def quarter_tangents(position: np.ndarray, hinges: np.ndarray) -> np.ndarray:
@@ -219,7 +221,7 @@ def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
     """
     from scipy.spatial import Delaunay, QhullError
 
-    p, edge = mesh.position, float(edge_lengths(mesh).mean())
+    p, edge = mesh.position, float(edge_lengths(mesh.position, mesh.edges.edges).mean())
     if mesh.boundary_loops:
         raise InputError(
             f"volume: needs a closed mesh; this one has {mesh.boundary_loops} rims: close them, or leave it out"
@@ -261,15 +263,14 @@ def edges_of(scene: Scene, kind: str = "structural") -> tuple[np.ndarray, np.nda
     """(ends (n, 2) int32, rest lengths (n,) [m]) of a mesh: its edges; of `bending` the ways between wings."""
     part = scene.mesh
     assert part is not None
-    mesh = mesh_of(part)
-    ends = mesh.edges.winged[:, 2:] if kind == "bending" else mesh.edges.edges
-    return np.ascontiguousarray(ends), _lengths(mesh.position, ends)
+    ends, rest = _ends(mesh_of(part), kind)
+    return np.ascontiguousarray(ends), rest
 
 
 def edge_strain(scene: Scene, position: np.ndarray, kind: str = "structural") -> np.ndarray:
     """(n,) float64: (length - rest) / rest of what `edges_of` tells the ends of."""
     ends, rest = edges_of(scene, kind)
-    return (_lengths(np.asarray(position, dtype=np.float64), ends) - rest) / rest
+    return (edge_lengths(np.asarray(position, dtype=np.float64), ends) - rest) / rest
 
 
 def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:

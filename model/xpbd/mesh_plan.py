@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from model.core.own_forces import own_forces
 from model.core.plan import Node, Plan, Stage
-from model.formulas import colliders, distance, wind
-from model.mass_spring.cloth_plan import TRIANGLES_EACH
+from model.formulas import colliders, distance
+from model.mass_spring.plan import WIND
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from model.xpbd.plan import xpbd_parts
@@ -33,7 +33,7 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     parts, method = mesh_parts(scene, live), scene.method
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
     forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
-    forces += TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18) * ("wind" in parts)
+    forces += WIND * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []
     for found in constraint_sets(scene):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from model.contact.particle_parameters import contact_parts
-from model.core.plan import Node, Plan, Stage, own_stages
+from model.core.plan import Node, Plan, Stage
 from model.formulas import (
     cluster,
     colliders,
@@ -17,9 +17,9 @@ from model.formulas import (
     particle_contact,
     rebound,
     shape_matching,
-    wind,
 )  # fmt: skip
-from model.mass_spring.cloth_plan import TRIANGLES_EACH, cloth_parts
+from model.mass_spring.cloth_plan import cloth_parts
+from model.mass_spring.plan import WIND, own_stages
 from model.scene.cloth import SPRING_KINDS
 from model.scene.parts import Elastic
 from model.scene.scene import Scene
@@ -207,7 +207,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     if "gravity" in parts:
         outside.append(Stage("gravity", 0, 0, 1))
     if "wind" in parts:
-        outside.append(Stage("wind", 3, 1, TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)))
+        outside.append(Stage("wind", 3, 1, WIND))
     outside.extend(own_stages(parts, memory=0))
     predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
 

@@ -11,7 +11,7 @@ from test_mesh import binary_stl, write
 
 import model.assets.baked
 import model.core.disk_cache
-from model.assets.baked import SOURCES, baked, body_key
+from model.assets.baked import ROOMS, baked, body_key
 from model.assets.baked_body import BakedBody
 from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from model.core.digest import ROOT
@@ -122,7 +122,19 @@ def test_other_code_makes_other_bodies(monkeypatch):
     assert body_key(PARAMETERS, BEAM) != key
 
 
-def test_the_sources_are_those_that_bake():
+@pytest.mark.parametrize("kind", [SoftBody, RigidBody])
+def test_what_does_nothing_is_told_once(kind, tmp_path):
+    """Made, read, or made without a file: each sentence stands once."""
+    parameters, box = (
+        kind(particle_spacing=0.25, volume_sampling=1.5, surface_sampling=3.0),
+        Shape(name="box", resolution=4),
+    )
+    for keep in (True, True, False):
+        told = baked(parameters, box, folder=tmp_path, keep=keep).report.told
+        assert [sentence.split()[0] for sentence in told] == ["volume_sampling", "surface_sampling"]
+
+
+def test_the_rooms_are_those_that_bake():
     """What baking a body imports of the lab, but for what only describes scenes and errors."""
     import ast
 
@@ -139,9 +151,9 @@ def test_the_sources_are_those_that_bake():
         for node in ast.walk(ast.parse((ROOT / "model" / f"{name}.py").read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("model."):
                 module = node.module.removeprefix("model.").replace(".", "/")
-                if module.split("/")[0] not in described and module != "geometry/topology":
+                if module.split("/")[0] not in described:
                     waiting.append(module)
-    assert found == set(SOURCES)
+    assert {name.split("/")[0] for name in found} == set(ROOMS)
 
 
 def test_damaged_files_are_made_anew(tmp_path, bakes):

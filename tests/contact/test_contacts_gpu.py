@@ -14,15 +14,6 @@ from model.scene.scene import Scene, load_scene
 pytestmark = pytest.mark.gpu
 
 
-@pytest.fixture(autouse=True)
-def real_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    available, reason = gpu_available()
-    if not available or simulated():
-        pytest.skip(reason if not available else "the CUDA simulator is no GPU: too slow for this test")
-
-
 def end_state(scene: Scene, backend: str, steps: int, **options: object) -> State:
     with open_simulation(scene, backend, math="exact", **options) as simulation:  # type: ignore[arg-type]
         simulation.advance(steps // 3)

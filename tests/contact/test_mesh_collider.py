@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cloth_solve import cloth, each_solver, solve
-from surface_touch import fall_by, touch_by
+from cloth_solve import cloth, each_solver
+from surface_touch import check_falling_cloth, check_formulas, fall_by, touch_by
 
 from bench.reference import cloth as judge
 from model.contact.mesh_collider import MeshCollider
@@ -269,24 +269,15 @@ def test_a_blade_that_turns_sweeps_a_mass(floor: str) -> None:
 
 @pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)])
 def test_formulas_are_the_references(spin: Any) -> None:
-    """Of masses that fall on the terrain, some fast, some in contact: positions and velocities of the tree-less NumPy
-    reference (bench/reference), within 1000 roundings."""
+    """Of masses that fall on the terrain: the reference knows no tree."""
     mesh = {
         "shape": TERRAIN, "origin": (0.1, -0.2, 0.3), "angle": 20.0, "axis": (1.0, 0.2, 0.0), "velocity": (0.3, 0.1, -0.2),
         "spin": spin, "thickness": 0.12, "static_friction": 0.3, "dynamic_friction": 0.2,
     }  # fmt: skip
     scene = cloth(10, 20, mesh_collider=mesh, method={"dt": 0.02})
-    random, step = np.random.default_rng(8), 3
+    random = np.random.default_rng(8)
     position = random.uniform(-2, 2, (200, 3)) * [1, 0.15, 1] - [0, 0.3, 0]
-    velocity = random.normal(size=(200, 3)) * random.choice([0.1, 5.0, 80.0], (200, 1))
-    after = position + 0.02 * velocity
-    meet = touch(MeshCollider(**mesh))
-    found = [meet(step * 0.02, (step + 1) * 0.02, *each) for each in zip(position, after, velocity, strict=True)]
-    arrays = [array.reshape(10, 20, 3) for array in (position, after, velocity)]
-    expected = judge.collide(scene, *arrays, step)
-    assert 30 < (expected[1] != arrays[2]).any(axis=-1).sum() < 160
-    for own, wanted, size in zip(zip(*found, strict=True), expected, (2, 200), strict=True):
-        np.testing.assert_allclose(own, wanted.reshape(-1, 3), rtol=0, atol=1000 * size * 2.0**-53)
+    check_formulas(scene, touch(MeshCollider(**mesh)), position, random, 160)
 
 
 @each_precision
@@ -318,21 +309,13 @@ def test_compiled_formulas_have_the_bits_of_plain_ones(real: Any) -> None:
 
 @each_solver
 def test_a_cloth_falls_on_it(solver: str) -> None:
-    """Solvers of a sheet meet it, too: the reference's states within 1000 roundings of 3 m, by 20 steps."""
     mesh = {"shape": TERRAIN, "velocity": (0.1, 1.0, 0.0), "spin": (0.0, 0.3, 0.0), "thickness": 0.05}
     scene = cloth(
         6, 7, sheet={"placement": "flat", "origin": (-0.3, 0.5, 0.2)}, structural={"stiffness": 5.0}, gravity={},
         mesh_collider=mesh | {"static_friction": 0.4, "dynamic_friction": 0.3},
         method={"integrator": "semi-implicit-euler", "dt": 0.01},
     )  # fmt: skip
-    without = scene.replace({"mesh_collider.origin": (0.0, -9.0, 0.0)})
-    position, velocity = solve("reference", scene, 20)
-    met = np.abs(position - solve("reference", without, 20)[0]).max(axis=1) > 0.01
-    assert met.sum() > 10
-    if solver != "reference":
-        found = solve(solver, scene, 20)
-        np.testing.assert_allclose(found[0], position, rtol=0, atol=3000 * 2.0**-53)
-        np.testing.assert_allclose(found[1], velocity, rtol=0, atol=3000 * 100 * 2.0**-53)
+    check_falling_cloth(solver, scene, "mesh_collider")
 
 
 # ---------------------------------------------------------------------- scenes
@@ -367,11 +350,6 @@ def test_jelly_stays_above_the_mesh() -> None:
 def test_soft_on_mesh_has_the_cpus_bits_on_a_gpu() -> None:
     from bodies_scenes import end_state, same
 
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
     scene = load_scene("soft-on-mesh")
     expected = end_state(scene, precision="float32", steps=80, threads=2)
     for kernel in ("graph", "stages"):

@@ -18,15 +18,6 @@ pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
-
-
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize(
     "scene", [meeting(), meeting(1, 1, copies=3, sweeps=1), smooth()], ids=["few", "many", "smooth"]

@@ -13,7 +13,8 @@ import pytest
 from app.driver import open_simulation
 from app.plan.report import PlanReport, flatten, plan_report
 from model.core.errors import BackendUnavailable, SceneError
-from model.core.plan import Executor, Node, Plan, Stage, mass_spring_plan
+from model.core.plan import Executor, Node, Plan, Stage
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import load_scene
 
 SIZES = [(8, 8), (32, 32), (100, 100), (1000, 1000), (2048, 2048), (5, 100000)]

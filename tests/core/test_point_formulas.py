@@ -10,7 +10,6 @@ import pytest
 from model.formulas import (
     bending,
     cloth,
-    cloth_springs,
     cluster,
     contact,
     deformation,
@@ -20,6 +19,7 @@ from model.formulas import (
     particle_contact,
     rebound,
     shape_matching,
+    springs,
     wind,
 )  # fmt: skip
 
@@ -38,7 +38,7 @@ def vectors(count: int) -> np.ndarray:
 
 
 def test_a_spring_in_space_pulls_by_hookes_law_and_its_damper_against_the_lengthening() -> None:
-    made, w = cloth_springs.make(REAL), np.array([2.0, -1.0, 0.5])
+    made, w = springs.make_3d(REAL), np.array([2.0, -1.0, 0.5])
     n, k, rest, c = D / 1.3, 50.0, 1.0, 3.0
     assert made.spring_acceleration_3d(*D, k, k * rest) == pytest.approx(k * (1.3 - rest) * n)
     assert made.damped_pull_3d(*D, *w, k, k * rest, c) == pytest.approx((k * (1.3 - rest) + c * (w @ n)) * n)

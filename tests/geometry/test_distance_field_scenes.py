@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from bodies_scenes import end_state, opened, same
 from closed_meshes import ball, both, box
-from cloth_solve import cloth, each_solver, solve
+from cloth_solve import cloth, each_solver
 from field_scenes import BLOCK, CARRIER, block, falling_bar, falling_cloth
+from surface_touch import check_falling_cloth
 from test_mesh_collider import written
 
 from app.driver import open_simulation
@@ -27,16 +28,7 @@ from model.scene.scene import Scene, load_scene
 
 @each_solver
 def test_a_cloth_falls_on_it(solver: str) -> None:
-    """Solvers of a sheet meet it, too: the reference's states within 1000 roundings of 3 m, by 20 steps."""
-    scene = falling_cloth("semi-implicit-euler")
-    without = scene.replace({"distance_field.origin": (0.0, -9.0, 0.0)})
-    position, velocity = solve("reference", scene, 20)
-    met = np.abs(position - solve("reference", without, 20)[0]).max(axis=1) > 0.01
-    assert met.sum() > 10
-    if solver != "reference":
-        found = solve(solver, scene, 20)
-        np.testing.assert_allclose(found[0], position, rtol=0, atol=3000 * 2.0**-53)
-        np.testing.assert_allclose(found[1], velocity, rtol=0, atol=3000 * 100 * 2.0**-53)
+    check_falling_cloth(solver, falling_cloth("semi-implicit-euler"), "distance_field")
 
 
 def test_kernels_and_threads_agree() -> None:
@@ -170,11 +162,6 @@ def test_bodies_of_the_catalogue_stay_out_of_the_mill() -> None:
 
 @pytest.mark.gpu
 def test_a_gpu_has_the_cpus_bits() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
     for precision in ("float32", "float64"):
         expected = end_state(falling_bar(), precision=precision, threads=2)
         for kernel in ("launch", "stages"):

@@ -24,7 +24,7 @@ from app.window.scenery import KEY
 from app.window.surface import drawn_kinds, drawn_strain
 from model.core.build import rest_positions
 from model.geometry.normals import vertex_normals
-from model.geometry.topology import sheet_triangles as triangles
+from model.geometry.sheets import sheet_triangles as triangles
 from model.scene.scene import Scene
 
 HANGING: dict[str, Any] = {

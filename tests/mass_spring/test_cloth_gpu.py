@@ -19,15 +19,6 @@ STEPS = 300
 ONE_FORCE = [name for name in INTEGRATORS if name != "rk4"]
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the simulator is not a GPU; tests/simulator holds its tests")
-
-
 def scene_of(name: str, integrator: str, **changes: Any) -> Scene:
     """Explicit Euler and the compute shader's step are unstable from small steps on: 300 of these stay finite."""
     scene = cloth_scene(name, integrator, **changes)

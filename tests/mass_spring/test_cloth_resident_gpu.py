@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cloth_scenes import PARTS, cloth_scene
-from test_cloth_gpu import STEPS, assert_same, end_state, needs_gpu, scene_of  # noqa: F401  # a fixture
+from test_cloth_gpu import STEPS, assert_same, end_state, scene_of
 
 from app.driver import open_simulation
 from model.core.errors import SceneError

@@ -19,15 +19,6 @@ from model.scene.scene import Scene, load_scene
 pytestmark = pytest.mark.gpu
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the simulator is not a GPU; tests/simulator holds its tests")
-
-
 def busy_scene(integrator: str, rows: int = 37, columns: int = 61) -> Scene:
     """Every part that the lab grid can have, on a grid that no block divides."""
     return load_scene("lab-grid").replace(

@@ -17,15 +17,6 @@ pytestmark = pytest.mark.gpu
 STEPS = 70  # more than one launch does
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the simulator is not a GPU; tests/simulator holds its tests")
-
-
 def end_state(scene: Scene, backend: str, steps: int = STEPS, **options: Any) -> tuple[State, list[int]]:
     with open_simulation(scene, backend, live=("poke", "dt"), **({"math": "exact"} | options)) as simulation:
         simulation.poke(*POKE)

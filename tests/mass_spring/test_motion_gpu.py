@@ -19,15 +19,6 @@ pytestmark = pytest.mark.gpu
 STEPS = 300
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the simulator is not a GPU; tests/simulator holds its tests")
-
-
 def end_state(scene: Scene, backend: str, steps: int = STEPS, **options: Any) -> State:
     """After so many steps; after a third of them the state is read and loaded, after two thirds dt is changed."""
     options = {"math": "exact", "live": ("dt",), "allow_unstable": True} | options

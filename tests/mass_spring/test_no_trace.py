@@ -27,7 +27,7 @@ from app.driver import open_simulation
 from cpu_backend.mass_spring.grid.kernels import make_advance
 from model.core.integrators import INTEGRATORS
 from model.core.parameters import PARAMETERS
-from model.core.plan import mass_spring_plan
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import Scene, load_scene
 
 PRECISIONS = ["float32", "float64"]

@@ -60,7 +60,7 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "model/formulas/cloth_springs.py",
+        "model/formulas/springs.py",
         "test_point_formulas.py",
         {
             "springs of a cloth are dampers that drive": (

@@ -19,9 +19,9 @@ from model.core.energy import energies
 from model.core.errors import Diverged, SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
-from model.core.plan import mass_spring_plan
 from model.core.stability_limit import MAX_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
 from model.mass_spring.energy import spring_ends, spring_stiffness
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)
@@ -134,11 +134,6 @@ def test_a_live_stiffness_keeps_the_ratio():
 @pytest.mark.parametrize("name", ["lab", "velocity-verlet", "rk4"])
 @pytest.mark.parametrize("kernel", ["stages", "launch", "graph", None])
 def test_the_gpu_gives_the_bits_of_the_cpu(kernel, name, precision):
-    from gpu_backend.core.device import gpu_available, simulated
-
-    available, reason = gpu_available()
-    if not available or simulated():
-        pytest.skip(reason if not available else "the CUDA simulator has tests of its own")
     scene = uneven(name)
     expected = stepped(scene, precision=precision, kernel="fused", threads=1)
     assert np.array_equal(stepped(scene, backend="gpu", kernel=kernel, precision=precision), expected)

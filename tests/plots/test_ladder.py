@@ -19,7 +19,7 @@ from synthetic_store import (
 from bench.store.database import Store
 from labbook import tables as book_tables
 from labbook.claims import kernels as kernel_claims
-from model.core.plan import mass_spring_plan
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import load_scene
 from plots.core.data import Results
 from plots.core.ladder import defaults, fastest, in_order, machine_of, rung

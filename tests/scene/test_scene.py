@@ -8,7 +8,7 @@ import pytest
 from bench.reference import mass_spring as reference
 from model.core.build import build, pinned_indices
 from model.core.errors import SceneError
-from model.core.plan import present_parts
+from model.mass_spring.plan import present_parts
 from model.scene.reader import catalogue, parse_settings, parse_value
 from model.scene.scene import Scene, load_scene
 from model.scene.sheets import rest_lines

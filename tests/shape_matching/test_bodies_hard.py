@@ -180,11 +180,6 @@ def cases() -> dict[str, tuple[Scene, State | None, int]]:
 @BOTH
 @pytest.mark.parametrize("case", ["a point", "mirrored", "shot", "inside", "stack", "heap"])
 def test_a_gpu_has_the_cpus_bits(case: str, precision: str) -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
     scene, begin, steps = cases()[case]
     expected = end_state(scene, start=begin, steps=steps, precision=precision)
     for kernel in ("graph", "launch"):

@@ -10,15 +10,6 @@ pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
-
-
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("counts,region", [((5, 4, 3), 2), ((3, 9, 2), 3), ((17, 11, 33), 4)])
 def test_bits_are_the_cpus(counts: tuple[int, int, int], region: int, precision: str) -> None:

@@ -84,7 +84,7 @@ def test_colours_share_no_particle_and_copies_are_coloured_alike() -> None:
         ends = links.ends[links.starts[number] : links.starts[number + 1]].ravel()
         assert len(np.unique(ends)) == len(ends)
     assert links.count == links.starts[-1] == len(np.unique(links.ends, axis=0))
-    assert set(np.unique(links.softness)) == {1 / 500.0, 1 / 9.0}
+    assert set(np.unique(links.compliance)) == {1 / 500.0, 1 / 9.0}
     assert make_links([]).colours == 0 and make_links([]).count == 0
 
 

@@ -9,15 +9,6 @@ from test_matching import end_state, everything
 pytestmark = pytest.mark.gpu
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
-
-
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("region,substeps,iterations", [(1, 1, 1), (1, 2, 3), (3, 2, 2)])
 def test_bits_are_the_cpus(region: int, substeps: int, iterations: int, precision: str) -> None:

@@ -31,12 +31,6 @@ def solve(
     ]
     if solver == "reference":
         return reference.simulate(scene, steps, *begin)
-    if solver == "gpu":
-        from gpu_backend.core.device import gpu_available, simulated
-
-        available, reason = gpu_available()
-        if not available or simulated():
-            pytest.skip(reason if not available else "the CUDA simulator is no GPU: too slow for this test")
     from app.driver import open_simulation
 
     threads = {"threads": 1} if solver == "cpu" else {}

@@ -6,7 +6,9 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from cloth_solve import solve
 
+from bench.reference import cloth as judge
 from model.contact.surface_collider import SurfaceCollider
 from model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
 from model.scene.scene import Scene
@@ -39,3 +41,29 @@ def fall_by(meet: Any, place: Any, velocity: Any, steps: int, dt: float, gravity
         v = v - [0, gravity * dt, 0]
         p, v = meet(step * dt, (step + 1) * dt, p, p + dt * v, v)
     return p, v
+
+
+def check_formulas(scene: Scene, meet: Any, position: np.ndarray, random: np.random.Generator, most: int) -> None:
+    """Of masses at `position` (200, 3), some fast, some in contact, 30 to `most` of which meet the scene's collider:
+    positions and velocities of the NumPy reference (bench/reference), within 1000 roundings of what they are made from."""
+    step = 3
+    velocity = random.normal(size=(200, 3)) * random.choice([0.1, 5.0, 80.0], (200, 1))
+    after = position + 0.02 * velocity
+    found = [meet(step * 0.02, (step + 1) * 0.02, *each) for each in zip(position, after, velocity, strict=True)]
+    arrays = [array.reshape(10, 20, 3) for array in (position, after, velocity)]
+    expected = judge.collide(scene, *arrays, step)
+    assert 30 < (expected[1] != arrays[2]).any(axis=-1).sum() < most
+    for own, wanted, size in zip(zip(*found, strict=True), expected, (2, 200), strict=True):
+        np.testing.assert_allclose(own, wanted.reshape(-1, 3), rtol=0, atol=1000 * size * 2.0**-53)
+
+
+def check_falling_cloth(solver: str, scene: Scene, collider: str) -> None:
+    """Solvers of a sheet meet the `collider`, too: the reference's states within 1000 roundings of 3 m, by 20 steps."""
+    without = scene.replace({f"{collider}.origin": (0.0, -9.0, 0.0)})
+    position, velocity = solve("reference", scene, 20)
+    met = np.abs(position - solve("reference", without, 20)[0]).max(axis=1) > 0.01
+    assert met.sum() > 10
+    if solver != "reference":
+        found = solve(solver, scene, 20)
+        np.testing.assert_allclose(found[0], position, rtol=0, atol=3000 * 2.0**-53)
+        np.testing.assert_allclose(found[1], velocity, rtol=0, atol=3000 * 100 * 2.0**-53)

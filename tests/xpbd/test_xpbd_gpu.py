@@ -19,15 +19,6 @@ STEPS = 60
 ORDERINGS = ("gauss-seidel", "jacobi", "averaged-jacobi")
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the simulator is not a GPU; tests/simulator holds its tests")
-
-
 def end_state(scene: Scene, backend: str, steps: int = STEPS, poke: bool = True, **options: Any) -> State:
     live = ("poke",) if poke else ()
     with open_simulation(scene, backend, live=live, allow_unstable=True, **options) as simulation:

@@ -16,15 +16,6 @@ pytestmark = pytest.mark.gpu
 KERNELS = ("graph", "launch", "stages")
 
 
-@pytest.fixture(autouse=True)
-def needs_gpu() -> None:
-    from gpu_backend.core.device import gpu_available, simulated
-
-    works, reason = gpu_available()
-    if not works or simulated():
-        pytest.skip(reason if not works else "the CUDA simulator is no GPU")
-
-
 def end_state(scene: Scene, backend: str, steps: int = 40, **options: Any) -> State:
     options = {"math": "exact"} | options
     with open_simulation(scene, backend, live=["poke"], **options) as simulation:

@@ -20,7 +20,7 @@ from cpu_backend.core.own_forces import make_own_row
 from cpu_backend.mass_spring.cloth.scratch import AXES, REACH, make_scratch, triples_of
 from cpu_backend.mass_spring.cloth.wind import make_winds
 from model.core.own_forces import own_changes, own_forces
-from model.formulas import cloth_springs
+from model.formulas import springs
 from model.mass_spring.cloth_parameters import (
     spring_constants,
 )
@@ -31,7 +31,7 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
     """pulls(blocks, source, plane, here, there, parameters, scratch, triple, width): on the masses from `here` on, by springs
     of a kind that lead to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
-    formulas = cloth_springs.make(real, compiler.compiled)
+    formulas = springs.make_3d(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = spring_constants(kind)
 

@@ -13,14 +13,14 @@ from numba import prange
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
-from model.formulas import cloth_springs
+from model.formulas import springs
 from model.mass_spring.cloth_parameters import spring_constants
 from model.scene.cloth import SPRING_KINDS
 
 
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:
     """pull(state, i, j, row, column, parameters): on mass (i, j), by its spring of a kind to (row, column)."""
-    formulas = cloth_springs.make(real, compiler.compiled)
+    formulas = springs.make_3d(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = spring_constants(kind)
 

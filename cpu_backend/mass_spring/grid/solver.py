@@ -21,8 +21,9 @@ from cpu_backend.mass_spring.grid.rk4 import make_advance_rk4
 from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
 from cpu_backend.mass_spring.grid.stages import bind_stages
 from cpu_backend.mass_spring.grid.tiled import make_tiled_advance
-from model.core.plan import Executor, mass_spring_plan
+from model.core.plan import Executor
 from model.core.simulation import Options
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import Scene
 
 

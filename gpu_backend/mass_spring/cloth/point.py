@@ -19,7 +19,7 @@ from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import WIND_SEED, knows_time
 from gpu_backend.core.quads import load_quad
-from model.formulas import cloth, cloth_springs, implicit, manufactured, random, springs, wind
+from model.formulas import cloth, implicit, manufactured, random, springs, wind
 from model.mass_spring.cloth_parameters import (
     CLOTH_PARAMETERS,
     spring_constants,
@@ -45,7 +45,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
     `product` for what its matrix makes of the vector that `velocity` then is.
     """
-    pulls, of_system = device_formulas(cloth_springs.make, real, math), device_formulas(implicit.make, real, math)
+    pulls, of_system = device_formulas(springs.make_3d, real, math), device_formulas(implicit.make, real, math)
     spring_acceleration_3d, end_pull_3d, at_end = pulls.spring_acceleration_3d, of_system.end_pull_3d, system == "end"
     damped_pull_3d = of_system.product_3d if system == "product" else pulls.damped_pull_3d
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
@@ -135,7 +135,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`structural`, `shear`, `bending`: pull(q, p, there, values) on the mass p by a spring to q, both (x, y, z, vx, vy, vz);
     none unless `there`. And sums by axis, `paired`, `carried`."""
-    formulas = device_formulas(cloth_springs.make, real, math)
+    formulas = device_formulas(springs.make_3d, real, math)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     inline = inlined(math)
     zero = real(0)

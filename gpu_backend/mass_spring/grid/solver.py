@@ -23,8 +23,9 @@ from gpu_backend.mass_spring.passes import SheetPasses
 from model.core.errors import SceneError
 from model.core.options import unknown_kernel
 from model.core.own_forces import EXTERNAL_SEED, own_changes
-from model.core.plan import Executor, mass_spring_plan
+from model.core.plan import Executor
 from model.core.simulation import Options
+from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import Scene
 
 KERNELS = ("one-block", "resident", "tiles", "graph", "launch", "stages")

@@ -1,0 +1,116 @@
+"""The plan of a mass-spring step: what those of a grid and of a cloth share, and the grid's (see model/core/plan.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from model.core.errors import SceneError
+from model.core.own_forces import own_forces, own_parts
+from model.core.plan import Node, Plan, Stage
+from model.formulas import integrators, manufactured, springs, wind
+from model.scene.scene import Scene
+
+TRIANGLES_EACH = 6  # of a cloth, that a mass is a corner of
+WIND = TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)  # with the mean velocity of a triangle's corners
+
+Stages = tuple[Stage, ...]
+
+
+def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
+    """The parts of any sheet that need a stage: those of the scene that do anything, and those that may be switched on
+    live."""
+    damping, gravity = scene.damping, scene.gravity
+    needed = {
+        "damping": (damping and damping.coefficient > 0) or "damping" in live,
+        "gravity": (gravity and gravity.enabled and gravity.acceleration > 0) or "gravity" in live,
+        "pins": scene.grid.pinned not in ("none", []),
+    }
+    return {name for name, does in needed.items() if does} | own_parts(scene, live)
+
+
+def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The parts of a grid that need a stage, see `sheet_parts`; `alternating` has none of its own: which stiffness a spring
+    has."""
+    needed = {
+        "springs": scene.springs or "stiffness" in live,
+        "alternating": scene.springs and scene.springs.alternate,
+        "manufactured": scene.manufactured,
+    }
+    return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
+
+
+def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: float) -> Stages:
+    """The stages of a mass' forces, `offset` steps after the step's beginning; `pulls`: that of the springs, where there are
+    any."""
+    fields = {"gravity": Stage("gravity", 1, 1, 1), "wind": Stage("wind", 3, 1, WIND, offset)}
+    last = {
+        "manufactured": Stage("manufactured force", 1, 1, manufactured.OPERATIONS, offset),
+        "damping": Stage("damping", 2, 1, 2 * axes),
+    }
+    return (
+        pulls or Stage("no forces", 0, 1, 0),
+        *(stage for part, stage in fields.items() if part in parts),
+        *own_stages(parts),
+        *(stage for part, stage in last.items() if part in parts),
+    )
+
+
+def own_stages(parts: frozenset[str], memory: int = 1) -> Stages:
+    """Of the forces on a particle by itself; `memory` 0 where they cost none, since positions are predicted with them."""
+    return tuple(
+        Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)
+        for force in own_forces(parts)
+    )
+
+
+def stepped(
+    integrator: str,
+    axes: int,
+    forces: Callable[[float], Stages],
+    pins: Callable[[float], Stages],
+    kicks: tuple[int, int],
+    touch: Stages = (),
+) -> tuple[Node, int]:
+    """(the tree of an explicit step, the scalars per particle and axis that one moves when fused). `forces`, `pins`: the
+    stages at that offset from the step's beginning; `kicks`: operations of velocity Verlet's two; `touch`: what collides."""
+    operations = axes * integrators.OPERATIONS[integrator]
+    children: list[Node | Stage]
+    if integrator == "velocity-verlet":
+        children = [
+            Node("forces at the start", forces(0.0)),
+            Stage("first half kick and drift", 3, 2, kicks[0]),
+            *touch,
+            *pins(1.0),
+            Node("forces at the end", forces(1.0)),
+            Stage("second half kick", 2, 1, kicks[1]),
+            *pins(1.0),
+        ]
+        return Node(
+            "step", tuple(children)
+        ), 4  # the kicks of neighbouring steps meet in one pass: one force a step is enough
+    if integrator == "rk4":
+        children = []
+        for stage, (offset, end) in enumerate(((0.0, 0.5), (0.5, 0.5), (0.5, 1.0), (1.0, 1.0)), start=1):
+            sums = Stage(f"accumulate (rk4 {stage})", 7, 4, operations // 4)
+            children.append(Node(f"stage {stage}", (*forces(offset), sums, *(touch if stage == 4 else ()), *pins(end))))
+        return Node("step", tuple(children)), 4 * 10
+    children = [*forces(0.0), Stage(f"integrate ({integrator})", 3, 2, operations), *touch, *pins(1.0)]
+    return Node("step", tuple(children)), 4
+
+
+def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """The plan of the mass-spring solver for the scene's parts and integrator. Raises SceneError."""
+    parts = present_parts(scene, live)
+    if scene.springs and {"alternating", "manufactured"} <= parts:
+        raise SceneError(
+            "springs.stiffness_ratio", scene.springs.stiffness_ratio,
+            "must be 1 with a manufactured force, whose formula knows one stiffness",
+        )  # fmt: skip
+    integrator = scene.method.integrator
+    acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # whose damper is part of the kicks
+    pulls = Stage("spring forces", 1, 1, 2 * springs.OPERATIONS_SPRING_2D + 6) if "springs" in parts else None
+    pins = (Stage("pins", 0, 0, 0),) if "pins" in parts else ()
+    kicks = (12, 6) if "damping" in parts else (8, 4)
+    root, scalars = stepped(integrator, 2, partial(force_stages, acting, pulls, 2), lambda offset: pins, kicks)
+    return Plan(root, scalars, parts)

@@ -1,0 +1,49 @@
+"""What parts made from a mesh have in common, bodies and colliders: where it comes from, where it stands, how it turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pydantic import model_validator
+
+from model.geometry.shapes import Shape
+from model.geometry.topology import file_digest, mesh_path
+from model.scene.parts import ZERO, Number, Part, Positive, Vector
+
+OF_FILES = ("file", "digest", "scale")
+
+
+class MeshSource(Part):
+    """A part made from one of the lab's shapes or from a file."""
+
+    such_as: ClassVar[str]  # a shape to name where none is given
+    contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {"shape": OF_FILES, "file": ("shape", "digest")}
+
+    shape: Shape | None = None  # of the lab's own
+    file: str | None = None  # .obj, .stl or .ply
+    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
+    scale: Positive = 1.0  # m per unit of the file
+    origin: Vector = ZERO  # m
+    angle: Number = 0.0  # degrees
+    axis: Vector = (0.0, 1.0, 0.0)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MeshSource:
+        if (self.shape is None) == (self.file is None):
+            raise ValueError(f'file: give either a file or a shape, such as shape = {{ name = "{self.such_as}" }}')
+        if self.shape is not None and (self.digest is not None or self.scale != 1):
+            raise ValueError("scale: belongs to a file; a shape has a scale of its own")
+        if self.angle != 0 and not any(self.axis):
+            raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
+        if self.file is not None:
+            digest = file_digest(mesh_path(self.file))
+            if self.digest not in (None, digest):
+                raise ValueError(f"digest: {self.file} is another file by now ({digest}); leave it out")
+            self.__dict__["digest"] = digest  # the part is frozen for everyone else
+        return self
+
+    def _idle_fields(self) -> set[str]:
+        """Only what can be given: a scene that is written can be read."""
+        idle = set(OF_FILES) if self.shape is not None else {"shape"}
+        return super()._idle_fields() | idle | {name for name in type(self).model_fields if getattr(self, name) is None}
