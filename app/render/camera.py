@@ -45,6 +45,13 @@ class Camera:
     y: float = 0.0
     scale: float = 30.0
 
+    def matrix(self) -> np.ndarray:
+        """(4, 4): homogeneous world coordinates (a column; z = 0) -> clip coordinates of OpenGL, without perspective."""
+        across, up = 2 * self.scale / self.width, 2 * self.scale / self.height
+        found = np.diag([across, up, 0.0, 1.0])
+        found[:2, 3] = -across * self.x, -up * self.y
+        return found
+
     def to_window(self, position: np.ndarray) -> np.ndarray:
         """(..., 2) metres -> (..., 2) pixels."""
         return (np.asarray(position, dtype=np.float64) - (self.x, self.y)) * self.scale + (

@@ -14,19 +14,15 @@ from model.scene.scene import Scene
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
-    """A SceneView or, for a cloth, a View3D, for bodies a BodiesView, in the current OpenGL context. Raises
-    BackendUnavailable.
+    """A SheetView or, for bodies, a BodiesView, in the current OpenGL context. Raises BackendUnavailable.
 
     `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
     from app.render.bodies_view import BodiesView
-    from app.render.scene_view import SceneView
-    from app.render.view3d import View3D
+    from app.render.sheet_view import SheetView
 
-    if scene.dimensions == 2:
-        return SceneView(scene)
     detail = usual_detail(renderer_name()) if quick else FINE
-    return (BodiesView if scene.bodies else View3D)(scene, detail)
+    return (BodiesView if scene.bodies else SheetView)(scene, detail)
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:

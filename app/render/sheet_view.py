@@ -1,16 +1,18 @@
-"""Draws one cloth in space into the current OpenGL context, as a lit surface or as springs coloured by strain, with what it
-collides with and a ground. The window and the off-screen pictures both draw through here."""
+"""Draws one sheet into the current OpenGL context: a grid in a plane as springs coloured by strain; a cloth in space as a lit
+surface or as such springs, with what it collides with and a ground."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
-from app.render import colours, shaders3d
+from app.render import colours, shaders
 from app.render.camera3d import Camera3D
 from app.render.opengl import shader_program
-from app.render.scene_view import PIN_SIZE, POINTS_FROM, WIDE_UP_TO
-from app.render.space_view import SpaceView
 from app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
+from app.render.view import View
 from app.window.detail import FINE, Detail
 from app.window.scenery import Drawn
 from app.window.surface import drawn_lines
@@ -19,11 +21,35 @@ from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
 
+WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
+POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
+PIN_SIZE = 9.0  # pixels, at least
 PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
 
 
-class View3D(SpaceView):
-    """See SpaceView; `lines`: as springs and not as a surface."""
+@dataclass(frozen=True)
+class Sizes:
+    """Of half a `spring`'s width and of a `mass`: (share of what neighbours are apart, least, most [pixels]); `pin` [pixels]:
+    how much larger it is than a mass; `soft` [pixels]: what a spring's fading edges take, where pixels have one sample."""
+
+    spring: tuple[float, float, float]
+    mass: tuple[float, float, float]
+    pin: float
+    soft: float
+
+
+IN_PLANE = Sizes((0.05, 0.6, 2.5), (0.28, 3.0, 16.0), 4.0, 1.0)
+IN_SPACE = Sizes((0.035, 0.5, 2.0), (0.2, 3.0, 12.0), -np.inf, 0.0)
+
+
+def of_distance(apart: float, size: tuple[float, float, float]) -> float:
+    """Pixels of what has such a size, where neighbours are `apart` pixels apart."""
+    share, least, most = size
+    return min(max(share * apart, least), most)
+
+
+class SheetView(View):
+    """See View; `lines`: as springs and not as a surface, which a plane has not."""
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
@@ -31,10 +57,11 @@ class View3D(SpaceView):
         super().__init__(scene, detail)
         lines = drawn_lines(scene)
         self.springs = sum(len(pairs) for pairs, _ in lines)
-        self._wide = self.springs <= WIDE_UP_TO
-        geometry = shaders3d.WIDE_SPRINGS if self._wide else shaders3d.THIN_SPRINGS
-        self._spring_program = shader_program(shaders3d.VERTEX, shaders3d.SPRING_FRAGMENT, geometry)
-        pins, faces = pinned_indices(scene.grid).astype(np.uint32), triangles_of(scene)
+        self._wide, self._sizes = self.springs <= WIDE_UP_TO, IN_SPACE if self.space else IN_PLANE
+        geometry = shaders.WIDE_SPRINGS if self._wide else shaders.THIN_SPRINGS
+        self._spring_program = shader_program(shaders.VERTEX, shaders.SPRING_FRAGMENT, geometry)
+        pins = pinned_indices(scene.grid).astype(np.uint32)
+        faces = triangles_of(scene) if self.space else np.zeros((0, 3), np.uint32)
         self.lines = not len(faces)
         self._buffers: list[int] = []
         self._surface = self._drawn(faces, gl.GL_TRIANGLES)
@@ -43,24 +70,25 @@ class View3D(SpaceView):
 
     def _drawn(self, elements: np.ndarray, mode: int) -> Drawn:
         self._buffers.append(static_buffer(elements))
-        array = vertex_array(self.vertices.position_buffer, self._buffers[-1], self.vertices.normal_buffer)
+        normal = self.vertices.normal_buffer if self.space else None
+        array = vertex_array(self.vertices.position_buffer, self._buffers[-1], normal, self.scene.dimensions)
         return array, mode, elements.size
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send positions (particles, 3) [m], with their normals where they are known. Raises InputError."""
+        """Send positions (particles, dimensions) [m], with their normals where they are known. Raises InputError."""
         self.vertices.upload_state(position, not self.lines, normal)
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """Send the state of a simulation; `position` (particles, 3) float32, if the caller has read it already."""
+        """Send the state of a simulation; `position` (particles, dimensions) float32, if the caller has read it already."""
         self.vertices.upload(simulation, not self.lines, position)
 
     def toggle_lines(self) -> bool:
-        """Surface or springs; whether it is springs now. A cloth without springs, or without a surface, has no choice."""
+        """Surface or springs; whether it is springs now. A sheet without springs, or without a surface, has no choice."""
         if self._lines and self._surface[2]:
             self.lines = not self.lines
         return self.lines
 
-    def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
+    def _draw_solid(self, camera: Any, strain_range: float) -> None:
         if self.lines:
             self._draw_springs(camera, strain_range)
             return
@@ -73,34 +101,36 @@ class View3D(SpaceView):
         shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surface]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
 
-    def _draw_springs(self, camera: Camera3D, strain_range: float) -> None:
+    def _draw_springs(self, camera: Any, strain_range: float) -> None:
         program = self._spring_program
         program.use()
         program["transform"] = uniform_matrix(camera.matrix())
         program["toward"] = 0.0
-        program["offset"] = 1.0
         program["strain_range"] = strain_range
         program["stops"] = tuple(tuple(float(part) for part in stop) for stop in colours.STOPS)
+        program["half_width"] = 0.5
         if self._wide:
-            program["window"] = (camera.width, camera.height)
-            program["half_width"] = min(max(0.035 * camera.scale * self.scene.grid.spacing, 0.5), 2.0)
+            program["window"], program["soft"] = (camera.width, camera.height), self._sizes.soft
+            program["half_width"] = of_distance(camera.scale * self.scene.grid.spacing, self._sizes.spring)
         for drawn, rest in self._lines:
-            program["inverse_rest"] = 1 / rest
+            program["inverse_rest"], program["offset"] = 1 / (rest or self.scene.grid.spacing), 1.0 if rest else 0.0
             draw_elements(*drawn)
         program.stop()
 
-    def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
+    def _draw_over(self, camera: Any, selected: int | None) -> None:
         from pyglet import gl
 
         apart = self.detail.coarse * camera.scale * self.scene.grid.spacing  # pixels of the window
-        size = min(max(0.2 * apart, 3.0), 12.0)
+        size = of_distance(apart, self._sizes.mass)
         self._use_points(camera, self._pins[0])
         if self.lines and (apart >= POINTS_FROM or not self.springs):
-            self._style(size, colours.INK, colours.BACKGROUND if size > 5 else colours.INK, MASS_TOWARD)
+            rim = colours.BACKGROUND if size > 5 else colours.INK  # a bright rim would hide a thin spring's ends
+            self._style(size, colours.INK, rim, MASS_TOWARD)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
         if self._pins[2]:
+            # rims of a dense row would hide its pins
             rim = colours.BACKGROUND if apart > PIN_SIZE * self.detail.coarse else colours.PIN
-            self._style(PIN_SIZE, colours.PIN, rim, PIN_TOWARD, square=True)
+            self._style(max(PIN_SIZE, size + self._sizes.pin), colours.PIN, rim, PIN_TOWARD, square=True)
             draw_elements(*self._pins)
         if selected is not None:
             self._ring(selected)
