@@ -63,7 +63,7 @@ class Overlay:
         width, height = viewer.width, viewer.height
         below = self._draw_numbers(now) if self.show_numbers else 0
         below += self._draw_titles()
-        if self._legend is not None and (not viewer.space or viewer.views[0].lines):
+        if self._legend is not None and viewer.views[0].lines:
             self._legend.place(width, demo.statistics.strain_range)
             self._legend.draw()
         if demo.message_count != self._message[0]:

@@ -1,13 +1,11 @@
-"""Which view and which camera a scene needs: those of a plane or those of space."""
+"""Which view and which camera a scene needs: those of a plane or those of space, of a sheet or of bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-from app.render.camera import Camera
+from app.render.camera import Camera2D
 from app.render.camera3d import Camera3D
-from app.render.collider_shapes import with_colliders
 from app.render.opengl import renderer_name
 from app.window.detail import FINE, usual_detail
 from model.scene.scene import Scene
@@ -26,11 +24,5 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:
-    """A Camera or, in space, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
-    return Camera3D(width, height) if scene.dimensions == 3 else Camera(width, height)
-
-
-def seen_bounds(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """What the view is to hold: the masses within `bounds`, as `finite_bounds` gives them, and in space the colliders near
-    them at `time` [s]."""
-    return with_colliders(scene, bounds, time) if scene.dimensions == 3 else tuple(bounds)
+    """A Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
+    return (Camera3D if scene.dimensions == 3 else Camera2D)(width, height)

@@ -28,7 +28,7 @@ from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clu
 from app.render.skinning import ClusterFrames, of_quaternions
 from app.window.controls import BODY_KEYS, KEYS, hint, keys_text
 from app.window.hand import neighbour
-from app.window.mouse import SpaceMouse
+from app.window.mouse import Mouse
 from app.window.scenery import KEY
 from model.core.errors import InputError
 from model.scene.scene import Scene
@@ -343,9 +343,9 @@ def test_a_frame_takes_a_frames_time(demo: Demo) -> None:
 
 def test_the_particle_under_the_pointer_is_taken_between_others_too(demo: Demo) -> None:
     """What a skin hides between two particles that are seen 40 pixels apart."""
-    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True)
+    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True, space=True)
     viewer.pyglet = SimpleNamespace(window=SimpleNamespace(mouse=SimpleNamespace(LEFT=1, MIDDLE=2, RIGHT=4)))
-    mouse = SpaceMouse(viewer)
+    mouse = Mouse(viewer)
     torus = np.flatnonzero(BODY_SET.body == 2)
     particle = int(torus[np.argmax(BODY_SET.position[torus] @ viewer.camera.axes[2])])
     viewer.camera._aim(BODY_SET.position[particle])

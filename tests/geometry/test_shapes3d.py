@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.render.camera3d import MAX_PITCH, Camera3D, pick
+from app.render.camera import pick
+from app.render.camera3d import MAX_PITCH, Camera3D
 from app.render.collider_shapes import (
     Mesh,
     box_mesh,

@@ -152,7 +152,7 @@ def test_a_mass_of_the_world_under_the_pointer_is_pulled_alone(pair: Demo) -> No
     pair.frame()
     pair.turn_to(1)
     x, y = pair.position[particle].astype(float)
-    assert pair.press(x, y, 0.5)
+    assert pair.take(particle, (x, y))
     pair.drag(x + 3, y)
     assert pair.force()[0] > 0
     pair.frame()
