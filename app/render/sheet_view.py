@@ -23,23 +23,22 @@ from model.scene.sheets import triangles_of
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
 POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
-PIN_SIZE = 9.0  # pixels, at least
+PIN_SIZE, PIN_MORE = 9.0, 4.0  # pixels, at least, and than a mass: a pin is always larger than one
 PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of half a `spring`'s width and of a `mass`: (share of what neighbours are apart, least, most [pixels]); `pin` [pixels]:
-    how much larger it is than a mass; `soft` [pixels]: what a spring's fading edges take, where pixels have one sample."""
+    """Of half a `spring`'s width and of a `mass`: (share of what neighbours are apart, least, most [pixels]); `soft`
+    [pixels]: what a spring's fading edges take, where pixels have one sample."""
 
     spring: tuple[float, float, float]
     mass: tuple[float, float, float]
-    pin: float
     soft: float
 
 
-IN_PLANE = Sizes((0.05, 0.6, 2.5), (0.28, 3.0, 16.0), 4.0, 1.0)
-IN_SPACE = Sizes((0.035, 0.5, 2.0), (0.2, 3.0, 12.0), -np.inf, 0.0)
+IN_PLANE = Sizes((0.05, 0.6, 2.5), (0.28, 3.0, 16.0), 1.0)
+IN_SPACE = Sizes((0.035, 0.5, 2.0), (0.2, 3.0, 12.0), 0.0)
 
 
 def of_distance(apart: float, size: tuple[float, float, float]) -> float:
@@ -121,16 +120,17 @@ class SheetView(View):
         from pyglet import gl
 
         apart = self.detail.coarse * camera.scale * self.scene.grid.spacing  # pixels of the window
-        size = of_distance(apart, self._sizes.mass)
+        size, pin = of_distance(apart, self._sizes.mass), PIN_SIZE
         self._use_points(camera, self._pins[0])
         if self.lines and (apart >= POINTS_FROM or not self.springs):
             rim = colours.BACKGROUND if size > 5 else colours.INK  # a bright rim would hide a thin spring's ends
             self._style(size, colours.INK, rim, MASS_TOWARD)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
+            pin = max(pin, size + PIN_MORE)
         if self._pins[2]:
             # rims of a dense row would hide its pins
             rim = colours.BACKGROUND if apart > PIN_SIZE * self.detail.coarse else colours.PIN
-            self._style(max(PIN_SIZE, size + self._sizes.pin), colours.PIN, rim, PIN_TOWARD, square=True)
+            self._style(pin, colours.PIN, rim, PIN_TOWARD, square=True)
             draw_elements(*self._pins)
         if selected is not None:
             self._ring(selected)
