@@ -18,7 +18,7 @@ from test_viewer import Window, display, needs_display  # noqa: F401  # a fixtur
 
 from app.command.demo import Demo
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
-from app.output.video import render
+from app.output.video import Picture, render
 from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
@@ -251,14 +251,14 @@ def test_frames_and_clips_of_a_cloth(tmp_path: Path) -> None:
 
     tables = HANGING | {"gravity": {}, "sphere": {"center": [1.0, -2.0, 0.0], "radius": 0.3, "velocity": [0, 3.0, 0]}}
     simulation = FakeCloth(Scene(tables))
-    frame = render(simulation, tmp_path / "frame.png", width=320, height=240)
+    frame = render(simulation, tmp_path / "frame.png", picture=Picture(320, 240))
     assert np.asarray(Image.open(frame)).shape == (240, 320, 3)
-    clip = render(simulation, tmp_path / "clip.mp4", steps=30, steps_per_frame=10, width=160, height=120)
+    clip = render(simulation, tmp_path / "clip.mp4", steps=30, steps_per_frame=10, picture=Picture(160, 120))
     assert imageio_ffmpeg.count_frames_and_secs(clip)[0] == 4
     assert simulation.asked.count("normal") == 4
     assert render_frame(simulation.scene, REST, tmp_path / "lines.png", 160, 120, lines=True, time=0.2).exists()
     states = np.stack([REST, 1.1 * REST])
-    assert render(states, tmp_path / "states.mp4", scene=SCENE, width=160, height=120).exists()
+    assert render(states, tmp_path / "states.mp4", scene=SCENE, picture=Picture(160, 120)).exists()
 
 
 # ---------------------------------------------------------------------- the demo
