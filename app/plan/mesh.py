@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from app.plan.passes import BackendPlan, Pass, merged_pass
+from app.plan.passes import BackendPlan, Pass, gpu_device, item_bytes, merged_pass
 from model.core.plan import Plan
-from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
 
 def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """The stages of an iteration in the order of the plan, each a pass of its own; velocities and colliders are one."""
-    item = np.dtype(PRECISIONS[precision]).itemsize
+    item = item_bytes(precision)
     stages = list({stage.name: stage for stage in plan.root.stages()}.values())
     last = [stage for stage in stages if stage.name in ("update velocity", "collide")]
     found = [
@@ -36,9 +33,6 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    from gpu_backend.core.device import gpu_available
-
-    available, device = gpu_available()
     why = "a thread a constraint, a launch a colour, captured"
     passes = _passes(plan, precision, "a launch")
-    return BackendPlan("gpu", device if available else "none here", "graph", None, why, passes)
+    return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)
