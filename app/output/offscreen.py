@@ -13,10 +13,10 @@ import numpy as np
 from app.output.pictures import write_png
 from app.render import colours
 from app.render.camera import finite_bounds
+from app.render.drawn_springs import drawn_strain
 from app.render.framing import seen_points, seen_radius
 from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from app.window.surface import drawn_strain
-from app.window.views import camera_of, view_of
+from app.render.views import camera_of, view_of
 from model.core.build import rest_positions
 from model.core.errors import InputError, SoftlabError
 from model.core.files import check_target
@@ -40,7 +40,7 @@ class OffscreenRenderer:
     """
 
     def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
-        from app.window.panels import Panel, Style, legend_of
+        from app.render.panels import Panel, Style, legend_of
 
         for name, value in (("width", width), ("height", height)):
             if not MIN_SIZE <= value <= MAX_SIZE:

@@ -11,8 +11,10 @@ import numpy as np
 
 from app.render import body_shaders, colours, shaders
 from app.render.camera3d import Camera3D
+from app.render.detail import FINE, Detail
 from app.render.opengl import shader_program
 from app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
+from app.render.scenery import KEY, Lit
 from app.render.skinning import ClusterFrames
 from app.render.skins import ClusterTexture, Skins
 from app.render.vertex_arrays import (
@@ -26,8 +28,6 @@ from app.render.vertex_arrays import (
     vertex_array,
 )
 from app.render.view import View
-from app.window.detail import FINE, Detail
-from app.window.scenery import KEY, Lit
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.shape_matching.spare import copies_there

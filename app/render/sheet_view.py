@@ -10,12 +10,12 @@ import numpy as np
 
 from app.render import colours, shaders
 from app.render.camera3d import Camera3D
+from app.render.detail import FINE, Detail
+from app.render.drawn_springs import drawn_lines
 from app.render.opengl import shader_program
+from app.render.scenery import Drawn
 from app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
 from app.render.view import View
-from app.window.detail import FINE, Detail
-from app.window.scenery import Drawn
-from app.window.surface import drawn_lines
 from model.core.build import pinned_indices
 from model.core.simulation import Simulation
 from model.scene.scene import Scene

@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from app.output.smooth_target import SmoothTarget
 from app.render import colours, shaders
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import Ground, grounds
 from app.render.cuda_vertices import CudaVertices
+from app.render.detail import FINE, Detail
 from app.render.opengl import shader_program
+from app.render.scenery import Lit, Scenery
+from app.render.smooth_target import SmoothTarget
 from app.render.vertex_arrays import uniform_matrix
-from app.window.detail import FINE, Detail
-from app.window.scenery import Lit, Scenery
 from model.core.build import rest_positions
 from model.core.simulation import Simulation
 from model.scene.scene import Scene

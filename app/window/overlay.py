@@ -7,12 +7,12 @@ from time import perf_counter
 
 import numpy as np
 
-from app.command.demo_report import numbers_text, title_text
-from app.command.frame_times import FrameGraph, FrameTimes
 from app.render import colours
 from app.render.opengl import drawing_text
+from app.render.panels import Arrow, Panel, Style, legend_of
 from app.window.controls import hint, keys_text
-from app.window.panels import Arrow, Panel, Style, legend_of
+from app.window.demo_report import numbers_text, title_text
+from app.window.frame_times import FrameGraph, FrameTimes
 from app.window.shown import Shown
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most

@@ -18,18 +18,18 @@ from fake_cloth import FakeCloth, open_fake
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 from test_viewer import Window, display, needs_display  # noqa: F401
 
-from app.command.demo import Demo
-from app.command.demo_report import masses_text, numbers_text
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
+from app.render.scenery import KEY
 from app.render.skinning import ClusterFrames, of_quaternions
 from app.window.controls import BODY_KEYS, KEYS, hint, keys_text
+from app.window.demo import Demo
+from app.window.demo_report import masses_text, numbers_text
 from app.window.hand import neighbour
 from app.window.mouse import Mouse
-from app.window.scenery import KEY
 from model.core.errors import InputError
 from model.scene.scene import Scene
 
@@ -410,7 +410,7 @@ class BodiesWindow(Window):
     def __init__(self, folder: Path, screen: str, parts: str = ""):
         self.folder, self.state_file = folder, folder / "state.json"
         code = (
-            "from pathlib import Path; from app.command.demo import Demo; from app.window.viewer import Viewer\n"
+            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
             "from bodies_scenes import beams_and_torus; from fake_cloth import open_fake\n"
             f"scene = beams_and_torus(gravity={{'enabled': False}}{parts})\n"
             f"with Demo([scene], open_world=open_fake) as demo: Viewer(demo, Path({str(self.state_file)!r}), None).run()"

@@ -15,13 +15,13 @@ from fake_cloth import FakeCloth, open_fake
 from fake_interop import FakeRuntime, GpuCloth, Status, alive, held
 from test_view3d import REST, SCENE, available
 
-from app.command.demo import Demo
 from app.output.offscreen import OffscreenRenderer
 from app.render import cuda_vertices
 from app.render.cuda_vertices import STRAIGHT, CudaVertices
 from app.render.sheet_view import SheetView
 from app.render.vertices import HostVertices
 from app.window import worlds
+from app.window.demo import Demo
 from app.window.viewer import Viewer
 from model.scene.scene import Scene
 

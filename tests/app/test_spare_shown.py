@@ -17,15 +17,15 @@ from test_bodies_view import BodiesWindow
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 from test_viewer import display, needs_display  # noqa: F401
 
-from app.command.demo import Demo
-from app.command.demo_report import demo_state, masses_text
 from app.command.run_parts import bodies_report
 from app.output.export import Exporter, check_export
 from app.output.offscreen import OffscreenRenderer, render_frame
+from app.output.pieces import pieces_of
 from app.render import colours
 from app.render.camera3d import Camera3D
-from app.render.pieces import pieces_of
 from app.render.skinning import ClusterFrames
+from app.window.demo import Demo
+from app.window.demo_report import demo_state, masses_text
 from app.window.mouse import Mouse
 from model.core.energy import energies
 from model.scene.scene import Scene, load_scene

@@ -16,14 +16,14 @@ import pytest
 from fake_cloth import FakeCloth, open_fake
 from test_viewer import Window, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
 
-from app.command.demo import Demo
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
 from app.output.video import Picture, render
 from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
+from app.render.scenery import KEY
 from app.window.controls import SPACE_KEYS, keys_text
-from app.window.scenery import KEY
+from app.window.demo import Demo
 from model.core.build import rest_positions
 from model.core.errors import InputError
 from model.scene.scene import Scene, load_scene
@@ -346,7 +346,7 @@ class ClothWindow(Window):
         path = os.pathsep.join([str(TOOLS), str(TOOLS.parents[1])])
         self.environment = os.environ | {"DISPLAY": display, "OMP_WAIT_POLICY": "passive", "PYTHONPATH": path}
         code = (
-            "from pathlib import Path; from app.command.demo import Demo; from app.window.viewer import Viewer\n"
+            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
             "from model.scene.scene import Scene; from fake_cloth import open_fake\n"
             f"demo = Demo([Scene({HANGING!r})], open_world=open_fake)\n"
             f"Viewer(demo, Path({str(self.state_file)!r}), None).run()\n"

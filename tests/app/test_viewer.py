@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.command.demo import Demo
 from app.driver import open_simulation
 from app.render.camera import Camera2D, finite_bounds, pick
 from app.render.colours import STOPS, strain_colours, strain_range
+from app.window.demo import Demo
 from model.core.errors import BackendUnavailable
 from model.scene.scene import Scene
 
@@ -48,7 +48,7 @@ def demo() -> Iterator[Demo]:
 
 
 def test_importing_the_drawing_loads_no_pyglet() -> None:
-    drawing = "app.window.viewer, app.output.offscreen, app.output.video, app.command.demo"
+    drawing = "app.window.viewer, app.output.offscreen, app.output.video, app.window.demo"
     code = f"import sys, {drawing}; sys.exit('pyglet' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from app.command.demo import Demo
 from app.render.camera import Camera
+from app.window.demo import Demo
 from app.window.panes import Pane
 from app.window.worlds import stiffness_paths
 from model.core.files import replacing

@@ -6,8 +6,8 @@ from typing import Any
 
 from app.render.camera import Camera2D
 from app.render.camera3d import Camera3D
+from app.render.detail import FINE, usual_detail
 from app.render.opengl import renderer_name
-from app.window.detail import FINE, usual_detail
 from model.scene.scene import Scene
 
 
