@@ -27,6 +27,11 @@ uniform vec3 eye;           // m
 uniform vec3 key;           // unit vectors toward the lights
 uniform vec3 fill;
 uniform float shine;
+vec3 facing(vec3 outward, vec3 look) {  // the unit normal of the side that is seen
+    float size = length(outward);
+    vec3 n = size > 1e-6 ? outward / size : look;
+    return gl_FrontFacing ? n : -n;
+}
 vec3 lit(vec3 colour, vec3 n, vec3 look) {
     float from_key = max((dot(n, key) + 0.25) / 1.25, 0.0);
     float from_fill = max(dot(n, fill), 0.0);
@@ -48,9 +53,7 @@ out vec4 pixel;
     + """
 void main() {
     vec3 look = normalize(eye - place);
-    float size = length(outward);
-    vec3 n = size > 1e-6 ? outward / size : look;
-    pixel = vec4(lit(gl_FrontFacing ? front : back, gl_FrontFacing ? n : -n, look), 1.0);
+    pixel = vec4(lit(gl_FrontFacing ? front : back, facing(outward, look), look), 1.0);
 }
 """
 )
