@@ -24,6 +24,7 @@ from app.command.command_line import (
     exit_status,
     out,
     scene_of,
+    tell_of_no_store,
     typed,
 )
 from bench.commands import measuring
@@ -161,8 +162,7 @@ def labbook(
     """Write the lab book (PDF) from the store."""
     from labbook.jobs import make_labbook
 
-    if not store.exists() and store == DEFAULT_STORE:
-        errors.print("nothing was measured here yet: the lab book tells of the committed measurements alone")
+    tell_of_no_store(store, "the lab book")
     out.print(str(make_labbook(store, pdf)), markup=False)
 
 
@@ -178,8 +178,7 @@ def film(
     """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
     from labbook.jobs import make_film
 
-    if not store.exists() and store == DEFAULT_STORE:
-        errors.print("nothing was measured here yet: the film tells of the committed measurements alone")
+    tell_of_no_store(store, "the film")
     with compilations_told():
         make_film(out, store, mp4, quick=quick, voice=voice)
 

@@ -52,6 +52,12 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     return load_scene(name).replace(parse_settings(settings))
 
 
+def tell_of_no_store(store: Path, whose: str) -> None:
+    """Where the usual store is not there, on what something is made from."""
+    if not store.exists() and store == DEFAULT_STORE:
+        errors.print(f"nothing was measured here yet: {whose} tells of the committed measurements alone")
+
+
 class _Left(Exception):
     """What ended a command, on its way through typer."""
 

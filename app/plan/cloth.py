@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, Pass, fused_passes, gpu_device, item_bytes
+from app.plan.passes import BackendPlan, Pass, cpu_plan, fused_passes, gpu_device, merged_passes
 from model.core.plan import Plan
 from model.core.simulation import PRECISIONS
 from model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_meet
@@ -15,11 +15,11 @@ def cloth_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pas
     Velocity Verlet's kicks of neighbouring steps meet in one pass, unless a force depends on a neighbour's velocity.
     """
     if plan.has(PRODUCT_STAGE):
-        return implicit_passes(plan, item_bytes(precision), way, note)
+        return implicit_passes(plan, precision, way, note)
     return fused_passes(plan, precision, way, note, meet=kicks_meet(plan.parts))
 
 
-def implicit_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass, ...]:
+def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
     """Those of implicit Euler, for one matrix and one iteration: forces at the start and what moves nothing by itself
     (colliders, pins) belong to the pass of their neighbours."""
     stages = list(plan.root.stages())
@@ -27,23 +27,16 @@ def implicit_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass,
     end = next(n for n, stage in enumerate(stages) if stage.name == "take over")
     groups = [stages[: begin + 1], *([stage] for stage in stages[begin + 1 : end]), stages[end:]]
     note += "; a step takes as many matrices and iterations as residuals ask for"
-    return tuple(
-        Pass(
-            tuple(stage.name for stage in group), way * max(stage.bytes(item, 3) for stage in group),
-            float(sum(stage.operations for stage in group)), note,
-        )
-        for group in groups
-    )  # fmt: skip
+    return merged_passes(groups, plan, precision, note, way)
 
 
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Each spring and each triangle once, on the way down the rows."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.mass_spring.cloth.solver import choose_kernel
 
     passes = cloth_passes(plan, precision, 1.0, "along rows, a band of rows a thread")
     why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet a force"
-    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
+    return cpu_plan(choose_kernel(None), why, passes)
 
 
 def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

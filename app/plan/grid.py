@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, fused_passes, gpu_device
+from app.plan.passes import BackendPlan, cpu_plan, fused_passes, gpu_device
 from model.core.plan import Plan
 from model.core.simulation import PRECISIONS
 from model.formulas.springs import OPERATIONS_SPRING_2D
@@ -14,7 +14,6 @@ SPRINGS_OF_A_MASS = 4.0
 
 def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """What a CPU makes of a step of the lab's grid of springs."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
 
     kernel, why = default_kernel(scene, PRECISIONS[precision])
@@ -23,7 +22,7 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows a thread")
     way = 1 / LEVELS if kernel == "tiled" else 1.0
     passes = fused_passes(plan, precision, way, note)
-    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
+    return cpu_plan(kernel, why, passes)
 
 
 def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

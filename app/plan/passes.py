@@ -22,9 +22,10 @@ class Pass:
     note: str
 
 
-def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str) -> Pass:
-    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way."""
-    moved = max(stage.bytes(item, dimensions) for stage in stages)
+def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, way: float = 1.0) -> Pass:
+    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way. `way`: of
+    the bytes, those that go through memory."""
+    moved = way * max(stage.bytes(item, dimensions) for stage in stages)
     operations = sum(stage.operations for stage in stages)
     return Pass(tuple(stage.name for stage in stages), float(moved), float(operations), note)
 
@@ -46,6 +47,13 @@ class BackendPlan:
     unmeasured: str | None = None
     empty: float | None = None
     step: float | None = None
+
+
+def cpu_plan(kernel: str, why: str, passes: tuple[Pass, ...]) -> BackendPlan:
+    """Of this machine's processor."""
+    from cpu_backend.core.processor import processor_name
+
+    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
 
 
 def item_bytes(precision: str) -> int:
@@ -71,6 +79,18 @@ def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
 def leaves(node: Node | Stage) -> Iterator[Stage]:
     """The stages below a node, or the one that it is."""
     yield from (node,) if isinstance(node, Stage) else node.stages()
+
+
+def stages_of(plan: Plan) -> list[Stage]:
+    """Each once, in the order in which they first come."""
+    return list({stage.name: stage for stage in plan.root.stages()}.values())
+
+
+def merged_passes(
+    groups: Sequence[Sequence[Stage]], plan: Plan, precision: str, note: str, way: float = 1.0
+) -> tuple[Pass, ...]:
+    """A `merged_pass` for each group of stages."""
+    return tuple(merged_pass(group, item_bytes(precision), plan.dimensions, note, way) for group in groups)
 
 
 def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:

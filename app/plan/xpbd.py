@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.plan.passes import BackendPlan, Pass, gpu_device, item_bytes, merged_pass
+from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, item_bytes, merged_passes, stages_of
 from model.core.plan import Plan
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
@@ -20,34 +20,30 @@ def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[P
 
 def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints without index arrays, colours one after another on the way down the rows."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.xpbd.solver import choose_kernel
 
-    kernel = choose_kernel(None)
     why = "colours, iterations and the prediction in one way down the rows"
     if scene.method.matches_shapes:
         why = "prediction, clusters and goals in one way down the rows, an iteration"
     passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
-    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
+    return cpu_plan(choose_kernel(None), why, passes)
 
 
 def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """The passes of a substep: forces and prediction; clusters; particles; velocities and colliders."""
-    item = item_bytes(precision)
-    stages = list({stage.name: stage for stage in plan.root.stages()}.values())
+    stages = stages_of(plan)
     middle = next(n for n, stage in enumerate(stages) if stage.name == "match clusters")
     groups = [stages[:middle], [stages[middle]], [stages[middle + 1]], stages[middle + 2 :]]
-    return tuple(merged_pass(group, item, plan.dimensions, note) for group in groups)
+    return merged_passes(groups, plan, precision, note)
 
 
 def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Clusters in compressed form, whole bodies a thread where there are enough of them."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.shape_matching.solver import choose_kernel
 
     why = "index arrays, all substeps of a call in one kernel; a thread does whole bodies where they share out evenly"
     passes = bodies_passes(plan, precision, "a loop over blocks of particles or clusters")
-    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
+    return cpu_plan(choose_kernel(None), why, passes)
 
 
 def bodies_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
