@@ -17,7 +17,6 @@ from app.render.scenery import Drawn
 from app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
 from app.render.view import View
 from model.core.build import pinned_indices
-from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
 
@@ -72,14 +71,6 @@ class SheetView(View):
         normal = self.vertices.normal_buffer if self.space else None
         array = vertex_array(self.vertices.position_buffer, self._buffers[-1], normal, self.scene.dimensions)
         return array, mode, elements.size
-
-    def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send positions (particles, dimensions) [m], with their normals where they are known. Raises InputError."""
-        self.vertices.upload_state(position, not self.lines, normal)
-
-    def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """Send the state of a simulation; `position` (particles, dimensions) float32, if the caller has read it already."""
-        self.vertices.upload(simulation, not self.lines, position)
 
     def toggle_lines(self) -> bool:
         """Surface or springs; whether it is springs now. A sheet without springs, or without a surface, has no choice."""

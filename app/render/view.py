@@ -61,14 +61,14 @@ class View(ABC):
         self._target.delete()
         self.detail, self._target = detail, SmoothTarget(detail)
 
-    @abstractmethod
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """Send positions (particles, dimensions) [m], with a cloth's normals where they are known; a C-contiguous float32
         array goes without a copy. Raises InputError."""
+        self.vertices.upload_state(position, not self.lines, normal)
 
-    @abstractmethod
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
         """Send the state of a simulation; `position` (particles, dimensions) float32, if the caller has read it already."""
+        self.vertices.upload(simulation, not self.lines, position)
 
     @abstractmethod
     def toggle_lines(self) -> bool:
