@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import signal
 import sys
-import threading
-import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -23,18 +19,15 @@ from app.command.command_line import (
     Settings,
     StorePath,
     Threads,
-    UsageError,
     compilations_told,
-    drop_output,
     errors,
+    exit_status,
     out,
     scene_of,
-    told,
+    tell_of_no_store,
     typed,
-    usage_status,
 )
 from bench.commands import measuring
-from model.core.errors import SoftlabError
 
 app = typer.Typer(
     cls=Commands,
@@ -51,31 +44,7 @@ DEFAULT_FILM = Path("softlab-results") / "film.mp4"
 
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # asked to end, it tidies up as for Ctrl-C
-    try:
-        with warnings.catch_warnings():
-            # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene
-            warnings.simplefilter("ignore", RuntimeWarning)
-            status = app(standalone_mode=False) or 0
-        sys.stdout.flush()  # here, where a full disk can still be told of
-    except SoftlabError as error:
-        status = told(str(error), error.exit_status)
-    except UsageError as error:
-        status = usage_status(error)
-    except KeyboardInterrupt:
-        status = told("stopped", 130)
-    except BrokenPipeError:  # the reader (head, less) has seen enough
-        drop_output()
-        status = 0
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-            raise
-        drop_output()
-        status = told(f"{error.filename or 'what is printed'} cannot be written: {error.strerror}; make room", 2)
-    except MemoryError as error:
-        status = told(f"the memory of this machine does not do ({error or 'nothing is left'}); use a smaller scene", 2)
-    sys.exit(status)
+    sys.exit(exit_status(lambda: app(standalone_mode=False)))
 
 
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --set grid.rows=256 --json   (on a GPU: --backend gpu)")
@@ -193,8 +162,7 @@ def labbook(
     """Write the lab book (PDF) from the store."""
     from labbook.jobs import make_labbook
 
-    if not store.exists() and store == DEFAULT_STORE:
-        errors.print("nothing was measured here yet: the lab book tells of the committed measurements alone")
+    tell_of_no_store(store, "the lab book")
     out.print(str(make_labbook(store, pdf)), markup=False)
 
 
@@ -210,8 +178,7 @@ def film(
     """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
     from labbook.jobs import make_film
 
-    if not store.exists() and store == DEFAULT_STORE:
-        errors.print("nothing was measured here yet: the film tells of the committed measurements alone")
+    tell_of_no_store(store, "the film")
     with compilations_told():
         make_film(out, store, mp4, quick=quick, voice=voice)
 

@@ -1,10 +1,15 @@
-"""What the commands of softlab.py and bench/commands.py share: the options of several of them, and where they print to."""
+"""What the commands of softlab.py and bench/commands.py share: the options of several of them, where they print to, and how
+their errors are told."""
 
 from __future__ import annotations
 
+import errno
 import os
+import signal
 import sys
-from collections.abc import Iterator
+import threading
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
@@ -47,6 +52,12 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     return load_scene(name).replace(parse_settings(settings))
 
 
+def tell_of_no_store(store: Path, whose: str) -> None:
+    """Where the usual store is not there, on what something is made from."""
+    if not store.exists() and store == DEFAULT_STORE:
+        errors.print(f"nothing was measured here yet: {whose} tells of the committed measurements alone")
+
+
 class _Left(Exception):
     """What ended a command, on its way through typer."""
 
@@ -55,7 +66,7 @@ RENAMED = {"crowds": "throughput"}  # what commands were called once
 
 
 class Commands(TyperGroup):
-    """The sub-commands, also by their former names. Ctrl-C and a reader that has gone reach `main` of softlab.py as they
+    """The sub-commands, also by their former names. Ctrl-C and a reader that has gone reach `exit_status` as they
     are: typer would make of them what its version makes of them (1 or 130, and always 1)."""
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -74,6 +85,35 @@ class Commands(TyperGroup):
             return super().main(*arguments, **options)
         except _Left as left:
             raise left.__cause__ or left from None
+
+
+def exit_status(command: Callable[[], int | None]) -> int:
+    """The exit status of a command line; an error a user can mend is told in one line on standard error."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # asked to end, it tidies up as for Ctrl-C
+    try:
+        with warnings.catch_warnings():
+            # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene
+            warnings.simplefilter("ignore", RuntimeWarning)
+            status = command() or 0
+        sys.stdout.flush()  # here, where a full disk can still be told of
+        return status
+    except SoftlabError as error:
+        return told(str(error), error.exit_status)
+    except UsageError as error:
+        return usage_status(error)
+    except KeyboardInterrupt:
+        return told("stopped", 130)
+    except BrokenPipeError:  # the reader (head, less) has seen enough
+        drop_output()
+        return 0
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        drop_output()
+        return told(f"{error.filename or 'what is printed'} cannot be written: {error.strerror}; make room", 2)
+    except MemoryError as error:
+        return told(f"the memory of this machine does not do ({error or 'nothing is left'}); use a smaller scene", 2)
 
 
 def told(line: str, status: int) -> int:

@@ -19,6 +19,12 @@ class Finding:
     remedy: str = ""
 
 
+def _missing(name: str, text: str) -> Finding:
+    """Of a text that says what is missing and, behind a semicolon, how to get it."""
+    missing, _, remedy = text.partition("; ")
+    return Finding(name, False, missing, remedy)
+
+
 def _versions() -> Finding:
     from importlib.metadata import PackageNotFoundError, version
 
@@ -66,8 +72,7 @@ def _gpu() -> Finding:
 
     works, text = gpu_available()
     if not works:
-        missing, _, remedy = text.partition("; ")
-        return Finding("gpu", False, missing, remedy)
+        return _missing("gpu", text)
     if simulated():
         return Finding(
             "gpu", True, f"{text}: for tests only, very slow", "unset NUMBA_ENABLE_CUDASIM to use a real GPU"
@@ -98,8 +103,7 @@ def _opengl() -> Finding:
     works, text = opengl_available()
     if works:
         return Finding("drawing off-screen", True, text)
-    missing, _, remedy = text.partition("; ")
-    return Finding("drawing off-screen", False, missing, remedy)
+    return _missing("drawing off-screen", text)
 
 
 def _display() -> Finding:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from app.render.pieces import Piece, collider_pieces, pieces_of
+from app.output.pieces import Piece, collider_pieces, pieces_of
 from app.render.skinning import ClusterFrames
 from model.core.errors import InputError, SceneError
 from model.core.files import check_target, replacing

@@ -12,11 +12,11 @@ import numpy as np
 
 from app.output.pictures import write_png
 from app.render import colours
-from app.render.camera import finite_bounds, joined_bounds
+from app.render.camera import finite_bounds
+from app.render.drawn_springs import drawn_strain
 from app.render.framing import seen_points, seen_radius
 from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
-from app.window.surface import drawn_strain
-from app.window.views import camera_of, view_of
+from app.render.views import camera_of, view_of
 from model.core.build import rest_positions
 from model.core.errors import InputError, SoftlabError
 from model.core.files import check_target
@@ -40,7 +40,7 @@ class OffscreenRenderer:
     """
 
     def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
-        from app.window.panels import Panel, Style, legend_of
+        from app.render.panels import Panel, Style, legend_of
 
         for name, value in (("width", width), ("height", height)):
             if not MIN_SIZE <= value <= MAX_SIZE:
@@ -53,21 +53,20 @@ class OffscreenRenderer:
         try:
             self.renderer = renderer_name()
             self._view: Any = view_of(scene)
-            if lines and self._space and not self._view.lines:
+            if lines and not self._view.lines:
                 self._view.toggle_lines()
             self._legend, self._panel = None, None
             if legend:
                 with drawing_text():
                     self._panel = Panel("top-left", Style(11, monospaced=False))
-                    if not self._space or self._view.lines:  # a surface has no colours of strain
+                    if self._view.lines:  # a surface has no colours of strain
                         self._legend = legend_of(scene)
         except BaseException:
             self._window.close()
             raise
         self._fitted = False
         self._weights: np.ndarray | None = None
-        self._bounds: tuple[float, ...] | None = None  # of a plane
-        self._points: np.ndarray | None = None  # in space
+        self._points: np.ndarray | None = None  # that the view goes by
         self.camera = camera_of(scene, width, height)
         self._frame(rest_positions(scene.grid), 0.0)
 
@@ -94,13 +93,8 @@ class OffscreenRenderer:
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
         if self._panel and self._space and not self._legend:
             margins = (40.0, 50.0, 40.0, 50.0)
-        if not self._space:
-            if self._bounds is not None and self._fitted:
-                bounds = joined_bounds([self._bounds, bounds])
-            self._bounds = bounds
-            self.camera = self.camera.framing(bounds, margins, self.scene.grid.spacing)
-            return
-        self._view.keep_above_ground(bounds[1])
+        if self._space:
+            self._view.keep_above_ground(bounds[1])
         points, radius = seen_points(self.scene, there, time), seen_radius(self.scene)
         if self._points is not None and self._fitted:
             points = np.concatenate([self._points, points])
@@ -129,7 +123,7 @@ class OffscreenRenderer:
         In space: `time` [s] says where moving colliders are, `normal` (particles, 3) are the cloth's, if known.
         """
         self._window.switch_to()
-        self._view.upload(position, *([normal] if self._space else []))
+        self._view.upload(position, normal)
         self._draw(time)
 
     def show(self, simulation: Simulation) -> None:

@@ -6,6 +6,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -20,6 +21,18 @@ from model.scene.scene import Scene
 
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
+
+
+@dataclass(frozen=True)
+class Picture:
+    """`width` x `height` pixels, of a clip rounded down to even numbers, under a `caption` (None: the scene's title); of a
+    clip `fps` frames a second."""
+
+    width: int = 1280
+    height: int = 960
+    caption: str | None = None
+    fps: int = 60
+
 
 Frame = tuple[np.ndarray, float, np.ndarray | None]  # position [m], time [s], and a cloth's normals, if they are known
 
@@ -123,11 +136,8 @@ def render_clip(
     path: Path | str,
     steps: int,
     steps_per_frame: int = 10,
-    width: int = 1280,
-    height: int = 960,
+    picture: Picture = Picture(),
     *,
-    fps: int = 60,
-    caption: str | None = None,
     progress: bool = True,
 ) -> Path:
     """Advance `simulation` by `steps` steps and draw its start, every `steps_per_frame` steps and its end into an MP4.
@@ -155,9 +165,7 @@ def render_clip(
             yield state()
 
     total = 1 + -(-steps // steps_per_frame)
-    text = simulation.scene.title if caption is None else caption
-    weights = simulation.body.inverse_mass
-    return _write_clip(simulation.scene, states(), total, path, (width, height), fps, text, progress, weights)
+    return _write_clip(simulation.scene, states(), total, path, picture, simulation.body.inverse_mass, progress)
 
 
 def _write_clip(
@@ -165,16 +173,14 @@ def _write_clip(
     states: Iterable[Frame],
     total: int,
     path: Path | str,
-    size: tuple[int, int],
-    fps: int,
-    caption: str,
-    progress: bool,
-    inverse_mass: np.ndarray | None = None,
+    picture: Picture,
+    inverse_mass: np.ndarray | None,
+    progress: bool = True,
 ) -> Path:
-    width, height = size[0] & ~1, size[1] & ~1
-    writer = VideoWriter(path, width, height, fps)
+    width, height = picture.width & ~1, picture.height & ~1
+    writer = VideoWriter(path, width, height, picture.fps)
     with OffscreenRenderer(scene, width, height) as renderer, writer, ExitStack() as stack:
-        renderer.caption = caption
+        renderer.caption = scene.title if picture.caption is None else picture.caption
         renderer.show_bodies(inverse_mass)
         start, bar, task = perf_counter(), None, None
         for position, time, normal in states:
@@ -210,10 +216,7 @@ def render(
     scene: Scene | None = None,
     steps: int = 0,
     steps_per_frame: int = 10,
-    width: int = 1280,
-    height: int = 960,
-    fps: int = 60,
-    caption: str | None = None,
+    picture: Picture = Picture(),
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
 ) -> Path:
@@ -228,17 +231,15 @@ def render(
     clip = path.suffix.lower() == CLIP
     if isinstance(source, Simulation):
         if clip:
-            return render_clip(source, path, steps, steps_per_frame, width, height, fps=fps, caption=caption)
-        position, now, weights = source.read("position"), source.time, source.body.inverse_mass
-        return render_frame(
-            source.scene, position, path, width, height, caption=caption, time=now, inverse_mass=weights
-        )
+            return render_clip(source, path, steps, steps_per_frame, picture)
+        scene, time, inverse_mass = source.scene, source.time, source.body.inverse_mass
+    position = source.read("position") if isinstance(source, Simulation) else source
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
-        return render_frame(scene, source, path, width, height, caption=caption, time=time, inverse_mass=inverse_mass)
-    if source.ndim != 3:
-        raise InputError(f"positions of shape {source.shape}; a clip needs (frames, particles, {scene.dimensions})")
-    text = scene.title if caption is None else caption
-    states = ((position, time, None) for position in source)
-    return _write_clip(scene, states, len(source), path, (width, height), fps, text, True, inverse_mass)
+        size, words = (picture.width, picture.height), picture.caption
+        return render_frame(scene, position, path, *size, caption=words, time=time, inverse_mass=inverse_mass)
+    if position.ndim != 3:
+        raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
+    states = ((frame, time, None) for frame in position)
+    return _write_clip(scene, states, len(position), path, picture, inverse_mass)

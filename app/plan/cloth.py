@@ -2,46 +2,24 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from app.plan.passes import BackendPlan, Pass, leaves
-from model.core.plan import Node, Plan, Stage
+from app.plan.passes import BackendPlan, Pass, cpu_plan, fused_passes, gpu_device, merged_passes
+from model.core.plan import Plan
 from model.core.simulation import PRECISIONS
 from model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_meet
 from model.scene.scene import Scene
 
 
-def cloth_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass, ...]:
+def cloth_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
     """The passes over the sheet of a fused kernel in a step; `way`: of the state's way through memory, what one takes.
 
     Velocity Verlet's kicks of neighbouring steps meet in one pass, unless a force depends on a neighbour's velocity.
     """
     if plan.has(PRODUCT_STAGE):
-        return implicit_passes(plan, item, way, note)
-    children = plan.root.children
-    halves = [list(leaves(child)) for child in children if isinstance(child, Node)]
-    if plan.has("second half kick"):
-        named = {stage.name: stage for stage in plan.root.stages()}
-        moved = [named[name] for name in ("first half kick and drift", "collide", "pins") if name in named]
-        if kicks_meet(plan.parts):
-            groups = [[*halves[1], named["second half kick"], *moved]]
-            note += "; the end of a step and the start of the next are one pass"
-        else:
-            groups = [[*halves[0], *moved], [*halves[1], named["second half kick"]]]
-            note += "; two passes a step, because a force depends on a neighbour's velocity"
-    elif halves and len(halves) == len(children):  # the stages of a Runge-Kutta method
-        groups = halves
-    else:
-        groups = [list(plan.root.stages())]
-    moved_bytes = way * plan.bytes(item) * (1 if plan.has("second half kick") else 1 / len(groups))
-
-    def one(stages: list[Stage]) -> Pass:
-        return Pass(tuple(s.name for s in stages), moved_bytes, float(sum(s.operations for s in stages)), note)
-
-    return tuple(one(stages) for stages in groups)
+        return implicit_passes(plan, precision, way, note)
+    return fused_passes(plan, precision, way, note, meet=kicks_meet(plan.parts))
 
 
-def implicit_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass, ...]:
+def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[Pass, ...]:
     """Those of implicit Euler, for one matrix and one iteration: forces at the start and what moves nothing by itself
     (colliders, pins) belong to the pass of their neighbours."""
     stages = list(plan.root.stages())
@@ -49,37 +27,24 @@ def implicit_passes(plan: Plan, item: int, way: float, note: str) -> tuple[Pass,
     end = next(n for n, stage in enumerate(stages) if stage.name == "take over")
     groups = [stages[: begin + 1], *([stage] for stage in stages[begin + 1 : end]), stages[end:]]
     note += "; a step takes as many matrices and iterations as residuals ask for"
-    return tuple(
-        Pass(
-            tuple(stage.name for stage in group), way * max(stage.bytes(item, 3) for stage in group),
-            float(sum(stage.operations for stage in group)), note,
-        )
-        for group in groups
-    )  # fmt: skip
+    return merged_passes(groups, plan, precision, note, way)
 
 
 def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Each spring and each triangle once, on the way down the rows."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.mass_spring.cloth.solver import choose_kernel
 
-    passes = cloth_passes(plan, np.dtype(PRECISIONS[precision]).itemsize, 1.0, "along rows, a band of rows a thread")
+    passes = cloth_passes(plan, precision, 1.0, "along rows, a band of rows a thread")
     why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet a force"
-    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
+    return cpu_plan(choose_kernel(None), why, passes)
 
 
 def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU: then for the one that the choice was measured on."""
-    from gpu_backend.core.device import gpu_available, simulated
     from gpu_backend.mass_spring.cloth.choice import choose_cloth
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
 
-    available, device = gpu_available()
-    if not available:
-        device = f"none here; as on the {MEASURED_ON} that the choice was measured on"
-    limits = None if available and not simulated() else MEASURED_LIMITS
-    real = PRECISIONS[precision]
-    kernel, tile, why = choose_cloth(scene, real, plan.parts, limits)
+    device, limits = gpu_device("that the choice was measured on")
+    kernel, tile, why = choose_cloth(scene, PRECISIONS[precision], plan.parts, limits)
     if plan.has(PRODUCT_STAGE):
         kernel, tile, why = "cooperative", None, "one launch does whole steps: residuals are looked at on the device"
     note = "one thread a mass, each gathers its springs and triangles"
@@ -90,6 +55,5 @@ def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         note, way = f"{tile.strip} masses a thread, all on the chip, borders sent every {tile.halo} steps", 0.0
     elif kernel == "tiles" and tile:
         note, way = f"{tile.strip} masses a thread, {tile.halo} steps for one way through memory", way / tile.halo
-    return BackendPlan(
-        "gpu", device, kernel, tile.name if tile else None, why, cloth_passes(plan, np.dtype(real).itemsize, way, note)
-    )
+    passes = cloth_passes(plan, precision, way, note)
+    return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, passes)

@@ -2,43 +2,27 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from app.plan.passes import BackendPlan, Pass, merged_pass
+from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_passes, stages_of
 from model.core.plan import Plan
-from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
 
 def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """The stages of an iteration in the order of the plan, each a pass of its own; velocities and colliders are one."""
-    item = np.dtype(PRECISIONS[precision]).itemsize
-    stages = list({stage.name: stage for stage in plan.root.stages()}.values())
+    stages = stages_of(plan)
     last = [stage for stage in stages if stage.name in ("update velocity", "collide")]
-    found = [
-        Pass((stage.name,), stage.bytes(item, plan.dimensions), float(stage.operations), note)
-        for stage in stages
-        if stage not in last
-    ]
-    end = merged_pass(last, item, plan.dimensions, note)
-    return (*found, end)
+    return merged_passes([*([stage] for stage in stages if stage not in last), last], plan, precision, note)
 
 
 def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints through index arrays, a parallel loop a colour."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.xpbd.mesh import choose_kernel
 
     why = "index arrays sorted by colour, all substeps of a call in one kernel"
-    passes = _passes(plan, precision, "a loop over the threads")
-    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
+    return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    from gpu_backend.core.device import gpu_available
-
-    available, device = gpu_available()
     why = "a thread a constraint, a launch a colour, captured"
-    passes = _passes(plan, precision, "a launch")
-    return BackendPlan("gpu", device if available else "none here", "graph", None, why, passes)
+    return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from model.core.plan import Node, Stage
+import numpy as np
+
+from model.core.plan import Node, Plan, Stage
+from model.core.simulation import PRECISIONS
 
 
 @dataclass(frozen=True)
@@ -19,9 +22,10 @@ class Pass:
     note: str
 
 
-def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str) -> Pass:
-    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way."""
-    moved = max(stage.bytes(item, dimensions) for stage in stages)
+def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, way: float = 1.0) -> Pass:
+    """One pass that does all `stages`: values are `item` bytes, and what one stage hands the next stays on the way. `way`: of
+    the bytes, those that go through memory."""
+    moved = way * max(stage.bytes(item, dimensions) for stage in stages)
     operations = sum(stage.operations for stage in stages)
     return Pass(tuple(stage.name for stage in stages), float(moved), float(operations), note)
 
@@ -45,6 +49,86 @@ class BackendPlan:
     step: float | None = None
 
 
+def cpu_plan(kernel: str, why: str, passes: tuple[Pass, ...]) -> BackendPlan:
+    """Of this machine's processor."""
+    from cpu_backend.core.processor import processor_name
+
+    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
+
+
+def item_bytes(precision: str) -> int:
+    """Of a scalar."""
+    return np.dtype(PRECISIONS[precision]).itemsize
+
+
+def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
+    """(what is told of the GPU, the limits by which its kernels are chosen, None: its own). Where there is none, and there is
+    a `choice`, in words, of the one on which that was measured."""
+    from gpu_backend.core.device import gpu_available, simulated
+
+    available, device = gpu_available()
+    if not choice:
+        return (device if available else "none here"), None
+    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
+
+    if not available:
+        device = f"none here; as on the {MEASURED_ON} {choice}"
+    return device, None if available and not simulated() else MEASURED_LIMITS
+
+
 def leaves(node: Node | Stage) -> Iterator[Stage]:
     """The stages below a node, or the one that it is."""
     yield from (node,) if isinstance(node, Stage) else node.stages()
+
+
+def stages_of(plan: Plan) -> list[Stage]:
+    """Each once, in the order in which they first come."""
+    return list({stage.name: stage for stage in plan.root.stages()}.values())
+
+
+def merged_passes(
+    groups: Sequence[Sequence[Stage]], plan: Plan, precision: str, note: str, way: float = 1.0
+) -> tuple[Pass, ...]:
+    """A `merged_pass` for each group of stages."""
+    return tuple(merged_pass(group, item_bytes(precision), plan.dimensions, note, way) for group in groups)
+
+
+def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
+    """The stages of each pass that a fused kernel of explicit steps makes over a sheet in a step, in order.
+
+    `meet`: velocity Verlet's force at the end of a step is the next one's at its start, so that one pass does the end of one
+    and the start of the next; its random force is taken for both.
+    """
+    children = plan.root.children
+    halves = [list(leaves(child)) for child in children if isinstance(child, Node)]
+    if plan.has("second half kick"):
+        (first, last), named = halves, {stage.name: stage for stage in plan.root.stages()}
+        kick = named["second half kick"]
+        moved = [named[name] for name in ("first half kick and drift", "collide", "pins") if name in named]
+        if meet:
+            again = [stage for stage in first if stage.name == "external force"]
+            return [[*last, *again, kick, *moved]]
+        return [[*first, *moved], [*last, kick]]
+    if halves and len(halves) == len(children):  # the stages of a Runge-Kutta method
+        return halves
+    return [list(plan.root.stages())]
+
+
+def fused_passes(
+    plan: Plan, precision: str, way: float, note: str, *, meet: bool = True, more: float = 0.0
+) -> tuple[Pass, ...]:
+    """The passes of `fused_groups`. `way`: of the state's way through memory, what a pass of a step takes; `more` operations
+    a mass where springs are computed again."""
+    groups = fused_groups(plan, meet)
+    verlet = plan.has("second half kick")
+    moved = way * plan.bytes(item_bytes(precision)) / (1 if verlet else len(groups))
+    if verlet and meet:
+        note += "; the end of a step and the start of the next are one pass"
+    elif verlet:
+        note += "; two passes a step, because a force depends on a neighbour's velocity"
+    found = []
+    for stages in groups:
+        operations = float(sum(stage.operations for stage in stages))
+        operations += more * any(stage.name == "spring forces" for stage in stages)
+        found.append(Pass(tuple(stage.name for stage in stages), moved, operations, note))
+    return tuple(found)

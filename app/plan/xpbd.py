@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from app.plan.passes import BackendPlan, Pass, merged_pass
+from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, item_bytes, merged_passes, stages_of
 from model.core.plan import Plan
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
@@ -16,62 +14,50 @@ def _substep(plan: Plan, precision: str, note: str, way: float = 1.0) -> tuple[P
     stages = list(plan.root.stages())
     each = stages[: len(stages) // substeps]
     names = tuple(dict.fromkeys(stage.name for stage in each))
-    item = np.dtype(PRECISIONS[precision]).itemsize
-    return (Pass(names, way * plan.bytes(item) / substeps, float(sum(s.operations for s in each)), note),)
+    moved = way * plan.bytes(item_bytes(precision)) / substeps
+    return (Pass(names, moved, float(sum(s.operations for s in each)), note),)
 
 
 def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints without index arrays, colours one after another on the way down the rows."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.xpbd.solver import choose_kernel
 
-    kernel = choose_kernel(None)
     why = "colours, iterations and the prediction in one way down the rows"
     if scene.method.matches_shapes:
         why = "prediction, clusters and goals in one way down the rows, an iteration"
     passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
-    return BackendPlan("cpu", processor_name(), kernel, None, why, passes)
+    return cpu_plan(choose_kernel(None), why, passes)
 
 
 def bodies_passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """The passes of a substep: forces and prediction; clusters; particles; velocities and colliders."""
-    item = np.dtype(PRECISIONS[precision]).itemsize
-    stages = list({stage.name: stage for stage in plan.root.stages()}.values())
+    stages = stages_of(plan)
     middle = next(n for n, stage in enumerate(stages) if stage.name == "match clusters")
     groups = [stages[:middle], [stages[middle]], [stages[middle + 1]], stages[middle + 2 :]]
-    return tuple(merged_pass(group, item, plan.dimensions, note) for group in groups)
+    return merged_passes(groups, plan, precision, note)
 
 
 def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Clusters in compressed form, whole bodies a thread where there are enough of them."""
-    from cpu_backend.core.processor import processor_name
     from cpu_backend.shape_matching.solver import choose_kernel
 
     why = "index arrays, all substeps of a call in one kernel; a thread does whole bodies where they share out evenly"
     passes = bodies_passes(plan, precision, "a loop over blocks of particles or clusters")
-    return BackendPlan("cpu", processor_name(), choose_kernel(None), None, why, passes)
+    return cpu_plan(choose_kernel(None), why, passes)
 
 
 def bodies_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    from gpu_backend.core.device import gpu_available
-
-    available, device = gpu_available()
     why = "clusters gather their particles, particles their clusters, a launch each, captured"
     passes = bodies_passes(plan, precision, "a launch")
-    return BackendPlan("gpu", device if available else "none here", "graph", None, why, passes)
+    return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)
 
 
 def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU: then for the one that the choice was measured on."""
-    from gpu_backend.core.device import gpu_available, simulated
-    from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
     from gpu_backend.xpbd.choice import default_xpbd_kernel
 
-    available, device = gpu_available()
-    if not available:
-        device = f"none here; as on the {MEASURED_ON} that the choice was measured on"
-    limits = None if available and not simulated() else MEASURED_LIMITS
+    device, limits = gpu_device("that the choice was measured on")
     kernel, why = default_xpbd_kernel(scene, PRECISIONS[precision], plan.parts, limits)
     note, way = "a substep; one thread a mass", 4 / plan.dimensions
     if kernel == "one-block":

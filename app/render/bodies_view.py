@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from app.render import body_shaders, colours, shaders3d
+from app.render import body_shaders, colours, shaders
 from app.render.camera3d import Camera3D
+from app.render.detail import FINE, Detail
 from app.render.opengl import shader_program
 from app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
+from app.render.scenery import KEY, Lit
 from app.render.skinning import ClusterFrames
 from app.render.skins import ClusterTexture, Skins
-from app.render.space_view import SpaceView
 from app.render.vertex_arrays import (
     delete_all,
     draw_elements,
@@ -26,8 +27,7 @@ from app.render.vertex_arrays import (
     uniform_matrix,
     vertex_array,
 )
-from app.window.detail import FINE, Detail
-from app.window.scenery import KEY, Lit
+from app.render.view import View
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.shape_matching.spare import copies_there
@@ -38,8 +38,8 @@ SMALL = 0.45  # times a particle's radius then, and beside clusters, so that the
 SKIN_SHINE, PARTICLE_SHINE = 0.16, 0.10
 
 
-class BodiesView(SpaceView):
-    """See SpaceView. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
+class BodiesView(View):
+    """See View. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
     skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
     colours, of COLOURINGS."""
 
@@ -76,7 +76,7 @@ class BodiesView(SpaceView):
         self._buffers.append(static_buffer(self._links))
         self._link_ends = 0  # of links that are drawn
         self._lines = vertex_array(self.vertices.position_buffer, self._buffers[-1])
-        self._line_program = shader_program(shaders3d.VERTEX, shaders3d.LINE_FRAGMENT)
+        self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
         self._skins = [Skins(list(copies)) for _, copies in groupby(body_set.copies, key=lambda copy: copy.name)]
         self._cluster_texture = ClusterTexture(body_set.clusters.count)
         self._constants()

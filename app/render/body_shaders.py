@@ -147,10 +147,7 @@ out vec4 pixel;
     + LIGHT
     + """
 void main() {
-    vec3 look = normalize(eye - place);
-    float size = length(outward);
-    vec3 n = size > 1e-6 ? outward / size : look;
-    if (!gl_FrontFacing) n = -n;
+    vec3 look = normalize(eye - place), n = facing(outward, look);
     float opaque = cover < 1.0 ? mix(0.75, cover, clamp(dot(n, look), 0.0, 1.0)) : 1.0;
     pixel = vec4(lit(gl_FrontFacing ? colour : 0.7 * colour, n, look), opaque);
 }

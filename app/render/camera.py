@@ -1,16 +1,20 @@
-"""Where the drawing looks: world metres <-> window pixels. Pure arithmetic, no OpenGL.
+"""Where the drawing looks: world metres <-> window pixels, and which mass the pointer means. Of space: camera3d.py. Pure
+arithmetic, no OpenGL.
 
 Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 MIN_SCALE, MAX_SCALE = 1e-6, 1e6  # pixels per metre: what float32 vertex coordinates still resolve
+BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
 
 Margins = tuple[float, float, float, float]  # pixels kept free at the left, bottom, right, top
 
@@ -36,48 +40,124 @@ def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
 
 
 @dataclass
-class Camera:
-    """`x`, `y` [m] lie at the middle of a window of `width` x `height` pixels; `scale` is pixels per metre."""
+class Camera(ABC):
+    """What the camera of a plane and that of space share: looking at a point in the middle of a window of `width` x `height`
+    pixels, and being moved over it."""
 
     width: int
     height: int
     x: float = 0.0
     y: float = 0.0
-    scale: float = 30.0
+
+    @property
+    @abstractmethod
+    def target(self) -> np.ndarray:
+        """(dimensions,) [m], what lies in the middle of the window."""
+
+    def _aim(self, target: np.ndarray) -> None:
+        for name, part in zip("xyz", target.tolist(), strict=False):
+            setattr(self, name, part)
+
+    @property
+    @abstractmethod
+    def axes(self) -> np.ndarray:
+        """(dimensions, dimensions): rows are the unit vectors to the right, up, and, in space, toward the viewer."""
+
+    @property
+    @abstractmethod
+    def scale(self) -> float:
+        """Pixels per metre at the depth of the target."""
+
+    @property
+    @abstractmethod
+    def focal(self) -> float:
+        """Pixels per unit of tangent: what a metre has at a metre's depth."""
+
+    @abstractmethod
+    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., dimensions) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
+
+    @abstractmethod
+    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
+        """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
+
+    @abstractmethod
+    def magnify(self, factor: float) -> None:
+        """Show what lies at the target's depth so much larger, within what can be drawn."""
 
     def to_window(self, position: np.ndarray) -> np.ndarray:
-        """(..., 2) metres -> (..., 2) pixels."""
-        return (np.asarray(position, dtype=np.float64) - (self.x, self.y)) * self.scale + (
-            self.width / 2,
-            self.height / 2,
-        )
+        """(..., dimensions) metres -> (..., 2) pixels; NaN for what is not in front."""
+        return self.project(position)[0]
 
-    def to_world(self, x: float, y: float) -> tuple[float, float]:
-        """Pixels -> metres."""
+    def direction(self, columns: int, rows: int) -> tuple[float, ...]:
+        """The unit vector that points as an arrow key does in the window."""
+        right, up = self.axes[:2]
+        return tuple((columns * right + rows * up).tolist())
+
+    def pan(self, dx: float, dy: float) -> None:
+        """Move what is seen at the target's depth by (dx, dy) pixels."""
+        right, up = self.axes[:2]
+        self._aim(self.target - (dx * right + dy * up) / self.scale)
+
+    def zoom(self, factor: float, x: float, y: float) -> None:
+        """Magnify by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
+        before = np.array(self.on_plane(x, y, self.target))
+        self.magnify(factor)
+        self._aim(self.target + before - self.on_plane(x, y, self.target))
+
+    def approach(self, other: Self, share: float) -> None:
+        """Go `share` (0 to 1) of the way to what another camera shows; how this one is turned stays, it is the user's."""
+        self._aim(self.target + (other.target - self.target) * share)
+        self.magnify((other.scale / self.scale) ** share)
+
+
+@dataclass
+class Camera2D(Camera):
+    """Looks at a plane without perspective: everything lies as if a metre away. `scale` is pixels per metre."""
+
+    scale: float = 30.0
+
+    @property
+    def target(self) -> np.ndarray:
+        """(2,) [m]"""
+        return np.array([self.x, self.y])
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(2, 2): x to the right, y up."""
+        return np.eye(2)
+
+    @property
+    def focal(self) -> float:
+        """The scale."""
+        return self.scale
+
+    def matrix(self) -> np.ndarray:
+        """(4, 4): homogeneous world coordinates (a column, z = 0) -> clip coordinates of OpenGL."""
+        across, up = 2 * self.scale / self.width, 2 * self.scale / self.height
+        found = np.diag([across, up, 0.0, 1.0])
+        found[:2, 3] = -across * self.x, -up * self.y
+        return found
+
+    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., 2) metres -> (..., 2) pixels, and 1."""
+        middle = self.width / 2, self.height / 2
+        place = (np.asarray(position, dtype=np.float64) - (self.x, self.y)) * self.scale + middle
+        return place, np.ones(place.shape[:-1])
+
+    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray = ()) -> tuple[float, ...]:
+        """The point [m] under the pixel (x, y)."""
         return self.x + (x - self.width / 2) / self.scale, self.y + (y - self.height / 2) / self.scale
-
-    def direction(self, columns: int, rows: int) -> tuple[float, float]:
-        """The way in the plane that an arrow key points."""
-        return float(columns), float(rows)
 
     def told(self) -> dict[str, float]:
         """What another program is told of it."""
         return {"pixels_per_metre": self.scale}
 
-    def pan(self, dx: float, dy: float) -> None:
-        """Move the picture by (dx, dy) pixels."""
-        self.x -= dx / self.scale
-        self.y -= dy / self.scale
-
-    def zoom(self, factor: float, x: float, y: float) -> None:
-        """Magnify by `factor` about the window point (x, y), which keeps showing the same place."""
-        before = self.to_world(x, y)
+    def magnify(self, factor: float) -> None:
+        """As of Camera."""
         self.scale = min(max(self.scale * factor, MIN_SCALE), MAX_SCALE)
-        after = self.to_world(x, y)
-        self.x += before[0] - after[0]
-        self.y += before[1] - after[1]
 
-    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera:
+    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera2D:
         """A camera of the same window that shows all of `bounds` (left, bottom, right, top [m]) inside the margins.
 
         `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.
@@ -87,16 +167,32 @@ class Camera:
         free_height = max(self.height - margins[1] - margins[3], 16.0)
         scale = min(free_width / max(right - left, least), free_height / max(top - bottom, least))
         scale = min(max(scale, MIN_SCALE), MAX_SCALE)
-        return Camera(
-            self.width,
-            self.height,
-            (left + right) / 2 - (margins[0] - margins[2]) / 2 / scale,
-            (bottom + top) / 2 - (margins[1] - margins[3]) / 2 / scale,
-            scale,
-        )
+        x = (left + right) / 2 - (margins[0] - margins[2]) / 2 / scale
+        y = (bottom + top) / 2 - (margins[1] - margins[3]) / 2 / scale
+        return Camera2D(self.width, self.height, x, y, scale)
 
-    def approach(self, other: Camera, share: float) -> None:
-        """Go `share` (0 to 1) of the way to another camera's view."""
-        self.x += (other.x - self.x) * share
-        self.y += (other.y - self.y) * share
-        self.scale *= (other.scale / self.scale) ** share
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera2D:
+        """One that shows all `points` (n, 2) [m] inside the margins, no side shorter than twice the `radius` [m]."""
+        return self.framing(self.outermost(points, margins).ravel().tolist(), margins, 2 * radius)
+
+    def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
+        """Two corners that this camera would be the same for."""
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def pick(camera: Camera, position: np.ndarray, x: float, y: float, reach: float | np.ndarray) -> int | None:
+    """The mass of `position` (particles, dimensions) within `reach` pixels, or (particles,), of the window point (x, y) that
+    is meant, or None.
+
+    The nearest in the window, unless it lies behind another: a pixel's length further from the eye than the foremost
+    candidate counts as BEHIND pixels further from the pointer.
+    """
+    place, depth = camera.project(position)
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = np.hypot(place[:, 0] - x, place[:, 1] - y)
+    candidates = np.flatnonzero(away <= reach)  # false for NaN
+    if not len(candidates):
+        return None
+    behind = depth[candidates] - depth[candidates].min()
+    score = away[candidates] + BEHIND * behind * camera.focal / depth[candidates]
+    return int(candidates[np.argmin(score)])

@@ -1,4 +1,4 @@
-"""Where a drawing in space looks: world metres <-> window pixels in perspective, and which mass the pointer means.
+"""Where a drawing in space looks: world metres <-> window pixels in perspective.
 
 Pure arithmetic, no OpenGL. Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import acos, atan2, cos, exp, hypot, log, pi, sin, tan
+from math import acos, atan2, cos, hypot, pi, sin, tan
 
 import numpy as np
 
-from app.render.camera import Margins
+from app.render.camera import Camera, Margins
 
 FIELD_OF_VIEW = 0.56  # rad, from the bottom to the top of the window
 START_YAW, START_PITCH = 0.45, 0.28  # rad: from the right and from above, so that depth is seen at once
@@ -21,24 +21,18 @@ NEAREST, FARTHEST = 0.02, 60.0  # times the distance: the planes between which i
 MIN_DISTANCE, MAX_DISTANCE = 1e-4, 1e7  # m
 MIN_FLOOR = 0.5  # cosine between the vertical and the normal of what the eye must stay above
 CENTRING = 8  # steps of Newton's method, which mostly ends after three
-BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
 
-Vector = tuple[float, float, float]
 Side = tuple[float, float]  # tangents, from the middle to the margin at smaller and at larger coordinates
 Sides = tuple[Side, Side]  # across, and up
 
 
 @dataclass
-class Camera3D:
+class Camera3D(Camera):
     """Looks from `distance` [m] at the point (`x`, `y`, `z`) [m] in the middle of a window of `width` x `height` pixels.
 
     `yaw` [rad] turns it about the vertical, 0 looking along -z; `pitch` [rad] lifts it above the horizontal.
     """
 
-    width: int
-    height: int
-    x: float = 0.0
-    y: float = 0.0
     z: float = 0.0
     distance: float = 10.0
     yaw: float = START_YAW
@@ -48,9 +42,6 @@ class Camera3D:
     def target(self) -> np.ndarray:
         """(3,) [m], what lies in the middle of the window."""
         return np.array([self.x, self.y, self.z])
-
-    def _aim(self, target: np.ndarray) -> None:
-        self.x, self.y, self.z = (float(part) for part in target)
 
     @property
     def axes(self) -> np.ndarray:
@@ -96,23 +87,12 @@ class Camera3D:
             place = seen[..., :2] * self.focal / depth[..., None] + (self.width / 2, self.height / 2)
         return place, depth
 
-    def to_window(self, position: np.ndarray) -> np.ndarray:
-        """(..., 3) metres -> (..., 2) pixels; NaN for what is not in front."""
-        return self.project(position)[0]
-
-    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> Vector:
+    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
         """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
         right, up, back = self.axes
         depth = float((self.eye - through) @ back)
         ray = (x - self.width / 2) / self.focal * right + (y - self.height / 2) / self.focal * up - back
-        across, above, toward = (self.eye + depth * ray).tolist()
-        return across, above, toward
-
-    def direction(self, columns: int, rows: int) -> Vector:
-        """The unit vector in space that points as an arrow key does in the window."""
-        right, up, _ = self.axes
-        x, y, z = (columns * right + rows * up).tolist()
-        return x, y, z
+        return tuple((self.eye + depth * ray).tolist())
 
     def told(self) -> dict[str, float]:
         """What another program is told of it."""
@@ -141,16 +121,9 @@ class Camera3D:
         if missing > 0:
             self._aim(self.target + missing * self.distance * np.asarray(normal))
 
-    def pan(self, dx: float, dy: float) -> None:
-        """Move what is seen at the target's depth by (dx, dy) pixels."""
-        right, up, _ = self.axes
-        self._aim(self.target - (dx * right + dy * up) / self.scale)
-
-    def zoom(self, factor: float, x: float, y: float) -> None:
-        """Go nearer by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
-        before = np.array(self.on_plane(x, y, self.target))
+    def magnify(self, factor: float) -> None:
+        """As of Camera: go nearer."""
         self.distance = min(max(self.distance / factor, MIN_DISTANCE), MAX_DISTANCE)
-        self._aim(self.target + before - self.on_plane(x, y, self.target))
 
     def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera3D:
         """A camera turned the same way that shows the whole box `bounds` (lowest x, y, z, highest x, y, z [m]) inside the
@@ -202,11 +175,6 @@ class Camera3D:
             (max(self.height / 2 - bottom, 8.0) / self.focal, max(self.height / 2 - top, 8.0) / self.focal),
         )
 
-    def approach(self, other: Camera3D, share: float) -> None:
-        """Go `share` (0 to 1) of the way to what another camera shows; the turn stays, it is the user's."""
-        self._aim(self.target + (other.target - self.target) * share)
-        self.distance *= exp(log(other.distance / self.distance) * share)
-
 
 def _limits(seen: np.ndarray, sides: Sides) -> list[tuple[np.ndarray, np.ndarray]]:
     """Across and up, for points (n, 3) in a camera's axes: what each demands of the eye by the one margin, and the other."""
@@ -243,21 +211,3 @@ def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> li
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """(8, 3): the corners of the box from `low` to `high`, each (3,)."""
     return np.array([np.where([k & 1, k & 2, k & 4], high, low) for k in range(8)])
-
-
-def pick(camera: Camera3D, position: np.ndarray, x: float, y: float, reach: float | np.ndarray) -> int | None:
-    """The mass of `position` (particles, 3) within `reach` pixels, or (particles,), of the window point (x, y) that is meant,
-    or None.
-
-    The nearest in the window, unless it lies behind another: a pixel's length further from the eye than the foremost
-    candidate counts as BEHIND pixels further from the pointer.
-    """
-    place, depth = camera.project(position)
-    with np.errstate(invalid="ignore", over="ignore"):
-        away = np.hypot(place[:, 0] - x, place[:, 1] - y)
-    candidates = np.flatnonzero(away <= reach)  # false for NaN
-    if not len(candidates):
-        return None
-    behind = depth[candidates] - depth[candidates].min()
-    score = away[candidates] + BEHIND * behind * camera.focal / depth[candidates]
-    return int(candidates[np.argmin(score)])

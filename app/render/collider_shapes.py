@@ -196,9 +196,10 @@ def line_distance(size: float) -> float:
 
 
 def with_colliders(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """`bounds` (lowest x, y, z, highest x, y, z [m]) of the masses, grown to hold the colliders at `time` [s] too; see
+    """`bounds` of the masses as `finite_bounds` gives them, in space grown to hold the colliders at `time` [s] too; see
     `collider_boxes`."""
-    low, high = np.array(bounds[:3]), np.array(bounds[3:])
+    half = len(bounds) // 2
+    low, high = np.array(bounds[:half]), np.array(bounds[half:])
     for near, far in collider_boxes(scene, bounds, time):
         low, high = np.minimum(low, near), np.maximum(high, far)
     return (*low.tolist(), *high.tolist())

@@ -1,4 +1,4 @@
-"""What a picture in space is to hold: the masses, the colliders near them, and the ground that they fall on."""
+"""What a picture is to hold: the masses, and in space the colliders near them and the ground that they fall on."""
 
 from __future__ import annotations
 
@@ -20,15 +20,18 @@ def seen_radius(scene: Scene) -> float:
 
 def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
     """(n, 3) float64 [m]: those of `position` (particles, 3) that are finite, the corners of what is near of the colliders at
-    `time` [s], and below bodies the places where they would land; none where nothing is finite.
+    `time` [s], and below bodies the places where they would land; none where nothing is finite. In a plane two corners
+    (2, 2).
 
     Landing places, as colliders, count up to half the masses' own size away: of what falls from the sky the ground would
     leave nothing to see.
     """
-    points = np.asarray(position, dtype=np.float64)
-    bounds = finite_bounds(points)
+    bounds = finite_bounds(position)
     if bounds is None:
-        return np.zeros((0, 3))
+        return np.zeros((0, scene.dimensions))
+    if scene.dimensions == 2:
+        return np.reshape(bounds, (2, 2))
+    points = np.asarray(position, dtype=np.float64)
     if not np.isfinite(points).all():
         points = points[np.isfinite(points).all(axis=1)]
     found = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]

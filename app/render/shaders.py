@@ -1,20 +1,23 @@
-"""The shaders of the drawing, GLSL 3.30. Positions are metres, (particles, 2) float32, in one buffer for everything.
+"""The shaders of masses and springs, in a plane and in space, GLSL 3.30. Surfaces, shadows and the ground: shaders3d.py.
 
+Positions are metres, (particles, dimensions) float32, in one buffer for everything; of a plane OpenGL itself adds z = 0.
 A spring's strain is worked out on the graphics card from the two positions it joins: what is sent each frame is the
 positions alone, whatever the number of springs.
 """
 
 from __future__ import annotations
 
+# `toward`: by so many clip units of depth a vertex is drawn nearer than it is, so that what lies on a surface shows.
 VERTEX = """#version 330 core
-in vec2 position;
-uniform vec2 centre;        // m, the middle of the window
-uniform vec2 scale;         // clip units per metre
+layout(location = 0) in vec3 position;
+uniform mat4 transform;     // metres -> clip coordinates
 uniform float point_size;   // pixels; points only
-out vec2 world;
+uniform float toward;
+out vec3 world;
 void main() {
     world = position;
-    gl_Position = vec4((position - centre) * scale, 0.0, 1.0);
+    gl_Position = transform * vec4(position, 1.0);
+    gl_Position.z -= toward * gl_Position.w;
     gl_PointSize = point_size;
 }
 """
@@ -36,7 +39,7 @@ THIN_SPRINGS = (
     """#version 330 core
 layout(lines) in;
 layout(line_strip, max_vertices = 2) out;
-in vec2 world[];
+in vec3 world[];
 out vec3 colour;
 out float across;
 """
@@ -54,29 +57,34 @@ void main() {
 """
 )
 
-# Lines wider than a pixel do not exist in core OpenGL, so a wide spring is a rectangle, with soft edges.
+# Lines wider than a pixel do not exist in core OpenGL, so a wide spring is a rectangle in the window. Where a pixel has one
+# sample its edges fade, for which it is `soft` pixels wider. One that reaches behind the eye is left out.
 WIDE_SPRINGS = (
     """#version 330 core
 layout(lines) in;
 layout(triangle_strip, max_vertices = 4) out;
-in vec2 world[];
+in vec3 world[];
 uniform vec2 window;        // pixels
 uniform float half_width;   // pixels
+uniform float soft;         // pixels
 out vec3 colour;
 out float across;           // pixels from the middle of the line
 """
     + STRAIN_COLOUR
     + """
 void main() {
+    vec4 first = gl_in[0].gl_Position, second = gl_in[1].gl_Position;
+    if (!(first.w > 0.0 && second.w > 0.0)) return;
     colour = strain_colour(distance(world[0], world[1]));
-    vec2 along = (gl_in[1].gl_Position.xy - gl_in[0].gl_Position.xy) * window;
+    vec2 along = (second.xy / second.w - first.xy / first.w) * window;
     float size = length(along);
     if (!(size > 0.0)) return;
-    float reach = half_width + 1.0;
+    float reach = half_width + soft;
     vec2 side = vec2(-along.y, along.x) / size * reach * 2.0 / window;
     for (int k = 0; k < 4; ++k) {
+        vec4 end = k < 2 ? first : second;
         float sign = (k % 2 == 0) ? -1.0 : 1.0;
-        gl_Position = gl_in[k / 2].gl_Position + vec4(sign * side, 0.0, 0.0);
+        gl_Position = end + vec4(sign * side * end.w, 0.0, 0.0);
         across = sign * reach;
         EmitVertex();
     }
@@ -85,6 +93,7 @@ void main() {
 """
 )
 
+# How much of a pixel is covered shows where pictures are blended: in a plane.
 SPRING_FRAGMENT = """#version 330 core
 in vec3 colour;
 in float across;
@@ -92,6 +101,14 @@ uniform float half_width;
 out vec4 pixel;
 void main() {
     pixel = vec4(colour, clamp(half_width + 0.5 - abs(across), 0.0, 1.0));
+}
+"""
+
+LINE_FRAGMENT = """#version 330 core
+uniform vec3 colour;
+out vec4 pixel;
+void main() {
+    pixel = vec4(colour, 1.0);
 }
 """
 

@@ -1,35 +1,10 @@
-"""The shaders of a drawing in space, GLSL 3.30: lit surfaces, springs, points, shadows and the ground.
+"""The shaders of what only space has, GLSL 3.30: lit surfaces, shadows and the ground.
 
 Positions are metres, (particles, 3) float32, in one buffer for everything; normals lie in another of the same shape.
 Every program finds them at the same two places, so that one vertex array serves all.
 """
 
 from __future__ import annotations
-
-from app.render.shaders import STRAIN_COLOUR
-
-# `toward`: by so many clip units of depth a vertex is drawn nearer than it is, so that what lies on a surface shows.
-VERTEX = """#version 330 core
-layout(location = 0) in vec3 position;
-uniform mat4 transform;     // metres -> clip coordinates
-uniform float point_size;   // pixels; points only
-uniform float toward;
-out vec3 world;
-void main() {
-    world = position;
-    gl_Position = transform * vec4(position, 1.0);
-    gl_Position.z -= toward * gl_Position.w;
-    gl_PointSize = point_size;
-}
-"""
-
-LINE_FRAGMENT = """#version 330 core
-uniform vec3 colour;
-out vec4 pixel;
-void main() {
-    pixel = vec4(colour, 1.0);
-}
-"""
 
 SURFACE_VERTEX = """#version 330 core
 layout(location = 0) in vec3 position;
@@ -52,6 +27,11 @@ uniform vec3 eye;           // m
 uniform vec3 key;           // unit vectors toward the lights
 uniform vec3 fill;
 uniform float shine;
+vec3 facing(vec3 outward, vec3 look) {  // the unit normal of the side that is seen
+    float size = length(outward);
+    vec3 n = size > 1e-6 ? outward / size : look;
+    return gl_FrontFacing ? n : -n;
+}
 vec3 lit(vec3 colour, vec3 n, vec3 look) {
     float from_key = max((dot(n, key) + 0.25) / 1.25, 0.0);
     float from_fill = max(dot(n, fill), 0.0);
@@ -73,70 +53,10 @@ out vec4 pixel;
     + """
 void main() {
     vec3 look = normalize(eye - place);
-    float size = length(outward);
-    vec3 n = size > 1e-6 ? outward / size : look;
-    pixel = vec4(lit(gl_FrontFacing ? front : back, gl_FrontFacing ? n : -n, look), 1.0);
+    pixel = vec4(lit(gl_FrontFacing ? front : back, facing(outward, look), look), 1.0);
 }
 """
 )
-
-THIN_SPRINGS = (
-    """#version 330 core
-layout(lines) in;
-layout(line_strip, max_vertices = 2) out;
-in vec3 world[];
-out vec3 colour;
-"""
-    + STRAIN_COLOUR
-    + """
-void main() {
-    colour = strain_colour(distance(world[0], world[1]));
-    for (int k = 0; k < 2; ++k) {
-        gl_Position = gl_in[k].gl_Position;
-        EmitVertex();
-    }
-    EndPrimitive();
-}
-"""
-)
-
-# As in two dimensions a wide spring is a rectangle in the window; one that reaches behind the eye is left out.
-WIDE_SPRINGS = (
-    """#version 330 core
-layout(lines) in;
-layout(triangle_strip, max_vertices = 4) out;
-in vec3 world[];
-uniform vec2 window;        // pixels
-uniform float half_width;   // pixels
-out vec3 colour;
-"""
-    + STRAIN_COLOUR
-    + """
-void main() {
-    vec4 first = gl_in[0].gl_Position, second = gl_in[1].gl_Position;
-    if (!(first.w > 0.0 && second.w > 0.0)) return;
-    colour = strain_colour(distance(world[0], world[1]));
-    vec2 along = (second.xy / second.w - first.xy / first.w) * window;
-    float size = length(along);
-    if (!(size > 0.0)) return;
-    vec2 side = vec2(-along.y, along.x) / size * half_width * 2.0 / window;
-    for (int k = 0; k < 4; ++k) {
-        vec4 end = k < 2 ? first : second;
-        gl_Position = end + vec4((k % 2 == 0 ? -side : side) * end.w, 0.0, 0.0);
-        EmitVertex();
-    }
-    EndPrimitive();
-}
-"""
-)
-
-SPRING_FRAGMENT = """#version 330 core
-in vec3 colour;
-out vec4 pixel;
-void main() {
-    pixel = vec4(colour, 1.0);
-}
-"""
 
 FADE = """
 uniform vec3 centre;        // m, of what is seen of the ground

@@ -1,4 +1,4 @@
-"""Small things that every drawing in space does with OpenGL: fill a buffer once, tell where vertices lie, set a matrix."""
+"""Small things that every drawing does with OpenGL: fill a buffer once, tell where vertices lie, set a matrix."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-POSITION, NORMAL = 0, 1  # where the shaders of app/render/shaders3d.py look for them
+POSITION, NORMAL = 0, 1  # where shaders look for them
 LOOK = 4  # likewise, those of app/render/body_shaders.py
 
 
@@ -52,9 +52,10 @@ def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) 
     return array
 
 
-def vertex_array(position: int, elements: int, normal: int | None = None) -> Any:
-    """A vertex array of (vertices, 3) float32 buffers, drawn in the order of the buffer `elements`."""
-    return _array_of([(POSITION, position, 3)] + ([] if normal is None else [(NORMAL, normal, 3)]), elements)
+def vertex_array(position: int, elements: int, normal: int | None = None, dimensions: int = 3) -> Any:
+    """A vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`."""
+    normals = [] if normal is None else [(NORMAL, normal, dimensions)]
+    return _array_of([(POSITION, position, dimensions), *normals], elements)
 
 
 def square_array(position: int, look: int) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from itertools import zip_longest
 
-from app.window.mouse import PlaneMouse, SpaceMouse
+from app.window.mouse import Mouse
 from app.window.shown import Shown
 
 KEYS = (
@@ -92,7 +92,7 @@ class Controls:
 
     def __init__(self, viewer: Shown):
         self.viewer, self.demo, self.window = viewer, viewer.demo, viewer.window
-        self.mouse = SpaceMouse(viewer) if viewer.space else PlaneMouse(viewer)
+        self.mouse = Mouse(viewer)
         self.key = viewer.pyglet.window.key
         key, demo, looks = self.key, self.demo, viewer.looks
         self._key_actions: dict[int, Callable[[], object]] = {

@@ -110,15 +110,6 @@ class Hand:
             self._hold(world, self.held.particle).pull(world, self.held.target, self.held.direction, hold_time)
 
 
-def nearest(position: np.ndarray, x: float, y: float, reach: float) -> int | None:
-    """The mass of `position` (particles, 2) nearest to (x, y) [m] and not further than `reach` [m], or None."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        distance = np.hypot(position[:, 0] - x, position[:, 1] - y)
-    distance[~np.isfinite(distance)] = np.inf
-    particle = int(np.argmin(distance))
-    return particle if distance[particle] <= reach else None
-
-
 def neighbour(position: np.ndarray, own: np.ndarray, selected: int, direction: tuple[float, ...]) -> int:
     """Of the particles `own` (n,) at `position` (particles, 3) [m] the nearest to `selected` that lies within 45 degrees of
     `direction` (3,) from it; itself where none does."""

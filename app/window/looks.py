@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from app.command.demo import NO_BODIES, Demo
-from app.window.detail import next_detail
+from app.render.detail import next_detail
+from app.window.demo import NO_BODIES, Demo
 
 OF_PLANE = "a scene in the plane is drawn in one way"
 

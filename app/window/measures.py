@@ -9,7 +9,7 @@ import numpy as np
 
 from app.render.camera import finite_bounds, joined_bounds
 from app.render.colours import strain_range
-from app.window.surface import drawn_strain
+from app.render.drawn_springs import drawn_strain
 from model.core.energy import energies
 from model.core.simulation import Simulation
 from model.scene.scene import Scene

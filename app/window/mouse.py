@@ -1,6 +1,6 @@
-"""The mouse over the demo's window: what it takes hold of, and how it moves the view. One class for a plane, one for space.
+"""The mouse over the demo's window: what it takes hold of, and how it moves the view.
 
-Coordinates are frame-buffer pixels from the lower left corner. `pressed` tells whether the left button took a mass.
+Coordinates are frame-buffer pixels from the lower left corner.
 """
 
 from __future__ import annotations
@@ -9,23 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from app.render.camera3d import pick
+from app.render.camera import pick
 from app.window.shown import Shown
 
-REACH = 22.0  # pixels from the pointer within which a mass is taken
+REACH = 22.0  # pixels from the pointer within which a mass of a plane is taken
 SPACE_REACH = 10.0  # in space, where beside the masses is what turns the view
 BODY_REACH = 0.9  # particle spacings, if that is more: what is seen of a body is taken, between its particles too
 ZOOM = 1.15  # per notch of the wheel
 
 
-class PlaneMouse:
-    """Left drags a mass; right and middle move the view. `pointer`: where the left button is held on a mass, or None."""
+class Mouse:
+    """Left drags a mass, or a body by one of its particles, in the plane parallel to the window in which that lay when it was
+    taken; right and middle move the view, but in space middle, and left beside the masses, turn it. `pointer`: where the left
+    button is held on a mass, or None."""
 
     def __init__(self, viewer: Shown):
         self.viewer, self.demo = viewer, viewer.demo
         self.button = viewer.pyglet.window.mouse
         self.pointer: tuple[float, float] | None = None
         self._moving: int | None = None  # the button that moves the view
+        self._taken: np.ndarray = np.zeros(0)  # m, where the mass lay
 
     @property
     def _camera(self) -> Any:
@@ -33,34 +36,43 @@ class PlaneMouse:
 
     def _take(self, x: float, y: float) -> bool:
         """Take the mass at a place in the window, if there is one."""
-        across, up = self._camera.to_world(x, y)
-        return self.demo.press(across, up, REACH / self._camera.scale)
+        position = self.demo.position
+        particle = pick(self._camera, position, x, y, self._reach(position))
+        if particle is None:
+            return False
+        self._taken = position[particle].astype(np.float64)
+        return self.demo.take(particle, self._camera.on_plane(x, y, self._taken))
 
-    def _move_view(self, dx: float, dy: float) -> None:
-        self.viewer.follow = False
-        self._camera.pan(dx, dy)
+    def _reach(self, position: np.ndarray) -> float | np.ndarray:
+        """Pixels, of bodies (particles,)."""
+        scene = self.demo.world.scene
+        if not scene.bodies:
+            return SPACE_REACH if self.viewer.space else REACH
+        _, depth = self._camera.project(position)
+        reach = np.fmax(SPACE_REACH, BODY_REACH * scene.grid.spacing * self._camera.focal / depth)
+        return np.where(self.demo.world.body.inverse_mass == 0, -1.0, reach)  # what waits is not there to be taken
 
     def pull(self) -> None:
         """Tell the demo where the pointer is in the world, once a frame: the view may have moved under it."""
         if self.pointer is not None:
-            self.demo.drag(*self._camera.to_world(*self.pointer))
+            self.demo.drag(*self._camera.on_plane(*self.pointer, self._taken))
 
     def press(self, x: float, y: float, button: int) -> None:
         """A button went down."""
         if button == self.button.LEFT and self._take(x, y):
             self.pointer = x, y
-        elif self._moves_view(button):
+        elif button in (self.button.RIGHT, self.button.MIDDLE) or (self.viewer.space and button == self.button.LEFT):
             self._moving = button
-
-    def _moves_view(self, button: int) -> bool:
-        return button in (self.button.RIGHT, self.button.MIDDLE)
 
     def drag(self, x: float, y: float, dx: float, dy: float) -> None:
         """The pointer moved to (x, y), by (dx, dy), with a button down."""
         if self.pointer is not None:
             self.pointer = x, y
+        elif self._moving is not None and (self._moving == self.button.RIGHT or not self.viewer.space):
+            self.viewer.follow = False
+            self._camera.pan(dx, dy)
         elif self._moving is not None:
-            self._move_view(dx, dy)
+            self._camera.orbit(dx, dy)  # what is followed is followed from any side
 
     def release(self, button: int) -> None:
         """A button went up."""
@@ -74,43 +86,3 @@ class PlaneMouse:
         """The wheel was turned."""
         self.viewer.follow = False
         self._camera.zoom(ZOOM**notches, x, y)
-
-
-class SpaceMouse(PlaneMouse):
-    """Left drags a mass, or a body by one of its particles, in the plane parallel to the window in which that lay when it was
-    taken; left beside them and middle turn the view, right moves it."""
-
-    def __init__(self, viewer: Shown):
-        super().__init__(viewer)
-        self._taken = np.zeros(3)  # m, where the mass lay
-
-    def _take(self, x: float, y: float) -> bool:
-        position = self.demo.position
-        particle = pick(self._camera, position, x, y, self._reach(position))
-        if particle is None:
-            return False
-        self._taken = position[particle].astype(np.float64)
-        return self.demo.take(particle, self._camera.on_plane(x, y, self._taken))
-
-    def _reach(self, position: np.ndarray) -> float | np.ndarray:
-        """Pixels, of bodies (particles,)."""
-        scene = self.demo.world.scene
-        if not scene.bodies:
-            return SPACE_REACH
-        _, depth = self._camera.project(position)
-        reach = np.fmax(SPACE_REACH, BODY_REACH * scene.grid.spacing * self._camera.focal / depth)
-        return np.where(self.demo.world.body.inverse_mass == 0, -1.0, reach)  # what waits is not there to be taken
-
-    def pull(self) -> None:
-        """As in the plane, in which the mass was taken."""
-        if self.pointer is not None:
-            self.demo.drag(*self._camera.on_plane(*self.pointer, self._taken))
-
-    def _moves_view(self, button: int) -> bool:
-        return button in (self.button.LEFT, self.button.RIGHT, self.button.MIDDLE)
-
-    def _move_view(self, dx: float, dy: float) -> None:
-        if self._moving == self.button.RIGHT:
-            super()._move_view(dx, dy)
-        else:
-            self._camera.orbit(dx, dy)  # what is followed is followed from any side

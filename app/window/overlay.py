@@ -7,12 +7,12 @@ from time import perf_counter
 
 import numpy as np
 
-from app.command.demo_report import numbers_text, title_text
-from app.command.frame_times import FrameGraph, FrameTimes
 from app.render import colours
 from app.render.opengl import drawing_text
+from app.render.panels import Arrow, Panel, Style, legend_of
 from app.window.controls import hint, keys_text
-from app.window.panels import Arrow, Panel, Style, legend_of
+from app.window.demo_report import numbers_text, title_text
+from app.window.frame_times import FrameGraph, FrameTimes
 from app.window.shown import Shown
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most
@@ -63,7 +63,7 @@ class Overlay:
         width, height = viewer.width, viewer.height
         below = self._draw_numbers(now) if self.show_numbers else 0
         below += self._draw_titles()
-        if self._legend is not None and (not viewer.space or viewer.views[0].lines):
+        if self._legend is not None and viewer.views[0].lines:
             self._legend.place(width, demo.statistics.strain_range)
             self._legend.draw()
         if demo.message_count != self._message[0]:

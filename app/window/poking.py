@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.window.hand import Poke, nearest, neighbour
+from app.window.hand import Poke, neighbour
 from app.window.worlds import Worlds
 
 
@@ -45,13 +45,6 @@ class Poking(Worlds):
             self._tell_selection(self.hand.move_to(neighbour(self.position, own, self.hand.selected, towards), towards))
             return
         self._tell_selection(self.hand.move(columns, rows, self.world, towards))
-
-    def press(self, x: float, y: float, reach: float) -> bool:
-        """Mouse down at (x, y) [m] in the plane: take the nearest mass within `reach` [m], to be pulled to the pointer."""
-        if self._blocked():
-            return False
-        particle = nearest(self.position, x, y, reach)
-        return particle is not None and self.take(particle, (x, y))
 
     def take(self, particle: int, target: Sequence[float]) -> bool:
         """Select a mass and pull it toward `target` [m] until `release`."""

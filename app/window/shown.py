@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from app.command.demo import Demo
+from app.window.demo import Demo
 from app.window.looks import Looks
 from app.window.panes import Pane
 

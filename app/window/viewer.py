@@ -1,4 +1,4 @@
-"""The interactive demo in a window. What the keys do is in app/command/demo.py; here is only how it is drawn and asked for.
+"""The interactive demo in a window. What the keys do is in app/window/demo.py; here is only how it is drawn and asked for.
 
 pyglet is imported inside functions: this module can be imported where there is no display.
 """
@@ -11,19 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from app.command.demo import Demo
-from app.command.demo_report import demo_state, write_state
 from app.output.pictures import write_png
 from app.render import colours
 from app.render.camera import Margins, joined_bounds
+from app.render.collider_shapes import with_colliders
+from app.render.detail import by_software
 from app.render.opengl import load_pyglet, open_window, renderer_name
+from app.render.panels import EDGE
+from app.render.views import camera_of, view_of
 from app.window.controls import Controls
-from app.window.detail import by_software
+from app.window.demo import Demo
+from app.window.demo_report import demo_state, write_state
 from app.window.looks import Looks
 from app.window.overlay import Overlay
-from app.window.panels import EDGE
 from app.window.panes import GAP, IN_A_ROW, Pane, check_alike, panes
-from app.window.views import camera_of, seen_bounds, view_of
 from model.core.errors import SoftlabError
 from model.scene.scene import Scene
 
@@ -118,7 +119,7 @@ class Viewer:
             for view in self.views:
                 view.keep_above_ground(float(least[1]))
         seen = (*least.tolist(), *most.tolist())
-        return joined_bounds([seen_bounds(world.scene, seen, world.time) for world in worlds])
+        return joined_bounds([with_colliders(world.scene, seen, world.time) for world in worlds])
 
     def _approach_everything(self, share: float) -> None:
         kept = self._everything()

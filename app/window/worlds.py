@@ -1,5 +1,5 @@
 """The worlds of the demo: opened, stepped frame by frame, read for the picture, and frozen when they diverge. What the
-user does to them is in app/command/demo.py.
+user does to them is in app/window/demo.py.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ from typing import Any
 
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer, opengl_available
-from app.render import cuda_vertices, vertices, view3d
-from app.render.view3d import View3D
+from app.render import cuda_vertices, sheet_view, vertices
+from app.render.sheet_view import SheetView
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, cost_sources, described
 from bench.measure.machine import gpu_simulated
@@ -37,7 +37,7 @@ def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
     nothing can be drawn off-screen, or no GPU is behind the GPU backend. `most`: no cloth has more masses a side."""
     if gpu_simulated() or not opengl_available(text=False)[0]:
         return []
-    files = [str(module.__file__) for module in (cuda_vertices, vertices, view3d)]
+    files = [str(module.__file__) for module in (cuda_vertices, sheet_view, vertices)]
     sources = cost_sources("gpu", *files, str(Path(__file__)))
     found = []
     for n in SIZES:
@@ -62,7 +62,7 @@ def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) ->
         ):
             simulation.advance(MOVED)
             renderer.fit(simulation.read("position"))
-            view = View3D(scene)
+            view = SheetView(scene)
             try:
                 return _frame_costs(
                     record, [Frames(simulation, way, view=view, camera=renderer.camera) for way in ways], effort

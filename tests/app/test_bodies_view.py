@@ -18,18 +18,18 @@ from fake_cloth import FakeCloth, open_fake
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 from test_viewer import Window, display, needs_display  # noqa: F401
 
-from app.command.demo import Demo
-from app.command.demo_report import masses_text, numbers_text
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
+from app.render.scenery import KEY
 from app.render.skinning import ClusterFrames, of_quaternions
 from app.window.controls import BODY_KEYS, KEYS, hint, keys_text
+from app.window.demo import Demo
+from app.window.demo_report import masses_text, numbers_text
 from app.window.hand import neighbour
-from app.window.mouse import SpaceMouse
-from app.window.scenery import KEY
+from app.window.mouse import Mouse
 from model.core.errors import InputError
 from model.scene.scene import Scene
 
@@ -343,9 +343,9 @@ def test_a_frame_takes_a_frames_time(demo: Demo) -> None:
 
 def test_the_particle_under_the_pointer_is_taken_between_others_too(demo: Demo) -> None:
     """What a skin hides between two particles that are seen 40 pixels apart."""
-    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True)
+    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True, space=True)
     viewer.pyglet = SimpleNamespace(window=SimpleNamespace(mouse=SimpleNamespace(LEFT=1, MIDDLE=2, RIGHT=4)))
-    mouse = SpaceMouse(viewer)
+    mouse = Mouse(viewer)
     torus = np.flatnonzero(BODY_SET.body == 2)
     particle = int(torus[np.argmax(BODY_SET.position[torus] @ viewer.camera.axes[2])])
     viewer.camera._aim(BODY_SET.position[particle])
@@ -410,7 +410,7 @@ class BodiesWindow(Window):
     def __init__(self, folder: Path, screen: str, parts: str = ""):
         self.folder, self.state_file = folder, folder / "state.json"
         code = (
-            "from pathlib import Path; from app.command.demo import Demo; from app.window.viewer import Viewer\n"
+            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
             "from bodies_scenes import beams_and_torus; from fake_cloth import open_fake\n"
             f"scene = beams_and_torus(gravity={{'enabled': False}}{parts})\n"
             f"with Demo([scene], open_world=open_fake) as demo: Viewer(demo, Path({str(self.state_file)!r}), None).run()"

@@ -15,13 +15,13 @@ from fake_cloth import FakeCloth, open_fake
 from fake_interop import FakeRuntime, GpuCloth, Status, alive, held
 from test_view3d import REST, SCENE, available
 
-from app.command.demo import Demo
 from app.output.offscreen import OffscreenRenderer
 from app.render import cuda_vertices
 from app.render.cuda_vertices import STRAIGHT, CudaVertices
+from app.render.sheet_view import SheetView
 from app.render.vertices import HostVertices
-from app.render.view3d import View3D
 from app.window import worlds
+from app.window.demo import Demo
 from app.window.viewer import Viewer
 from model.scene.scene import Scene
 
@@ -151,7 +151,7 @@ def test_worlds_write_into_buffers_of_their_own_on_streams_of_their_own(
     renderer: OffscreenRenderer, install: Install
 ) -> None:
     runtime = install()
-    views = [View3D(SCENE), View3D(SCENE)]
+    views = [SheetView(SCENE), SheetView(SCENE)]
     worlds = [crumpled(GpuCloth(SCENE, runtime, stream=stream)) for stream in (5, 6)]
     for view, world in zip(views, worlds, strict=True):
         view.upload_from(world)

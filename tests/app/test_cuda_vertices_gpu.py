@@ -12,13 +12,13 @@ import pytest
 from cloth_scenes import cloth_scene
 from fake_interop import held, store_bytes
 
-from app.command.demo import Demo
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer, opengl_available
 from app.render import cuda_vertices
 from app.render.cuda_vertices import STRAIGHT, CudaVertices
+from app.render.sheet_view import SheetView
 from app.render.vertices import HostVertices
-from app.render.view3d import View3D
+from app.window.demo import Demo
 from model.core.simulation import Simulation
 from model.scene.scene import Scene, load_scene
 
@@ -142,7 +142,7 @@ def test_drawing_and_stepping_wait_for_each_other(renderer: OffscreenRenderer) -
 
 
 def test_several_worlds(renderer: OffscreenRenderer) -> None:
-    views = [View3D(SCENE), View3D(SCENE)]
+    views = [SheetView(SCENE), SheetView(SCENE)]
     with opened() as one, opened(precision="float64") as other:
         for steps in (10, 5):
             one.advance(steps)

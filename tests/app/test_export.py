@@ -16,8 +16,8 @@ from test_cli import command, refused  # noqa: F401  # a fixture
 
 from app.command.scene_file import scene_toml
 from app.output.export import Exporter, check_export, linear, write_pieces
+from app.output.pieces import collider_pieces, pieces_of, skinned
 from app.render import colours
-from app.render.pieces import collider_pieces, pieces_of, skinned
 from app.render.skinning import ClusterFrames
 from model.core.build import rest_positions
 from model.core.errors import InputError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.command.frame_times import BAR, BUDGET, FRAMES, HEIGHT, STICK_OUT, WIDTH, FrameTimes
 from app.render import colours
+from app.window.frame_times import BAR, BUDGET, FRAMES, HEIGHT, STICK_OUT, WIDTH, FrameTimes
 from app.window.overlay import force_text
 
 

@@ -10,7 +10,7 @@ import pytest
 from bodies_scenes import BAR, BRICK, bodies_scene
 from fake_cloth import FakeCloth
 
-from app.command.demo import Demo
+from app.window.demo import Demo
 from app.window.grip import CALMING, GIVE, HAND, SLOWING, STEADY, Grip
 from app.window.worlds import live_parts
 from model.core.errors import SceneError

@@ -15,7 +15,7 @@ import pytest
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
 from app.output.pictures import write_png
-from app.output.video import VideoWriter, ffmpeg_path, render, render_clip
+from app.output.video import Picture, VideoWriter, ffmpeg_path, render, render_clip
 from app.render import colours, opengl
 from model.core.build import rest_positions
 from model.core.errors import BackendUnavailable, Diverged, InputError
@@ -187,9 +187,9 @@ def test_a_simulation_becomes_a_clip(tmp_path: Path) -> None:
     import imageio_ffmpeg
 
     with open_simulation(SCENE) as simulation:
-        path = render(simulation, tmp_path / "clip.mp4", steps=45, steps_per_frame=10, width=321, height=240)
+        path = render(simulation, tmp_path / "clip.mp4", steps=45, steps_per_frame=10, picture=Picture(321, 240))
         assert simulation.step == 45
-        frame = render(simulation, tmp_path / "frame.png", width=320, height=240)
+        frame = render(simulation, tmp_path / "frame.png", picture=Picture(320, 240))
     assert imageio_ffmpeg.count_frames_and_secs(path)[0] == 6  # the start, after 10 20 30 40 steps, the end
     reader = imageio_ffmpeg.read_frames(path)
     assert next(reader)["size"] == (320, 240)  # an odd width is made even
@@ -201,8 +201,8 @@ def test_a_simulation_becomes_a_clip(tmp_path: Path) -> None:
 
 def test_positions_become_a_frame_or_a_clip(tmp_path: Path) -> None:
     states = np.stack([REST, REST * 1.1, REST * 1.2])
-    assert render(states, tmp_path / "a.mp4", scene=SCENE, width=160, height=120).exists()
-    assert render(REST, tmp_path / "a.png", scene=SCENE, width=160, height=120).exists()
+    assert render(states, tmp_path / "a.mp4", scene=SCENE, picture=Picture(160, 120)).exists()
+    assert render(REST, tmp_path / "a.png", scene=SCENE, picture=Picture(160, 120)).exists()
     with pytest.raises(InputError, match="scene"):
         render(REST, tmp_path / "b.png")
     with pytest.raises(InputError, match="frames, particles"):
@@ -213,7 +213,7 @@ def test_positions_become_a_frame_or_a_clip(tmp_path: Path) -> None:
 def test_a_clip_that_diverges_leaves_nothing(tmp_path: Path) -> None:
     scene = SCENE.replace({"method.dt": 0.2})
     with open_simulation(scene, allow_unstable=True) as simulation, pytest.raises(Diverged):
-        render_clip(simulation, tmp_path / "clip.mp4", 2000, width=160, height=120)
+        render_clip(simulation, tmp_path / "clip.mp4", 2000, picture=Picture(160, 120))
     assert not list(tmp_path.iterdir())
 
 

@@ -17,16 +17,16 @@ from test_bodies_view import BodiesWindow
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 from test_viewer import display, needs_display  # noqa: F401
 
-from app.command.demo import Demo
-from app.command.demo_report import demo_state, masses_text
 from app.command.run_parts import bodies_report
 from app.output.export import Exporter, check_export
 from app.output.offscreen import OffscreenRenderer, render_frame
+from app.output.pieces import pieces_of
 from app.render import colours
 from app.render.camera3d import Camera3D
-from app.render.pieces import pieces_of
 from app.render.skinning import ClusterFrames
-from app.window.mouse import SpaceMouse
+from app.window.demo import Demo
+from app.window.demo_report import demo_state, masses_text
+from app.window.mouse import Mouse
 from model.core.energy import energies
 from model.scene.scene import Scene, load_scene
 from model.shape_matching.spare import Counts, absent, counts, present
@@ -203,9 +203,9 @@ def test_without_spare_bodies_a_message_says_what_to_add() -> None:
 
 def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
     """The last two toruses lie in the first, whose particles the pointer finds; alone they are not found."""
-    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True)
+    viewer: Any = SimpleNamespace(demo=demo, camera=Camera3D(1200, 900), follow=True, space=True)
     viewer.pyglet = SimpleNamespace(window=SimpleNamespace(mouse=SimpleNamespace(LEFT=1, MIDDLE=2, RIGHT=4)))
-    mouse = SpaceMouse(viewer)
+    mouse = Mouse(viewer)
     viewer.camera._aim(BODY_SET.position[BODY_SET.copies[3].first_particle])
     viewer.camera.distance = 10.0
     mouse.press(600.0, 450.0, 1)

@@ -16,14 +16,14 @@ import pytest
 from fake_cloth import FakeCloth, open_fake
 from test_viewer import Window, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
 
-from app.command.demo import Demo
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
-from app.output.video import render
+from app.output.video import Picture, render
 from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
+from app.render.scenery import KEY
 from app.window.controls import SPACE_KEYS, keys_text
-from app.window.scenery import KEY
+from app.window.demo import Demo
 from model.core.build import rest_positions
 from model.core.errors import InputError
 from model.scene.scene import Scene, load_scene
@@ -251,14 +251,14 @@ def test_frames_and_clips_of_a_cloth(tmp_path: Path) -> None:
 
     tables = HANGING | {"gravity": {}, "sphere": {"center": [1.0, -2.0, 0.0], "radius": 0.3, "velocity": [0, 3.0, 0]}}
     simulation = FakeCloth(Scene(tables))
-    frame = render(simulation, tmp_path / "frame.png", width=320, height=240)
+    frame = render(simulation, tmp_path / "frame.png", picture=Picture(320, 240))
     assert np.asarray(Image.open(frame)).shape == (240, 320, 3)
-    clip = render(simulation, tmp_path / "clip.mp4", steps=30, steps_per_frame=10, width=160, height=120)
+    clip = render(simulation, tmp_path / "clip.mp4", steps=30, steps_per_frame=10, picture=Picture(160, 120))
     assert imageio_ffmpeg.count_frames_and_secs(clip)[0] == 4
     assert simulation.asked.count("normal") == 4
     assert render_frame(simulation.scene, REST, tmp_path / "lines.png", 160, 120, lines=True, time=0.2).exists()
     states = np.stack([REST, 1.1 * REST])
-    assert render(states, tmp_path / "states.mp4", scene=SCENE, width=160, height=120).exists()
+    assert render(states, tmp_path / "states.mp4", scene=SCENE, picture=Picture(160, 120)).exists()
 
 
 # ---------------------------------------------------------------------- the demo
@@ -346,7 +346,7 @@ class ClothWindow(Window):
         path = os.pathsep.join([str(TOOLS), str(TOOLS.parents[1])])
         self.environment = os.environ | {"DISPLAY": display, "OMP_WAIT_POLICY": "passive", "PYTHONPATH": path}
         code = (
-            "from pathlib import Path; from app.command.demo import Demo; from app.window.viewer import Viewer\n"
+            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
             "from model.scene.scene import Scene; from fake_cloth import open_fake\n"
             f"demo = Demo([Scene({HANGING!r})], open_world=open_fake)\n"
             f"Viewer(demo, Path({str(self.state_file)!r}), None).run()\n"

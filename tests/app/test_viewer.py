@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.command.demo import Demo
 from app.driver import open_simulation
-from app.render.camera import Camera, finite_bounds
+from app.render.camera import Camera2D, finite_bounds, pick
 from app.render.colours import STOPS, strain_colours, strain_range
-from app.window.hand import nearest
+from app.window.demo import Demo
 from model.core.errors import BackendUnavailable
 from model.scene.scene import Scene
 
@@ -49,7 +48,7 @@ def demo() -> Iterator[Demo]:
 
 
 def test_importing_the_drawing_loads_no_pyglet() -> None:
-    drawing = "app.window.viewer, app.output.offscreen, app.output.video, app.command.demo"
+    drawing = "app.window.viewer, app.output.offscreen, app.output.video, app.window.demo"
     code = f"import sys, {drawing}; sys.exit('pyglet' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -158,8 +157,10 @@ def test_an_impossible_setting_is_a_message(demo: Demo) -> None:
 def test_dragging_pulls_a_mass_to_the_pointer_and_lets_go(demo: Demo) -> None:
     particle = 6 * 8 + 4
     x, y = demo.positions[0][particle].astype(float)
-    assert not demo.press(x + 50, y, 0.5)  # nothing there
-    assert demo.press(x + 0.1, y, 0.5)
+    camera = Camera2D(800, 600, x, y, 30.0)
+    assert pick(camera, demo.position, *camera.to_window(np.array([x + 50, y])), 15.0) is None  # nothing there
+    assert pick(camera, demo.position, *camera.to_window(np.array([x + 0.1, y])), 15.0) == particle
+    assert demo.take(particle, (x + 0.1, y))
     assert demo.hand.selected == particle
     demo.drag(x + 3, y - 2)
     demo.frame()
@@ -180,7 +181,7 @@ def test_dragging_pulls_a_mass_to_the_pointer_and_lets_go(demo: Demo) -> None:
 
 def test_a_drag_brings_no_energy_explosion_where_no_spring_holds() -> None:
     with Demo([Scene({"grid": {"rows": 1, "columns": 1}, "damping": {}})]) as demo:
-        demo.press(0.0, 0.0, 1.0)
+        demo.take(0, (0.0, 0.0))
         demo.drag(5.0, 0.0)
         for _ in range(400):
             demo.frame()
@@ -257,13 +258,15 @@ def test_a_backend_that_is_there_takes_the_state() -> None:
 
 
 def test_the_camera_goes_there_and_back() -> None:
-    camera = Camera(800, 600, 3.0, -4.0, 25.0)
-    assert camera.to_world(*camera.to_window(np.array([1.5, 2.5]))) == pytest.approx((1.5, 2.5))
-    place = camera.to_world(100, 500)
+    camera = Camera2D(800, 600, 3.0, -4.0, 25.0)
+    assert camera.on_plane(*camera.to_window(np.array([1.5, 2.5]))) == pytest.approx((1.5, 2.5))
+    place = camera.on_plane(100, 500)
     camera.zoom(3.0, 100, 500)
-    assert camera.to_world(100, 500) == pytest.approx(place)  # the place under the pointer stays
+    assert camera.on_plane(100, 500) == pytest.approx(place)  # the place under the pointer stays
     camera.pan(40, -20)
-    assert camera.to_world(140, 480) == pytest.approx(place)
+    assert camera.on_plane(140, 480) == pytest.approx(place)
+    clip = camera.matrix() @ (*place, 0.0, 1.0)  # the shaders see it where the pointer does
+    np.testing.assert_allclose((clip[:2] + 1) / 2 * (800, 600), (140, 480), atol=1e-9)
     framed = camera.framing((-1, -2, 9, 30), (50, 60, 70, 80), 1.0)
     corners = framed.to_window(np.array([[-1, -2], [9, 30]]))
     assert (corners[0] >= (49.9, 59.9)).all() and (corners[1] <= (730.1, 520.1)).all()
@@ -273,8 +276,9 @@ def test_bounds_and_picking_skip_what_is_not_finite() -> None:
     position = np.array([[np.nan, 0], [1, 2], [3, -4], [np.inf, 0]], dtype=np.float32)
     assert finite_bounds(position) == (1, -4, 3, 2)
     assert finite_bounds(position[:1]) is None
-    assert nearest(position, 1.2, 2, 0.5) == 1
-    assert nearest(position, 1.2, 3, 0.5) is None
+    camera = Camera2D(400, 300, scale=10.0)
+    assert pick(camera, position, *camera.to_window(np.array([1.2, 2])), 5.0) == 1
+    assert pick(camera, position, *camera.to_window(np.array([1.2, 3])), 5.0) is None
 
 
 def test_colours_run_from_blue_over_grey_to_red_and_the_range_is_round() -> None:

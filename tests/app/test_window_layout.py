@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.command.demo import NO_BODIES
 from app.render.camera3d import MAX_PITCH, NEAREST, Camera3D
+from app.render.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
+from app.render.panels import TIP_GAP, beside_tip, divided
 from app.window.controls import keys_text
-from app.window.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
+from app.window.demo import NO_BODIES
 from app.window.looks import OF_PLANE, Looks
-from app.window.panels import TIP_GAP, beside_tip, divided
 
 WINDOW = (1200.0, 900.0)
 LABEL = (70.0, 18.0)

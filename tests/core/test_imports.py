@@ -51,6 +51,18 @@ def test_every_package_is_in_the_order():
     assert found <= set(LEVELS)
 
 
+def test_the_rooms_of_app_import_one_way():
+    """What draws asks nothing of pictures as files, and those nothing of the demo; nobody asks the demo or a report."""
+    rooms = ("render", "output", "command", "plan", "window")  # each may ask those before it
+    for file in sorted((ROOT / "app").rglob("*.py")):
+        here = file.relative_to(ROOT / "app").parts[0].removesuffix(".py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("app."):
+                room = str(node.module).split(".")[1]
+                if {here, room} <= set(rooms):
+                    assert rooms.index(room) <= rooms.index(here), f"{file.relative_to(ROOT)} imports {node.module}"
+
+
 def test_there_is_no_circle():
     """Imports for types and inside functions counted."""
     modules = {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in sources()}

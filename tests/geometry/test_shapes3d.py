@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.render.camera3d import MAX_PITCH, Camera3D, pick
+from app.render.camera import pick
+from app.render.camera3d import MAX_PITCH, Camera3D
 from app.render.collider_shapes import (
     Mesh,
     box_mesh,
@@ -19,9 +20,9 @@ from app.render.collider_shapes import (
     sphere_mesh,
     with_colliders,
 )
+from app.render.drawn_springs import drawn_kinds, drawn_strain
 from app.render.framing import seen_points
-from app.window.scenery import KEY
-from app.window.surface import drawn_kinds, drawn_strain
+from app.render.scenery import KEY
 from model.core.build import rest_positions
 from model.geometry.normals import vertex_normals
 from model.geometry.sheets import sheet_triangles as triangles

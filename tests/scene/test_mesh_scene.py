@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mesh_scenes import PARTS, SHEET, mesh_scene
 
-from app.window.surface import drawn_lines
+from app.render.drawn_springs import drawn_lines
 from bench.reference import xpbd as sheets
 from bench.reference import xpbd_mesh as reference
 from model.core.build import build, masses, pinned_indices, rest_positions

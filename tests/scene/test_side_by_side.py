@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from test_viewer import GRID, PATIENCE, TABLES, display, needs_display  # noqa: F401
 
-from app.command.demo import Demo
-from app.command.demo_report import numbers_text, title_text
 from app.window.controls import WORLDS_KEY, hint, keys_text
+from app.window.demo import Demo
+from app.window.demo_report import numbers_text, title_text
 from app.window.panes import GAP, MAX_WORLDS, check_alike, panes, titles_of
 from app.window.worlds import STEPS_PER_FRAME
 from model.core.errors import SceneError
@@ -152,7 +152,7 @@ def test_a_mass_of_the_world_under_the_pointer_is_pulled_alone(pair: Demo) -> No
     pair.frame()
     pair.turn_to(1)
     x, y = pair.position[particle].astype(float)
-    assert pair.press(x, y, 0.5)
+    assert pair.take(particle, (x, y))
     pair.drag(x + 3, y)
     assert pair.force()[0] > 0
     pair.frame()
@@ -195,7 +195,7 @@ def test_the_key_is_told_where_it_does_something() -> None:
 CODE = """
 import json, sys
 import numpy as np
-from app.command.demo import Demo
+from app.window.demo import Demo
 from app.output.offscreen import read_pixels
 from app.window.viewer import Viewer
 from model.scene.scene import Scene

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from app.command.demo import Demo
 from app.render.camera import Camera
-from app.render.camera3d import Camera3D
+from app.window.demo import Demo
 from app.window.panes import Pane
 from app.window.worlds import stiffness_paths
 from model.core.files import replacing
@@ -87,7 +86,7 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
     return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
-def demo_state(demo: Demo, camera: Camera | Camera3D, pane: Pane, height: int) -> dict[str, Any]:
+def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str, Any]:
     """The demo as plain JSON values, of its current world, which is drawn in `pane` of a window `height` pixels high; of each
     of the `worlds` what its title tells. `masses`: for the corners, the middle and the selected mass, the place in the
     `window` (pixels from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions, but of

@@ -6,7 +6,7 @@ window it has, and off-screen pictures get the same edges. It may also be smalle
 
 from __future__ import annotations
 
-from app.window.detail import Detail
+from app.render.detail import Detail
 from model.core.errors import BackendUnavailable
 
 

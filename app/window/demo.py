@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from app.render.spare_bodies import counts_text, drop, next_spare
 from app.window.hand import Hand
 from app.window.poking import Poking
+from app.window.spare_bodies import counts_text, drop, next_spare
 from app.window.worlds import STEPS_PER_FRAME, stiffness_paths
 from model.core.errors import SoftlabError
 from model.core.simulation import Simulation

@@ -52,7 +52,7 @@ class FrameGraph:
     def __init__(self) -> None:
         import pyglet
 
-        from app.window.panels import FONTS, rgba
+        from app.render.panels import FONTS, rgba
 
         self._batch = pyglet.graphics.Batch()
         behind, before = pyglet.graphics.Group(0), pyglet.graphics.Group(1)

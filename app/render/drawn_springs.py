@@ -1,4 +1,4 @@
-"""A cloth as something to draw: its springs, and how far they are stretched. No OpenGL."""
+"""A sheet as something to draw: its springs, and how far they are stretched. No OpenGL."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ def drawn_kinds(scene: Scene) -> list[str]:
 
 
 def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
-    """[(ends (springs, 2), their rest length [m])]: the springs of a cloth that are drawn, kind by kind.
+    """[(ends (springs, 2), their rest length [m])]: the springs of a grid, or those of a cloth that are drawn, kind by kind.
 
     Of a mesh by classes of rest lengths that differ by less than ALIKE, each with its mean.
     """
     grid = scene.grid
+    if scene.dimensions == 2:
+        return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
     if not scene.mesh:
         return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
     found = []

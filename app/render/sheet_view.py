@@ -1,0 +1,133 @@
+"""Draws one sheet into the current OpenGL context: a grid in a plane as springs coloured by strain; a cloth in space as a lit
+surface or as such springs, with what it collides with and a ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from app.render import colours, shaders
+from app.render.camera3d import Camera3D
+from app.render.detail import FINE, Detail
+from app.render.drawn_springs import drawn_lines
+from app.render.opengl import shader_program
+from app.render.scenery import Drawn
+from app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
+from app.render.view import View
+from model.core.build import pinned_indices
+from model.scene.scene import Scene
+from model.scene.sheets import triangles_of
+
+WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
+POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
+PIN_SIZE, PIN_MORE = 9.0, 4.0  # pixels, at least, and than a mass: a pin is always larger than one
+PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of half a `spring`'s width and of a `mass`: (share of what neighbours are apart, least, most [pixels]); `soft`
+    [pixels]: what a spring's fading edges take, where pixels have one sample."""
+
+    spring: tuple[float, float, float]
+    mass: tuple[float, float, float]
+    soft: float
+
+
+IN_PLANE = Sizes((0.05, 0.6, 2.5), (0.28, 3.0, 16.0), 1.0)
+IN_SPACE = Sizes((0.035, 0.5, 2.0), (0.2, 3.0, 12.0), 0.0)
+
+
+def of_distance(apart: float, size: tuple[float, float, float]) -> float:
+    """Pixels of what has such a size, where neighbours are `apart` pixels apart."""
+    share, least, most = size
+    return min(max(share * apart, least), most)
+
+
+class SheetView(View):
+    """See View; `lines`: as springs and not as a surface, which a plane has not."""
+
+    def __init__(self, scene: Scene, detail: Detail = FINE):
+        from pyglet import gl
+
+        super().__init__(scene, detail)
+        lines = drawn_lines(scene)
+        self.springs = sum(len(pairs) for pairs, _ in lines)
+        self._wide, self._sizes = self.springs <= WIDE_UP_TO, IN_SPACE if self.space else IN_PLANE
+        geometry = shaders.WIDE_SPRINGS if self._wide else shaders.THIN_SPRINGS
+        self._spring_program = shader_program(shaders.VERTEX, shaders.SPRING_FRAGMENT, geometry)
+        pins = pinned_indices(scene.grid).astype(np.uint32)
+        faces = triangles_of(scene) if self.space else np.zeros((0, 3), np.uint32)
+        self.lines = not len(faces)
+        self._buffers: list[int] = []
+        self._surface = self._drawn(faces, gl.GL_TRIANGLES)
+        self._pins = self._drawn(pins, gl.GL_POINTS)
+        self._lines = [(self._drawn(pairs, gl.GL_LINES), rest) for pairs, rest in lines]
+
+    def _drawn(self, elements: np.ndarray, mode: int) -> Drawn:
+        self._buffers.append(static_buffer(elements))
+        normal = self.vertices.normal_buffer if self.space else None
+        array = vertex_array(self.vertices.position_buffer, self._buffers[-1], normal, self.scene.dimensions)
+        return array, mode, elements.size
+
+    def toggle_lines(self) -> bool:
+        """Surface or springs; whether it is springs now. A sheet without springs, or without a surface, has no choice."""
+        if self._lines and self._surface[2]:
+            self.lines = not self.lines
+        return self.lines
+
+    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+        if self.lines:
+            self._draw_springs(camera, strain_range)
+            return
+        self._lit.use(camera)
+        self._lit.look(colours.CLOTH_FRONT, colours.CLOTH_BACK, 0.06, np.zeros(3))
+        draw_elements(*self._surface)
+        self._lit.program.stop()
+
+    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+        shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surface]
+        self._scenery.draw_shadows(camera, time, self.lowest, shown)
+
+    def _draw_springs(self, camera: Any, strain_range: float) -> None:
+        program = self._spring_program
+        program.use()
+        program["transform"] = uniform_matrix(camera.matrix())
+        program["toward"] = 0.0
+        program["strain_range"] = strain_range
+        program["stops"] = tuple(tuple(float(part) for part in stop) for stop in colours.STOPS)
+        program["half_width"] = 0.5
+        if self._wide:
+            program["window"], program["soft"] = (camera.width, camera.height), self._sizes.soft
+            program["half_width"] = of_distance(camera.scale * self.scene.grid.spacing, self._sizes.spring)
+        for drawn, rest in self._lines:
+            program["inverse_rest"], program["offset"] = 1 / (rest or self.scene.grid.spacing), 1.0 if rest else 0.0
+            draw_elements(*drawn)
+        program.stop()
+
+    def _draw_over(self, camera: Any, selected: int | None) -> None:
+        from pyglet import gl
+
+        apart = self.detail.coarse * camera.scale * self.scene.grid.spacing  # pixels of the window
+        size, pin = of_distance(apart, self._sizes.mass), PIN_SIZE
+        self._use_points(camera, self._pins[0])
+        if self.lines and (apart >= POINTS_FROM or not self.springs):
+            rim = colours.BACKGROUND if size > 5 else colours.INK  # a bright rim would hide a thin spring's ends
+            self._style(size, colours.INK, rim, MASS_TOWARD)
+            gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
+            pin = max(pin, size + PIN_MORE)
+        if self._pins[2]:
+            # rims of a dense row would hide its pins
+            rim = colours.BACKGROUND if apart > PIN_SIZE * self.detail.coarse else colours.PIN
+            self._style(pin, colours.PIN, rim, PIN_TOWARD, square=True)
+            draw_elements(*self._pins)
+        if selected is not None:
+            self._ring(selected)
+        self._point_program.stop()
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        delete_all([self._surface[0], self._pins[0], *(drawn[0] for drawn, _ in self._lines)], self._buffers)
+        super().delete()

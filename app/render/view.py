@@ -1,0 +1,176 @@
+"""What every drawing of a scene shares: points and a ring; in space also smooth edges, light, colliders, and a ground with
+shadows. The window and the off-screen pictures both draw through here.
+
+A plane is drawn as space is, by the same shaders, seen without perspective (app/render/camera.py). It has no depth and
+nothing around it: what is drawn later lies on top, straight into the window, lines with edges that fade.
+
+Plain buffers of OpenGL are used for the masses and not pyglet's vertex lists, whose element-wise interface takes tens of
+milliseconds for a large grid; here the upload is one copy of the float32 positions, or none where the GPU that computes also
+draws (app/render/cuda_vertices.py).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from app.render import colours, shaders
+from app.render.camera3d import Camera3D
+from app.render.collider_shapes import Ground, grounds
+from app.render.cuda_vertices import CudaVertices
+from app.render.detail import FINE, Detail
+from app.render.opengl import shader_program
+from app.render.scenery import Lit, Scenery
+from app.render.smooth_target import SmoothTarget
+from app.render.vertex_arrays import uniform_matrix
+from model.core.build import rest_positions
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+RING = 22.0  # pixels
+
+
+class View(ABC):
+    """`scene` on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
+
+    `upload(position)` sends a state, `upload_from(simulation)` a simulation's; `draw(camera, ...)` draws it; `delete()` frees
+    the buffers. `detail`: how much goes into it, in space. `lines`: shown as what holds it together, and not as its surface
+    (a change needs a new upload). Raises BackendUnavailable.
+    """
+
+    lines = False
+
+    def __init__(self, scene: Scene, detail: Detail = FINE):
+        self.scene, self.space = scene, scene.dimensions == 3
+        self.detail = detail if self.space else FINE
+        self.vertices = CudaVertices(scene)
+        self._point_program = shader_program(shaders.VERTEX, shaders.POINT_FRAGMENT)
+        if self.space:
+            self.lowest = float(
+                rest_positions(scene.grid)[:, 1].min()
+            )  # of all that was shown: the ground lies below it
+            self._target = SmoothTarget(detail)
+            self._scenery = Scenery(scene)
+            self._lit = Lit()
+
+    def show_in(self, detail: Detail) -> None:
+        """Draw in this detail from now on; in space."""
+        self._target.delete()
+        self.detail, self._target = detail, SmoothTarget(detail)
+
+    def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
+        """Send positions (particles, dimensions) [m], with a cloth's normals where they are known; a C-contiguous float32
+        array goes without a copy. Raises InputError."""
+        self.vertices.upload_state(position, not self.lines, normal)
+
+    def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
+        """Send the state of a simulation; `position` (particles, dimensions) float32, if the caller has read it already."""
+        self.vertices.upload(simulation, not self.lines, position)
+
+    @abstractmethod
+    def toggle_lines(self) -> bool:
+        """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
+
+    def keep_above_ground(self, lowest: float) -> None:
+        """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""
+        if np.isfinite(lowest):
+            self.lowest = min(self.lowest, lowest)
+
+    def grounds(self, time: float) -> list[Ground]:
+        """What is drawn to stand on, at `time` [s]; in space."""
+        return grounds(self.scene, time, self.lowest)
+
+    def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
+        """Draw what was uploaded last, in space with the colliders where they are at `time` [s]. `strain_range`: the strain
+        at both ends of the colour map."""
+        from pyglet import gl
+
+        if self.space:
+            coarse = self.detail.coarse
+            camera = replace(camera, width=-(-camera.width // coarse), height=-(-camera.height // coarse))
+            self._begin_space(camera, time)
+        else:
+            _blend()
+        self._draw_solid(camera, strain_range)
+        if self.space:
+            if self.detail.shadows:
+                self._draw_shadows(camera, time)
+            _blend()
+            gl.glDepthMask(gl.GL_FALSE)
+            self._scenery.draw_ground(camera, time, self.lowest)
+        self._draw_over(camera, selected)
+        gl.glBindVertexArray(0)
+        if self.space:
+            gl.glDepthMask(gl.GL_TRUE)
+            gl.glDisable(gl.GL_DEPTH_TEST)
+            self._target.finish()
+
+    def _begin_space(self, camera: Camera3D, time: float) -> None:
+        """What is there before the masses."""
+        from pyglet import gl
+
+        self._target.begin(camera.width, camera.height)
+        gl.glClearColor(*colours.BACKGROUND, 1.0)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
+        gl.glEnable(gl.GL_DEPTH_TEST)
+        gl.glDepthFunc(gl.GL_LEQUAL)
+        gl.glDisable(gl.GL_BLEND)
+        self._lit.use(camera)
+        self._scenery.draw_colliders(self._lit, time)
+        self._lit.program.stop()
+
+    @abstractmethod
+    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+        """What hides what is behind it."""
+
+    @abstractmethod
+    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+        """All shadows, through the scenery."""
+
+    @abstractmethod
+    def _draw_over(self, camera: Any, selected: int | None) -> None:
+        """What is seen through, and marks."""
+
+    def _use_points(self, camera: Any, array: Any) -> None:
+        """Points of a vertex array from now on; `_style` says how they look."""
+        from pyglet import gl
+
+        self._point_program.use()
+        self._point_program["transform"] = uniform_matrix(camera.matrix())
+        gl.glEnable(gl.GL_PROGRAM_POINT_SIZE)
+        gl.glBindVertexArray(array)
+
+    def _style(
+        self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
+    ) -> None:
+        """`size`: pixels of the window."""
+        program = self._point_program
+        program["point_size"], program["toward"] = size / self.detail.coarse, toward
+        program["fill"], program["rim"] = fill, rim
+        program["square"], program["hollow"] = int(square), int(hollow)
+
+    def _ring(self, selected: int) -> None:
+        """About the selected mass; points are in use. Where it is must be seen, in a fold and inside a body too."""
+        from pyglet import gl
+
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        self._style(RING, colours.SELECTED, colours.SELECTED, 0.0, hollow=True)
+        gl.glDrawArrays(gl.GL_POINTS, selected, 1)
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        if self.space:
+            self._scenery.delete()
+            self._target.delete()
+        self.vertices.delete()
+
+
+def _blend() -> None:
+    """What is drawn from now on covers as much of what is there as its alpha says."""
+    from pyglet import gl
+
+    gl.glEnable(gl.GL_BLEND)
+    gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)

@@ -1,0 +1,28 @@
+"""Which view and which camera a scene needs: those of a plane or those of space, of a sheet or of bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from app.render.camera import Camera2D
+from app.render.camera3d import Camera3D
+from app.render.detail import FINE, usual_detail
+from app.render.opengl import renderer_name
+from model.scene.scene import Scene
+
+
+def view_of(scene: Scene, quick: bool = False) -> Any:
+    """A SheetView or, for bodies, a BodiesView, in the current OpenGL context. Raises BackendUnavailable.
+
+    `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
+    """
+    from app.render.bodies_view import BodiesView
+    from app.render.sheet_view import SheetView
+
+    detail = usual_detail(renderer_name()) if quick else FINE
+    return (BodiesView if scene.bodies else SheetView)(scene, detail)
+
+
+def camera_of(scene: Scene, width: int, height: int) -> Any:
+    """A Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
+    return (Camera3D if scene.dimensions == 3 else Camera2D)(width, height)
