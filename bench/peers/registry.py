@@ -5,6 +5,7 @@ from __future__ import annotations
 from bench.peers.base import Peer
 from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
 from bench.peers.cuda_cpp import CudaCpp
+from bench.peers.cuda_cpp_blocked import CudaCppBlocked
 from bench.peers.numpy_grid import NumpyGrid
 from bench.peers.warp_grid import WarpGrid
 
@@ -15,6 +16,7 @@ PEERS: tuple[Peer, ...] = (
     WarpGrid("cpu"),
     NumpyGrid(),
     CudaCpp(),
+    CudaCppBlocked(),
     WarpGrid("gpu"),
 )
 

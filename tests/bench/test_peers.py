@@ -11,7 +11,7 @@ from fake_cuda import FakeDriver, compile_for_host
 from typer.testing import CliRunner
 
 from bench.experiments.checks import LIMITS
-from bench.peers import compiler, cuda_cpp
+from bench.peers import compiler, cuda_cpp, cuda_driver
 from bench.peers.base import Opened, Peer, PeerError
 from bench.peers.cpp_openmp import SOURCE, CppOpenmp, CppOpenmpBlocked
 from bench.peers.numpy_grid import NumpyGrid
@@ -118,7 +118,7 @@ def test_cuda_cpp_launches_what_it_should(precision, tmp_path, monkeypatch):
     library = compile_for_host(cuda_cpp.SOURCE, cuda_cpp.TYPES[precision], tmp_path, needs_compiler())
     for shape in [(1, 1), (9, 33), (23, 19)]:
         driver = FakeDriver(library)
-        monkeypatch.setattr(cuda_cpp, "_driver", lambda driver=driver: driver)
+        monkeypatch.setattr(cuda_driver, "driver", lambda driver=driver: driver)
         monkeypatch.setattr(cuda_cpp, "compile_grid", lambda *_: b"machine code")
         scene = grid(*shape)
         assert_same(cuda_cpp.CudaCpp().open(scene, precision, 1), scene, precision)
@@ -133,7 +133,7 @@ def test_without_a_driver_the_reason_is_told(monkeypatch):
     def none():
         raise RuntimeError("no driver\nmany lines")
 
-    monkeypatch.setattr(cuda_cpp, "_driver", none)
+    monkeypatch.setattr(cuda_driver, "driver", none)
     available, reason = cuda_cpp.CudaCpp().available()
     assert not available and reason.endswith("no driver")
 

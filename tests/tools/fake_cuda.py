@@ -1,4 +1,5 @@
-"""A CUDA driver made of NumPy memory and g++: enough of cuda.bindings.driver to run bench/peers/cuda_cpp.py without a GPU.
+"""A CUDA driver made of NumPy memory and g++: enough of cuda.bindings.driver to run bench/peers/cuda_cpp.py without a
+GPU.
 
 The kernel is the real grid.cu, compiled as C++ with loops over blocks and threads. A captured launch only runs when its
 graph is launched, as on a device.
