@@ -54,6 +54,13 @@ class ClothConstants:
         self.velocity = body.velocity.astype(self.real)
 
     @property
+    def free(self) -> np.ndarray:
+        """(rows, columns) bool: the masses that move."""
+        free = np.ones(self.count, bool)
+        free[self.pinned] = False
+        return free.reshape(self.rows, self.columns)
+
+    @property
     def in_order(self) -> tuple[float, ...]:
         """Of each kind of springs stiffness, stiffness_rest, damping; then damping, gravity, dt."""
         springs = [f"{kind}{word}" for kind in KINDS for word in ("", "_rest", "_damping")]
