@@ -56,12 +56,13 @@ class Opened(ABC):
 
 class Peer(ABC):
     """Something a user could pick instead. `name`: its key in the store, for good; `label`: as figures call it;
-    `backend`: "cpu" or "gpu"; `precisions`: what it can be opened in."""
+    `backend`: "cpu" or "gpu"; `precisions`: what it can be opened in; `scenes`: words of bench/peers/scenes.py."""
 
     name: str
     label: str
     backend: str
     precisions: tuple[str, ...] = ("float32", "float64")
+    scenes: tuple[str, ...] = ("grid",)
 
     @abstractmethod
     def available(self) -> tuple[bool, str]:
@@ -72,9 +73,9 @@ class Peer(ABC):
         return grid_refusal(scene)
 
     def bound(self, scene: Scene, precision: str) -> float:
-        """Spacings that its answer may be off the lab's, by the root mean square: rounding, in coordinates as large as the
-        sheet is wide. Peers that approach the scene's method override this."""
-        return LIMITS[precision] * max(1.0, max(scene.grid.rows, scene.grid.columns) / CHECK_ROWS)
+        """Spacings that its answer may be off the lab's, by the root mean square: rounding, unless a peer approaches the
+        scene's method and overrides this."""
+        return rounding_bound(scene, precision)
 
     def threads(self, wanted: int) -> int | None:
         """Threads that it runs on when `wanted` are to be had; None on the GPU."""
@@ -83,6 +84,11 @@ class Peer(ABC):
     @abstractmethod
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
         """The scene at its start. Raises PeerError where that fails (compiler, driver, memory)."""
+
+
+def rounding_bound(scene: Scene, precision: str) -> float:
+    """Spacings: the bound of the lab's own kernels, in coordinates as large as the sheet is wide."""
+    return LIMITS[precision] * max(1.0, max(scene.grid.rows, scene.grid.columns) / CHECK_ROWS)
 
 
 class PeerError(RuntimeError):

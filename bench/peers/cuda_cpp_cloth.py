@@ -72,6 +72,7 @@ class CudaCppCloth(cuda_cpp.CudaCpp):
 
     name = "cuda_cpp_cloth"
     label = "CUDA C++ in a graph"
+    scenes = ("cloth",)
 
     def refusal(self, scene: Scene) -> str | None:
         return cloth_refusal(scene)

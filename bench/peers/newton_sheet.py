@@ -21,13 +21,12 @@ import numpy as np
 
 from bench.peers.base import Opened, PeerError, SheetConstants, grid_refusal
 from bench.peers.cuda_cpp_cloth import cloth_refusal
+from bench.peers.own_xpbd import APPROACHES, IMPLICIT, implicit_refusal
 from bench.peers.warp_base import Replayed, WarpPeer, load_warp
 from bench.reference.xpbd import of_scene
 from model.core.build import build
 from model.scene.scene import Scene
 
-ITERATIONS = 10  # of XPBD and of VBD, whose own default it is
-APPROACHES = 0.05  # spacings that an iterative solver may be off implicit Euler's step, and be called the same scene
 MOST_MASSES = 1024 * 1024  # its model is made of Python lists
 REMEDY = "pip install 'softlab[peers]'"
 
@@ -55,22 +54,18 @@ def _make_drag() -> Any:
     return drag
 
 
-def implicit_refusal(scene: Scene) -> str | None:
-    """Why an iterative solver of implicit Euler's step (springs without dampers, gravity, pins) cannot run the scene."""
-    if scene.method.solver != "mass-spring" or scene.method.integrator != "implicit-euler":
-        return f"it approaches implicit Euler, not {scene.method.look if hasattr(scene.method, 'look') else 'this method'}"
-    refusal = cloth_refusal(scene.replace({"method.integrator": "semi-implicit-euler"}))
-    if refusal is None and any(springs.damping > 0 for springs in scene.cloth_springs.values()):
-        return "its springs' dampers are others"
-    return refusal
-
-
 class Newton(WarpPeer):
-    """One solver of Newton's. `solver`: its class there."""
+    """One solver of Newton's. `solver`: its class there; `iterations`: None where it has none."""
 
     precisions = ("float32",)
     solver: str
-    approaches = True
+
+    def __init__(self, backend: str, iterations: int | None = None):
+        super().__init__(backend)
+        self.iterations = iterations
+        if iterations is not None:
+            self.name = f"{self.kind}_{iterations}_{backend}"
+            self.label = f"{self.title}, {iterations} iterations"
 
     def available(self) -> tuple[bool, str]:
         able, text = super().available()
@@ -88,29 +83,35 @@ class Newton(WarpPeer):
         return reason
 
     def scene_refusal(self, scene: Scene) -> str | None:
+        """As `refusal`, at any size."""
         return implicit_refusal(scene)
 
-    def bound(self, scene: Scene, precision: str) -> float:
-        return APPROACHES if self.approaches else super().bound(scene, precision)
-
     def opened(self, scene: Scene, precision: str) -> Opened:
-        return _Sheet(scene, self.solver, self.backend)
+        return _Sheet(scene, self.solver, self.backend, self.iterations)
 
 
 class NewtonSemiImplicit(Newton):
     kind, title, solver = "newton", "Newton", "SolverSemiImplicit"
-    approaches = False
+    scenes = ("grid", "cloth")
 
     def scene_refusal(self, scene: Scene) -> str | None:
         return grid_refusal(scene) if scene.springs is not None else cloth_refusal(scene)
 
 
 class NewtonXpbd(Newton):
-    kind, title, solver = "newton_xpbd", f"Newton XPBD, {ITERATIONS} iterations", "SolverXPBD"
+    kind, title, solver = "newton_xpbd", "Newton XPBD", "SolverXPBD"
+    scenes = IMPLICIT
+
+    def bound(self, scene: Scene, precision: str) -> float:
+        return APPROACHES
 
 
 class NewtonVbd(Newton):
-    kind, title, solver = "newton_vbd", f"Newton VBD, {ITERATIONS} iterations", "SolverVBD"
+    kind, title, solver = "newton_vbd", "Newton VBD", "SolverVBD"
+    scenes = IMPLICIT
+
+    def bound(self, scene: Scene, precision: str) -> float:
+        return APPROACHES
 
 
 def _lattice_colours(rows: int, columns: int) -> list[np.ndarray]:
@@ -123,7 +124,7 @@ class _Sheet(Replayed):
     chunks = (16, 4, 2)  # a step has up to some hundred launches; 16 are what Warp's cloth has in a frame
     plain = "its own launches"
 
-    def __init__(self, scene: Scene, solver: str, backend: str):
+    def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
         super().__init__(backend)
         newton = load_newton()
         self.constants = SheetConstants(scene, "float32")
@@ -133,7 +134,7 @@ class _Sheet(Replayed):
         self._dt, self._drag = scene.method.dt, self.constants.drag * scene.grid.mass
         self._dimensions = self.constants.position.shape[1]
         self._model = self._build(newton, scene, mass, gravity)
-        how = {} if solver == "SolverSemiImplicit" else {"iterations": ITERATIONS}
+        how = {} if iterations is None else {"iterations": iterations}
         self._solver = getattr(newton.solvers, solver)(self._model, **how)
         self._states = [self._model.state(), self._model.state()]
         self._control = self._model.control()

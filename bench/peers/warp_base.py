@@ -19,9 +19,10 @@ def load_warp() -> Any:
     try:
         import warp
 
-        if hasattr(warp.config, "log_level"):
-            warp.config.log_level = warp.LOG_ERROR
-        warp.config.quiet = True  # the older word for it
+        config: Any = warp.config
+        if hasattr(config, "log_level"):
+            config.log_level = warp.LOG_ERROR
+        config.quiet = True  # the older word for it
         warp.init()
     except Exception as error:  # what a broken installation raises is not documented
         raise PeerError(f"Warp cannot be loaded ({error}); {REMEDY}") from None
@@ -71,7 +72,7 @@ class Replayed(Opened):
     """A simulation on a device of Warp. Subclasses: `_step`, one step that launches kernels; `_current`, 0 or 1, is which
     of two buffers holds the state, if there are two."""
 
-    chunks = CHUNKS
+    chunks: tuple[int, ...] = CHUNKS
     plain = "a launch a step"  # what runs on the CPU
 
     def __init__(self, backend: str):

@@ -82,6 +82,7 @@ class WarpCloth(WarpPeer):
     """One thread a mass, one step a launch."""
 
     kind, title = "warp_cloth", "Warp"
+    scenes = ("cloth",)
 
     def refusal(self, scene: Scene) -> str | None:
         return cloth_refusal(scene)

@@ -15,6 +15,7 @@ from bench.peers.base import GridConstants, Opened
 from bench.peers.warp_base import Replayed, WarpPeer, load_warp
 from model.scene.scene import Scene
 
+
 @cache
 def _make_kernel(precision: str) -> Any:
     wp = load_warp()

@@ -154,6 +154,7 @@ class WarpXpbd(WarpPeer):
     """A launch a colour, or one over all constraints with atomic additions."""
 
     kind, title = "warp_xpbd", "Warp"
+    scenes = ("xpbd",)
 
     def refusal(self, scene: Scene) -> str | None:
         return xpbd_refusal(scene)
@@ -185,7 +186,9 @@ class _Xpbd(Replayed):
         self._starts = np.searchsorted(found.colour[order], np.arange(int(found.colour.max(initial=-1)) + 2))
         self._values = wp.array(values.astype(constants.real), dtype=vector, device=device)
         self._ends = wp.array(ends.astype(np.int32), dtype=wp.vec2i, device=device)
-        self._share = wp.array((1 / valence[ends].max(axis=1, initial=1)).astype(constants.real), dtype=real, device=device)
+        self._share = wp.array(
+            (1 / valence[ends].max(axis=1, initial=1)).astype(constants.real), dtype=real, device=device
+        )
         self._multipliers = wp.zeros(max(1, len(ends)), dtype=real, device=device)
         self._inverse_mass = wp.array(constants.inverse_mass, dtype=real, device=device)
         zeros = {"shape": constants.count, "dtype": vector, "device": device}

@@ -17,6 +17,7 @@ from bench.peers.cpp_openmp import SOURCE, CppOpenmp, CppOpenmpBlocked
 from bench.peers.numpy_grid import NumpyGrid
 from bench.peers.registry import OURS, PEERS
 from bench.peers.results import print_peers, ratios
+from bench.peers.scenes import SCENES
 from bench.peers.sweep import run_peers
 from bench.peers.warp_grid import WarpGrid
 from bench.reference.mass_spring import simulate
@@ -145,9 +146,15 @@ def test_without_a_driver_the_reason_is_told(monkeypatch):
 def test_every_peer_says_whether_it_is_here_and_which_scenes_it_runs(peer):
     available, text = peer.available()
     assert isinstance(available, bool) and text and "\n" not in text
-    assert peer.refusal(grid(4, 4)) is None
-    assert "verlet" in peer.refusal(grid(4, 4, **{"method.integrator": "velocity-verlet"}))
-    assert "external" in peer.refusal(grid(4, 4, **{"external.magnitude": 1.0}))
+    for word in peer.scenes:
+        (scene,) = SCENES[word].sized(False, [4])
+        assert peer.refusal(scene) is None
+    refused = peer.refusal(grid(4, 4, **{"method.integrator": "velocity-verlet"}))
+    if "grid" not in peer.scenes:
+        assert refused
+    else:
+        assert "verlet" in refused
+        assert "external" in peer.refusal(grid(4, 4, **{"external.magnitude": 1.0}))
 
 
 def test_peers_have_names_of_their_own():
@@ -201,7 +208,13 @@ class Broken(Peer):
 
 
 def compared(store, peers, **options):
-    options = {"sizes": [16], "precisions": ["float32"], "repeats": 3, "min_seconds": 0.002} | options
+    options = {
+        "scenes": ["grid"],
+        "sizes": [16],
+        "precisions": ["float32"],
+        "repeats": 3,
+        "min_seconds": 0.002,
+    } | options
     return run_peers(store, backends=["cpu"], peers=peers, progress=False, **options)
 
 
