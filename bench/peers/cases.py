@@ -17,7 +17,7 @@ from bench.experiments.sweep import source_hash
 from bench.measure.cases import Case
 from bench.peers.base import Opened, Peer, rounding_bound
 from bench.peers.registry import OURS
-from bench.peers.scenes import PeerScene
+from bench.peers.scenes import PeerScene, shape_of
 from bench.store.results import configuration
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from model.core.build import Body
@@ -33,11 +33,12 @@ class PeerCase(Case):
     peer: Peer | None = None
     what: str = "grid"  # the word of bench/peers/scenes.py
     check_steps: int = CHECK_STEPS
+    scene_bound: float | None = None
 
     def __str__(self) -> str:
-        grid = self.scene.grid
+        rows, columns = shape_of(self.description["scene"])
         name = self.peer.name if self.peer else OURS
-        words = [f"{grid.rows} x {grid.columns}", self.what, self.backend, name, self.precision]
+        words = [f"{rows} x {columns}", self.what, self.backend, name, self.precision]
         return " ".join(word for word in words if word != "grid")
 
     @property
@@ -47,6 +48,8 @@ class PeerCase(Case):
     @property
     def bound(self) -> float:
         """Spacings that its answer may be off."""
+        if self.scene_bound is not None:
+            return self.scene_bound
         return (self.peer.bound if self.peer else rounding_bound)(self.scene, self.precision)
 
 
@@ -115,6 +118,6 @@ def group_of(what: PeerScene, scene: Scene, backend: str, precision: str, peers:
         word = "1x" if backend == "cpu" else None
         cases.append(PeerCase(
             scene, backend, word, count, precision, False, description, sources, peer=peer, what=what.word,
-            check_steps=what.check_steps,
+            check_steps=what.check_steps, scene_bound=what.bound,
         ))  # fmt: skip
     return cases

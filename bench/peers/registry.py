@@ -7,6 +7,7 @@ from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
 from bench.peers.cuda_cpp import CudaCpp
 from bench.peers.cuda_cpp_blocked import CudaCppBlocked
 from bench.peers.cuda_cpp_cloth import CudaCppCloth
+from bench.peers.newton_rigid import NewtonRigid
 from bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd
 from bench.peers.numpy_grid import NumpyGrid
 from bench.peers.own_xpbd import OwnXpbd
@@ -21,6 +22,7 @@ def _of_warp(backend: str) -> tuple[Peer, ...]:
     return (
         WarpGrid(backend), WarpCloth(backend), WarpXpbd(backend), NewtonSemiImplicit(backend), NewtonXpbd(backend, 10),
         NewtonVbd(backend, 10), NewtonVbd(backend, 50), OwnXpbd(backend, 2), OwnXpbd(backend, 10),
+        NewtonRigid(backend, "XPBD", 10), NewtonRigid(backend, "VBD", 10), NewtonRigid(backend, "Steel"),
     )  # fmt: skip
 
 

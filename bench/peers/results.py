@@ -14,7 +14,7 @@ from rich.table import Table
 
 from bench.peers.own_xpbd import IMPLICIT
 from bench.peers.registry import OURS, label
-from bench.peers.scenes import SCENES, word_of
+from bench.peers.scenes import SCENES, shape_of, word_of
 from bench.store.database import Store, canonical
 from bench.store.results import SPREAD_LIMIT
 
@@ -111,11 +111,9 @@ def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list
         quarter, middle, three_quarters = np.percentile(values, (25, 50, 75))
         if three_quarters - quarter > SPREAD_LIMIT * middle:
             suspect.append(f"{name} spread {(three_quarters - quarter) / middle:.0%}")
-    parts = ((name, part) for name, part in description["scene"].items() if isinstance(part, dict))
-    grid = next(part for name, part in parts if part.get("kind", name) in ("grid", "cloth"))
     middle, our_middle = float(np.median(seconds)), float(np.median(our_seconds))
     return Ratio(
-        description["peer"], description["backend"], description["precision"], grid["rows"], grid["columns"],
+        description["peer"], description["backend"], description["precision"], *shape_of(description["scene"]),
         description["threads"], middle, our_middle, middle / our_middle, float(each.min()), float(each.max()),
         any(_is_wrong(mark) for _, mark in theirs), tuple(suspect), None, "auto", "auto",
     )  # fmt: skip
@@ -136,12 +134,12 @@ def print_peers(console: Console, store: Store, machine: str) -> None:
 
 def _print_table(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:
     names = list(dict.fromkeys(r.peer for r in mine))
-    approached = scene in IMPLICIT
+    approached, each = scene in (*IMPLICIT, "rigid"), "body" if scene == "rigid" else "mass"
     what = "" if scene == "grid" else f"{SCENES[scene].text if scene in SCENES else scene}, "
-    errors = "; off implicit Euler in spacings" if approached else ""
-    text = f"{what}{backend}, {precision}: nanoseconds a mass and step (x: times ours{errors})"
+    errors = "; spacings off the lab's answer in float64" if approached else ""
+    text = f"{what}{backend}, {precision}: nanoseconds a {each} and step (x: times ours{errors})"
     console.print(text, highlight=False)
-    table = Table("masses", "softlab", *(label(name) for name in names), box=None)
+    table = Table("bodies" if scene == "rigid" else "masses", "softlab", *(label(name) for name in names), box=None)
     for shape in dict.fromkeys((r.rows, r.columns) for r in mine):
         here = {r.peer: r for r in mine if (r.rows, r.columns) == shape}
         scale = 1e9 / (shape[0] * shape[1])

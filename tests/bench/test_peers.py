@@ -15,6 +15,7 @@ from bench.peers import compiler, cuda_cpp, cuda_driver
 from bench.peers.base import Opened, Peer, PeerError
 from bench.peers.cpp_openmp import SOURCE, CppOpenmp, CppOpenmpBlocked
 from bench.peers.numpy_grid import NumpyGrid
+from bench.peers.own_xpbd import APPROACHES, OwnXpbd
 from bench.peers.registry import OURS, PEERS
 from bench.peers.results import print_peers, ratios
 from bench.peers.scenes import SCENES
@@ -246,6 +247,20 @@ def test_a_comparison_is_stored_and_not_measured_twice(tmp_path: Path):
         assert again.held == 2 and again.samples == 0 and not again.run
 
 
+def test_what_approaches_a_method_is_told_with_its_error(tmp_path: Path):
+    from rich.console import Console
+
+    with Store(tmp_path / "results.sqlite") as store:
+        summary = compared(store, [OwnXpbd("cpu", 2), NumpyGrid()], scenes=["implicit-16"], sizes=[6])
+        assert summary.measured == 2 and not summary.skipped  # NumPy knows the grid alone and is not asked
+        (ratio,) = ratios(store, summary.machine)
+        assert ratio.scene == "implicit-16" and 0 < ratio.difference < APPROACHES and not ratio.wrong
+        console = Console(width=150, record=True, file=io.StringIO())
+        print_peers(console, store, summary.machine)
+    text = console.export_text()
+    assert "implicit Euler, 1.04 ms a step" in text and "spacings off" in text and "softlab XPBD, 2" in text
+
+
 def test_a_new_peer_is_measured_beside_the_lab_again(tmp_path: Path):
     with Store(tmp_path / "results.sqlite") as store:
         compared(store, [NumpyGrid()])
@@ -293,6 +308,7 @@ def test_the_terminal_s_table(tmp_path: Path):
         ["--precision", "float16"],
         ["--repeats", "0"],
         ["--kernels"],
+        ["--scene", "lab-grid"],
     ],
 )
 def test_bad_choices_are_refused_in_a_line(arguments, tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_blocks import FakeBlocks, compile_blocks
+from fake_cuda import FakeBlocks, compile_blocks
 
 from bench.experiments.checks import LIMITS
 from bench.peers import compiler, cuda_cpp_blocked, cuda_driver
