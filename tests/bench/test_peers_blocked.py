@@ -9,7 +9,7 @@ import pytest
 from fake_cuda import FakeBlocks, compile_blocks
 
 from bench.experiments.checks import LIMITS
-from bench.peers import compiler, cuda_cpp_blocked, cuda_driver
+from bench.peers import compiler, cuda_cpp_blocked, cuda_driver, once
 from bench.peers.base import PeerError
 from bench.peers.cuda_cpp import CudaConstants
 from bench.peers.cuda_cpp_blocked import (
@@ -23,6 +23,7 @@ from bench.peers.cuda_cpp_blocked import (
     Tile,
     candidates,
 )
+from bench.peers.numpy_grid import NumpyGrid
 from bench.reference.mass_spring import simulate
 from model.scene.scene import Scene, load_scene
 
@@ -33,7 +34,7 @@ CASES = [
     (ONE_BLOCK, Tile(1, 4, 3, 1), (11, 30)),
     (ONE_BLOCK, Tile(2, 2, 4, 1), (8, 64)),
     (TILES, Tile(1, 2, 3, 2), (1, 1)),
-    (TILES, Tile(1, 2, 3, 2), (17, 70)),
+    (TILES, Tile(1, 2, 3, 2), (11, 61)),
     (TILES, Tile(2, 3, 4, 3), (23, 119)),
     (RESIDENT, Tile(1, 4, 3, 3), (25, 75)),
     (RESIDENT, Tile(2, 3, 3, 2), (19, 125)),
@@ -52,27 +53,28 @@ def grid(rows: int, columns: int) -> Scene:
 
 
 @pytest.fixture
-def opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """open(kernel, tile, scene) -> (the peer over a driver made of coroutines, that driver)."""
+def driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeBlocks:
+    """Threads that are coroutines in the place of the driver and the compiler."""
     found = compiler.find_compiler()
     if isinstance(found, str):
         pytest.skip(found)
+    fake = FakeBlocks()
 
-    def open_one(kernel: str, tile: Tile, scene: Scene) -> tuple[Blocked, FakeBlocks]:
-        driver = FakeBlocks(compile_blocks(cuda_cpp_blocked.SOURCE, tile.definitions, tmp_path, found[0]))
-        monkeypatch.setattr(cuda_driver, "driver", lambda: driver)
-        monkeypatch.setattr(cuda_cpp_blocked, "compile_blocked", lambda *_: b"machine code")
-        return Blocked(CudaConstants(scene, "float32"), "float32", kernel, tile), driver
+    def compiled(tile: Tile, _: str) -> bytes:
+        return compile_blocks(cuda_cpp_blocked.SOURCE, tile.definitions, tmp_path, found[0])
 
-    return open_one
+    monkeypatch.setattr(cuda_driver, "driver", lambda: fake)
+    monkeypatch.setattr(cuda_cpp_blocked, "compile_blocked", compiled)
+    return fake
 
 
 @pytest.mark.parametrize("kernel,tile,shape", CASES, ids=lambda part: getattr(part, "name", str(part)))
-def test_the_reference_is_met_within_rounding(kernel: str, tile: Tile, shape: tuple[int, int], opened) -> None:
+def test_the_reference_is_met_within_rounding(
+    kernel: str, tile: Tile, shape: tuple[int, int], driver: FakeBlocks
+) -> None:
     """In parts that are no multiple of the halo: buffers that swap, borders that take turns, flags that count on."""
     scene = grid(*shape)
-    peer, driver = opened(kernel, tile, scene)
-    with peer:
+    with Blocked(CudaConstants(scene, "float32"), "float32", kernel, tile) as peer:
         for steps in (2 * tile.halo + 1, 1, STEPS - 2 * tile.halo - 2):
             peer.advance(steps)
         position, velocity = peer.read()
@@ -86,12 +88,44 @@ def test_the_reference_is_met_within_rounding(kernel: str, tile: Tile, shape: tu
     assert not driver.memory  # all freed
 
 
-def test_a_block_that_gave_up_is_told(opened) -> None:
-    peer, driver = opened(RESIDENT, Tile(1, 2, 3, 2), grid(11, 40))
-    with peer:
+def test_a_block_that_gave_up_is_told(driver: FakeBlocks) -> None:
+    with Blocked(CudaConstants(grid(11, 40), "float32"), "float32", RESIDENT, Tile(1, 2, 3, 2)) as peer:
         driver.memory[int(peer._exchanged[-1])][0] = 1
         with pytest.raises(PeerError, match="waited in vain"):
             peer.read()
+
+
+def test_the_quickest_tile_is_kept_and_what_cannot_be_opened_left_out(
+    driver: FakeBlocks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = grid(9, 40)
+    choices = [(TILES, Tile(1, 2, 3, 2)), (RESIDENT, Tile(1, 4, 3, 3)), (ONE_BLOCK, Tile(2, 4, 3, 1))]
+    seconds = {TILES: 2.0, ONE_BLOCK: 1.0}
+    monkeypatch.setattr(cuda_cpp_blocked, "_trial", lambda peer: seconds[peer.kernel_kind])
+    monkeypatch.setattr(FakeBlocks, "cuLaunchCooperativeKernel", lambda *_: (720,))  # too many blocks
+    with cuda_cpp_blocked.quickest(CudaConstants(scene, "float32"), "float32", choices) as peer:
+        assert peer.kernel == f"{ONE_BLOCK} {choices[2][1].name}"
+        peer.advance(STEPS)
+        assert np.abs(peer.read()[0] - simulate(scene, STEPS)[0]).max() <= LIMITS["float32"] * 40 / 23
+    assert not driver.memory
+    with pytest.raises(PeerError, match=f"{RESIDENT} .*720"):
+        cuda_cpp_blocked.quickest(CudaConstants(scene, "float32"), "float32", choices[1:2])
+
+
+def test_once_tells_of_every_tile(driver: FakeBlocks, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """`python -m bench.peers.once`, where the others are not here."""
+    choices = [(TILES, Tile(1, 3, 3, 2)), (RESIDENT, Tile(1, 4, 3, 3))]
+    monkeypatch.setattr(cuda_cpp_blocked, "candidates", lambda *_: choices)
+    monkeypatch.setattr(once, "TRIAL", 4)
+    monkeypatch.setattr(once, "PEERS", [cuda_cpp_blocked.CudaCppBlocked(), NumpyGrid()])
+    assert once.main(["--scene", "grid", "--size", "15"]) == 0
+    told = capsys.readouterr().out
+    assert told.count(": ok,") == 2 and "0 failed" in told
+    assert once.main(["--scene", "grid", "--size", "9", "--backend", "cpu"]) == 0
+    assert "numpy: ok" in capsys.readouterr().out
+    monkeypatch.setattr(cuda_cpp_blocked, "candidates", lambda *_: [(ONE_BLOCK, Tile(1, 2, 3, 1))])  # too low
+    assert once.main(["--scene", "grid", "--size", "15"]) == 1
+    assert "WRONG" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("tile", [Tile(1, 4, 8, 8), Tile(2, 8, 16, 4), PASS_TILES[0]], ids=lambda tile: tile.name)

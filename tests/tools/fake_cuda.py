@@ -44,6 +44,7 @@ SHARED = "__shared__ Ends ends;"
 BLOCKS_SHIM = r"""
 #include <cmath>
 #include <cstring>
+#include <csetjmp>
 #include <memory>
 #include <vector>
 #include <ucontext.h>
@@ -64,18 +65,25 @@ static inline float4 make_float4(float x, float y, float z, float w) { return {x
 
 constexpr int WARP = 32, STACK = 1 << 16;
 struct Meeting { int arrived = 0, number = 0; };
-struct Thread { ucontext_t context; std::unique_ptr<char[]> stack; Index thread, block; int turn = 0; bool done = false; };
+struct Thread {
+    ucontext_t context;
+    jmp_buf place;
+    std::unique_ptr<char[]> stack;
+    Index thread, block;
+    int turn = 0;
+    bool begun = false, done = false;
+};
 struct Block { Meeting barrier; std::vector<Meeting> warps; std::vector<float> words; std::vector<char> shared; };
 static std::vector<Thread> threads;
 static std::vector<Block> blocks;
-static ucontext_t scheduler;
+static jmp_buf scheduler;  // jumps, since changing contexts asks the operating system each time
 static int current, threads_a_block;
 
 static Block &mine() { return blocks[current / threads_a_block]; }
 static void yield() {
     Thread &thread = threads[current];
-    swapcontext(&thread.context, &scheduler);
-    threadIdx = thread.thread, blockIdx = thread.block;
+    if (!_setjmp(thread.place)) _longjmp(scheduler, 1);
+    threadIdx = threads[current].thread, blockIdx = threads[current].block;
 }
 static void meet(Meeting &meeting, int count) {
     const int number = meeting.number;
@@ -127,6 +135,7 @@ static void entry() {
         grid_tiles(COMMON);
     }
     threads[current].done = true;
+    _longjmp(scheduler, 1);
 }
 
 extern "C" void run(int across, int down, int lanes, int warps, void **a, int together) {
@@ -144,16 +153,21 @@ extern "C" void run(int across, int down, int lanes, int warps, void **a, int to
         thread.thread = {place % lanes, place / lanes}, thread.block = {block % across, block / across};
         getcontext(&thread.context);
         thread.context.uc_stack.ss_sp = thread.stack.get(), thread.context.uc_stack.ss_size = STACK;
-        thread.context.uc_link = &scheduler;
+        thread.context.uc_link = nullptr;
         makecontext(&thread.context, entry, 0);
     }
-    for (size_t left = threads.size(); left > 0;) {
+    static size_t n, left;  // kept through jumps
+    for (left = threads.size(); left > 0;) {
         left = 0;
-        for (size_t n = 0; n < threads.size(); ++n) {
-            if (threads[n].done) continue;
+        for (n = 0; n < threads.size(); ++n) {
+            Thread &thread = threads[n];
+            if (thread.done) continue;
             current = n, ++left;
-            threadIdx = threads[n].thread, blockIdx = threads[n].block;
-            swapcontext(&scheduler, &threads[n].context);
+            threadIdx = thread.thread, blockIdx = thread.block;
+            if (_setjmp(scheduler)) continue;
+            if (thread.begun) _longjmp(thread.place, 1);
+            thread.begun = true;
+            setcontext(&thread.context);
         }
     }
 }
@@ -239,8 +253,8 @@ class FakeDriver:
         return (0,)
 
 
-def compile_blocks(source: Path, definitions: tuple[str, ...], folder: Path, compiler: str) -> ctypes.CDLL:
-    """The source for one tile, with its scheduler, as a library."""
+def compile_blocks(source: Path, definitions: tuple[str, ...], folder: Path, compiler: str) -> bytes:
+    """The source for one tile, with its scheduler, as a library: its path, as FakeBlocks takes machine code."""
     shim, library = folder / "blocks.cpp", folder / f"blocks{'-'.join(definitions)}.so"
     shim.write_text(BLOCKS_SHIM, encoding="utf-8")
     text = source.read_text(encoding="utf-8")
@@ -248,20 +262,36 @@ def compile_blocks(source: Path, definitions: tuple[str, ...], folder: Path, com
     (folder / "source.cu").write_text(text.replace(SHARED, "Ends &ends = of_block<Ends>();"), encoding="utf-8")
     command = [compiler, "-std=c++17", "-O1", "-shared", "-fPIC", *definitions, str(shim), "-o", str(library)]
     subprocess.run(command, check=True)
-    return ctypes.CDLL(str(library))
+    return str(library).encode() + b"\0"
 
 
 class FakeBlocks(FakeDriver):
-    """FakeDriver for kernels of whole blocks, cooperative ones too."""
+    """FakeDriver for kernels of whole blocks, cooperative ones too. A module's code is the path of its library."""
 
-    def __init__(self, library: ctypes.CDLL):
-        super().__init__(library)
-        call = library.run
+    CUdevice_attribute = SimpleNamespace(
+        **vars(FakeDriver.CUdevice_attribute), CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT=0
+    )
+
+    def __init__(self) -> None:
+        super().__init__(SimpleNamespace(run=ctypes.CFUNCTYPE(None)()))  # type: ignore[arg-type]
+        self.calls: list[Any] = []
+
+    def cuModuleLoadData(self, address):
+        call = ctypes.CDLL(ctypes.string_at(address).decode()).run
         call.argtypes = [ctypes.c_int] * 4 + [ctypes.c_void_p, ctypes.c_int]
-        self.run = lambda *launch: call(*launch[:5], 0)
-        self._together = lambda *launch: call(*launch[:5], 1)
+        self.calls.append(call)
+        return 0, len(self.calls) - 1
 
-    def cuLaunchCooperativeKernel(self, _, across, down, deep, columns, rows, thick, shared, stream, arguments) -> Any:
+    def cuModuleGetFunction(self, module, _):
+        return 0, module
+
+    def cuLaunchKernel(self, function, across, down, deep, columns, rows, *more):
+        self.run = lambda across, down, columns, rows, arguments: self.calls[function](
+            across, down, columns, rows, arguments, 0
+        )
+        return super().cuLaunchKernel(function, across, down, deep, columns, rows, *more)
+
+    def cuLaunchCooperativeKernel(self, function, across, down, deep, columns, rows, thick, shared, stream, arguments):
         self.launches += 1
-        self._together(across, down, columns, rows, arguments)
+        self.calls[function](across, down, columns, rows, arguments, 1)
         return (0,)
