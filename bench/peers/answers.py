@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from app.driver import open_simulation
-from bench.experiments.checks import OWN_SIZE_STEPS, displaced
+from bench.experiments.checks import displaced
 from bench.measure.cases import SweepSummary
 from bench.peers.cases import Beside, PeerCase
 from bench.peers.results import DIFFERENCE
@@ -15,8 +15,6 @@ from bench.store.database import Store
 from model.core.build import Body
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
-
-MANY_STEPS_UP_TO = 512 * 512  # masses: beyond it the same answer is asked for after fewer steps
 
 
 class Judge:
@@ -28,7 +26,7 @@ class Judge:
 
     def check(self, case: PeerCase, simulation: Simulation | Beside, body: Body) -> str | None:
         """Store how far the state is from the expected one; what the samples must be marked with, or None."""
-        steps = case.check_steps if case.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
+        steps = case.steps_checked
         start, expected = self._expect(case.scene, steps)
         simulation.load(start)
         simulation.advance(steps)

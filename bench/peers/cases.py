@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import bench.peers
-from bench.experiments.checks import CHECK_STEPS
+from bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
 from bench.experiments.sweep import source_hash
 from bench.measure.cases import Case
 from bench.peers.base import Opened, Peer, rounding_bound
@@ -24,6 +24,8 @@ from model.core.build import Body
 from model.core.errors import Diverged
 from model.core.simulation import State
 from model.scene.scene import Scene
+
+MANY_STEPS_UP_TO = 512 * 512  # masses: beyond it the same answer is asked for after fewer steps
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,11 @@ class PeerCase(Case):
     @property
     def simulation_kind(self) -> tuple[Any, ...]:
         return (self.what, self.backend, self.threads, self.precision, self.peer.name if self.peer else OURS)
+
+    @property
+    def steps_checked(self) -> int:
+        """Steps after which its answer is compared."""
+        return self.check_steps if self.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
 
     @property
     def bound(self) -> float:

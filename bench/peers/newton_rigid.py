@@ -51,7 +51,6 @@ class NewtonRigid(Newton):
 
 class _Towers(Replayed):
     chunks = (4, 2)  # a step has some thousand launches
-    plain = "its own launches"
 
     def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
         super().__init__(backend)

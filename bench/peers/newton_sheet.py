@@ -122,7 +122,6 @@ def _lattice_colours(rows: int, columns: int) -> list[np.ndarray]:
 
 class _Sheet(Replayed):
     chunks = (16, 4, 2)  # a step has up to some hundred launches; 16 are what Warp's cloth has in a frame
-    plain = "its own launches"
 
     def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
         super().__init__(backend)

@@ -190,10 +190,11 @@ class _Comparison:
         return kept
 
     def _estimate(self, case: PeerCase) -> float:
-        """Seconds that all repeats take, from the last size; 0 where nothing is known."""
+        """Seconds that the check of its answer and all repeats take, from the last size; 0 where nothing is known."""
         particles, seconds = self._costs.get(case.kind, (case.particles, 0.0))
         one = seconds * max(1.0, case.particles / particles)
-        return (self.effort.repeats + 2) * max(one, self.effort.min_seconds if seconds else 0.0)
+        repeats = (self.effort.repeats + 2) * max(one, self.effort.min_seconds if seconds else 0.0)
+        return case.steps_checked * one + repeats
 
     def _open(self, case: PeerCase, body: Body, stack: ExitStack) -> Simulation | Beside:
         """Opened and compiled; the first of its kind in this process is timed at that."""

@@ -1,4 +1,4 @@
-"""What the peers made with NVIDIA Warp share: loading it, its devices, and steps that are captured in a graph on a GPU."""
+"""What the peers made with NVIDIA Warp share: loading it, its devices, and steps that are captured in a graph."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def load_warp() -> Any:
 
 
 class WarpPeer(Peer):
-    """`backend`: "cpu" (Warp's CPU device, one thread) or "gpu" (the first CUDA device, in a graph). `kind`: how its name
+    """`backend`: "cpu" (Warp's CPU device, one thread) or "gpu" (the first CUDA device). `kind`: how its name
     in the store begins; `title`: its label's."""
 
     kind: str
@@ -69,16 +69,16 @@ class WarpPeer(Peer):
 
 
 class Replayed(Opened):
-    """A simulation on a device of Warp. Subclasses: `_step`, one step that launches kernels; `_current`, 0 or 1, is which
-    of two buffers holds the state, if there are two."""
+    """A simulation on a device of Warp, whose steps are captured in graphs and replayed, on the CPU too: no Python runs
+    between them. Subclasses: `_step`, one step that launches kernels; `_current`, 0 or 1, is which of two buffers holds the
+    state, if there are two; `chunks`: steps in a graph."""
 
     chunks: tuple[int, ...] = CHUNKS
-    plain = "a launch a step"  # what runs on the CPU
 
     def __init__(self, backend: str):
         self._wp = load_warp()
         self.threads = 1 if backend == "cpu" else None
-        self.kernel = self.plain if backend == "cpu" else f"graph of {self.chunks[0]} steps"
+        self.kernel = f"graph of {self.chunks[0]} steps"
         self._device = self._wp.get_device("cpu" if backend == "cpu" else "cuda:0")
         self._graphs: dict[tuple[int, int], Any] = {}
         self._current = 0
@@ -88,13 +88,12 @@ class Replayed(Opened):
         """One step from the current buffer; swaps buffers where there are two."""
 
     def _capture(self) -> None:
-        """On the GPU the graphs: no sample is to hold their capturing. Kernels must be loaded by then."""
-        if self.threads is None:
-            self._step()
-            self._step()
-            self.synchronize()
-            for chunk in self.chunks:
-                self._graph(chunk)
+        """The graphs: no sample is to hold their capturing. Kernels must be loaded by then."""
+        self._step()
+        self._step()
+        self.synchronize()
+        for chunk in self.chunks:
+            self._graph(chunk)
 
     def _graph(self, steps: int) -> Any:
         """`steps` steps from the current buffer, captured when they are first needed."""
@@ -107,11 +106,10 @@ class Replayed(Opened):
         return self._graphs[key]
 
     def advance(self, steps: int) -> None:
-        if self.threads is None:
-            for chunk in self.chunks:
-                while steps >= chunk:
-                    self._wp.capture_launch(self._graph(chunk))
-                    steps -= chunk
+        for chunk in self.chunks:
+            while steps >= chunk:
+                self._wp.capture_launch(self._graph(chunk))
+                steps -= chunk
         for _ in range(steps):
             self._step()
 

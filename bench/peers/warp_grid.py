@@ -1,7 +1,6 @@
 """The grid in NVIDIA Warp, as its documentation teaches: one kernel, one thread a mass, arrays of two-vectors.
 
-On the GPU 256 steps are captured in a graph; on the CPU Warp runs on one thread, and launches are recorded once so that
-Python costs little a step.
+256 steps are captured in a graph, also on the CPU, where Warp runs on one thread.
 """
 
 # No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.

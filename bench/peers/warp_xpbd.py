@@ -165,7 +165,6 @@ class WarpXpbd(WarpPeer):
 
 class _Xpbd(Replayed):
     chunks = (16, 4, 1)  # a step is some hundred launches
-    plain = "a launch a colour"
 
     def __init__(self, scene: Scene, precision: str, backend: str):
         super().__init__(backend)
