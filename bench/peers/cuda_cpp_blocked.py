@@ -50,7 +50,8 @@ class Tile:
 
     @property
     def name(self) -> str:
-        return f"{self.width}x{self.height}h{self.halo}"
+        together = f", {self.together} together" if self.together > 1 else ""
+        return f"{self.width}x{self.height}h{self.halo} of {self.warps} warps{together}"
 
     @property
     def definitions(self) -> tuple[str, ...]:
@@ -65,13 +66,13 @@ class Tile:
         )  # type: ignore[return-value]
 
 
-ONE_BLOCK_TILES = (Tile(1, 1, 32, 1), Tile(1, 4, 8, 1), Tile(2, 2, 32, 1), Tile(2, 4, 16, 1))
+ONE_BLOCK_TILES = (Tile(1, 1, 32, 1), Tile(1, 4, 8, 1), Tile(2, 3, 22, 1), Tile(2, 4, 16, 1))
 RESIDENT_TILES = (
-    Tile(1, 4, 8, 8, 2), Tile(1, 4, 8, 8), Tile(1, 4, 16, 8), Tile(1, 8, 8, 8), Tile(2, 4, 16, 8), Tile(2, 8, 8, 6),
-    Tile(2, 8, 16, 4), Tile(2, 8, 20, 3),
+    Tile(1, 4, 8, 10), Tile(1, 4, 8, 8, 2), Tile(1, 4, 8, 8), Tile(1, 4, 12, 8), Tile(1, 4, 16, 8), Tile(1, 8, 8, 8),
+    Tile(2, 4, 16, 8), Tile(2, 8, 8, 6), Tile(2, 8, 16, 4), Tile(2, 7, 22, 3), Tile(2, 8, 20, 3),
 )  # fmt: skip
 PASS_TILES = (Tile(2, 8, 8, 4, 2), Tile(2, 8, 16, 4), Tile(2, 8, 16, 6))
-RESIDENT_CANDIDATES = 3
+RESIDENT_CANDIDATES = 4
 PASSES_FROM = 512 * 512  # masses: grids that are smaller are better kept on the chip
 
 
@@ -83,7 +84,8 @@ def compile_blocked(tile: Tile, architecture: str) -> bytes:
 
 def candidates(rows: int, columns: int, processors: int) -> list[tuple[str, Tile]]:
     """(kernel, tile) that may serve a grid on a GPU of so many multiprocessors."""
-    whole = [(ONE_BLOCK, tile) for tile in ONE_BLOCK_TILES if rows <= tile.height and columns <= tile.width]
+    fitting = [tile for tile in ONE_BLOCK_TILES if rows <= tile.height and columns <= tile.width]
+    whole = [(ONE_BLOCK, tile) for tile in fitting if tile.width == min(other.width for other in fitting)]
     resident = []
     for tile in RESIDENT_TILES:
         across, down = tile.blocks(rows, columns)

@@ -35,6 +35,12 @@ class OwnXpbd(Peer):
         self.label = f"softlab XPBD, {iterations} iterations"
 
     def available(self) -> tuple[bool, str]:
+        if self.backend == "gpu":
+            from gpu_backend.core.device import gpu_available
+
+            able, reason = gpu_available()
+            if not able:
+                return False, reason.splitlines()[0]
         return True, "the lab itself"
 
     def refusal(self, scene: Scene) -> str | None:

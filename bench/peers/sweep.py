@@ -58,7 +58,9 @@ def run_peers(
     effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
     chosen = backends_here(backends)
     lengths = None if sizes is None else list(sizes)
-    planned = [(scene, sized) for scene in peer_scenes(scenes, quick) for sized in scene.sized(quick, lengths)]
+    wanted_scenes = peer_scenes(scenes, quick)
+    planned = [(scene, sized) for scene in wanted_scenes for sized in scene.sized(quick, lengths)]
+    peers = [peer for peer in peers if any(scene.word in peer.scenes for scene in wanted_scenes)]
     revision = code_version()
     summary = SweepSummary(enter_machine(store), "")
     comparison = _Comparison(store, effort, summary, begin, peers)

@@ -25,6 +25,7 @@ from bench.peers.cuda_cpp_blocked import (
 )
 from bench.peers.numpy_grid import NumpyGrid
 from bench.reference.mass_spring import simulate
+from gpu_backend.core.device import gpu_available, simulated
 from model.scene.scene import Scene, load_scene
 
 STEPS = 60
@@ -142,6 +143,7 @@ def test_the_source_compiles_for_a_real_architecture(tile: Tile) -> None:
 @pytest.mark.parametrize("tile", [*ONE_BLOCK_TILES, *RESIDENT_TILES, *PASS_TILES], ids=lambda tile: tile.name)
 def test_tiles_cover_a_grid_and_no_halo_spans_two_neighbours(tile: Tile) -> None:
     assert tile.warps <= 32 and tile.across * tile.down <= 32
+    assert 2 * tile.warps * 2 * tile.width * 8 <= 48 << 10  # bytes of shared memory that a kernel may name
     if tile in ONE_BLOCK_TILES:
         return
     assert min(tile.width, tile.height) >= 3 * tile.halo
@@ -155,7 +157,16 @@ def test_tiles_cover_a_grid_and_no_halo_spans_two_neighbours(tile: Tile) -> None
 def test_every_size_has_a_candidate() -> None:
     for size in (1, 31, 32, 64, 65, 128, 256, 512, 1024, 2048, 8192):
         found = candidates(size, size, PROCESSORS)
-        assert 1 <= len(found) <= len(ONE_BLOCK_TILES) + 3 + len(PASS_TILES)
+        assert 1 <= len(found) <= 2 + 4 + len(PASS_TILES)
         assert (size <= 64) == any(kernel == ONE_BLOCK for kernel, _ in found)
         assert (size >= 512) == any(kernel == TILES for kernel, _ in found)
     assert any(kernel == RESIDENT for kernel, _ in candidates(1024, 1024, PROCESSORS))
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("word", ["grid", "cloth", "xpbd", "implicit-16"])
+def test_every_peer_of_a_real_gpu_gives_the_lab_s_answer(word: str) -> None:
+    able, reason = gpu_available()
+    if not able or simulated():
+        pytest.skip(reason or "kernels run under the simulator")
+    assert once.main(["--backend", "gpu", "--scene", word]) == 0
