@@ -73,7 +73,9 @@ def sweep(
     ] = False,
     scene: Annotated[
         list[str] | None,
-        typer.Option(help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4 or implicit-1. Repeatable."),
+        typer.Option(
+            help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4, implicit-1 or rigid. Repeatable."
+        ),
     ] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
