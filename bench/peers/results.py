@@ -27,7 +27,8 @@ class Ratio:
     """One peer at one size beside the lab. `seconds`, `our_seconds`: medians of a step [s]; `ratio`: the peer's time over
     ours (above 1 we are faster); `low`, `high`: the least and greatest of the repeats taken pair by pair; `threads` None
     on the GPU; `wrong`: its answer failed the check; `suspect`: reasons, of either side; `difference` [spacings] of the
-    peer's state from the lab's in float64, None where it was not had; `scene`: a word of bench/peers/scenes.py."""
+    peer's state from the lab's in float64, None where it was not had, `our_difference` of the lab's own; `scene`: a word of
+    bench/peers/scenes.py."""
 
     peer: str
     backend: str
@@ -46,6 +47,7 @@ class Ratio:
     kernel: str
     our_kernel: str
     scene: str = "grid"
+    our_difference: float | None = None
 
     @property
     def particles(self) -> int:
@@ -88,11 +90,11 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
         if place not in ours or any(_is_wrong(mark) for _, mark in samples[run, ours[place]]):
             continue
         made = _ratio(descriptions[key], samples[run, key], samples[run, ours[place]])
-        difference, _ = notes.get((run, key, DIFFERENCE), (None, None))
+        differences = [notes.get((run, which, DIFFERENCE), (None, None))[0] for which in (key, ours[place])]
         kernels = [notes.get((run, which, "kernel"), (None, None))[1] or "auto" for which in (key, ours[place])]
         identity = (*place[1:], made.peer, str(made.threads))
         newest[identity] = Ratio(**made.__dict__ | {
-            "difference": difference, "kernel": kernels[0], "our_kernel": kernels[1],
+            "difference": differences[0], "our_difference": differences[1], "kernel": kernels[0], "our_kernel": kernels[1],
             "scene": word_of(descriptions[key]["scene"]),
         })  # fmt: skip
     return sorted(newest.values(), key=lambda r: (r.particles, r.rows, r.backend, r.precision))
@@ -143,10 +145,11 @@ def _print_table(console: Console, scene: str, backend: str, precision: str, min
     for shape in dict.fromkeys((r.rows, r.columns) for r in mine):
         here = {r.peer: r for r in mine if (r.rows, r.columns) == shape}
         scale = 1e9 / (shape[0] * shape[1])
-        ours = next(iter(here.values())).our_seconds * scale
+        first = next(iter(here.values()))
+        off = f"{NO_BREAK}({first.our_difference:.1g})" if approached and first.our_difference is not None else ""
         table.add_row(
             f"{shape[0]} x {shape[1]}".replace(" ", NO_BREAK),
-            f"{ours:.3g}",
+            f"{first.our_seconds * scale:.3g}{off}",
             *(_cell(here[name], scale, approached) if name in here else "-" for name in names),
         )
     console.print(table)

@@ -255,6 +255,7 @@ def test_what_approaches_a_method_is_told_with_its_error(tmp_path: Path):
         assert summary.measured == 2 and not summary.skipped  # NumPy knows the grid alone and is not asked
         (ratio,) = ratios(store, summary.machine)
         assert ratio.scene == "implicit-16" and 0 < ratio.difference < APPROACHES and not ratio.wrong
+        assert 0 < ratio.our_difference < ratio.difference  # the lab solves implicit Euler itself
         console = Console(width=150, record=True, file=io.StringIO())
         print_peers(console, store, summary.machine)
     text = console.export_text()
