@@ -31,13 +31,22 @@ def xpbd_refusal(scene: Scene) -> str | None:
     return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 
 
-@cache
-def _make_kernels(precision: str) -> SimpleNamespace:
-    wp = load_warp()
-    real, vector = (wp.float32, wp.vec3f) if precision == "float32" else (wp.float64, wp.vec3d)
-    options = {"enable_backward": False, "module": "unique", "module_options": {"fast_math": True}}
+OPTIONS = {"enable_backward": False, "module": "unique", "module_options": {"fast_math": True}}
 
-    @wp.kernel(**options)
+
+def _types(precision: str) -> Any:
+    """(a number, three of them) of Warp's."""
+    wp = load_warp()
+    return (wp.float32, wp.vec3f) if precision == "float32" else (wp.float64, wp.vec3d)
+
+
+@cache
+def _make_moves(precision: str) -> SimpleNamespace:
+    """What happens to each mass: `predict`, `displace`, `finish`."""
+    wp = load_warp()
+    real, vector = _types(precision)
+
+    @wp.kernel(**OPTIONS)
     def predict(
         position: wp.array(dtype=vector),
         velocity: wp.array(dtype=vector),
@@ -53,6 +62,28 @@ def _make_kernels(precision: str) -> SimpleNamespace:
         if inverse_mass[k] > real(0.0):
             v = (real(1.0) - h * drag) * velocity[k] + vector(real(0.0), h * gravity, real(0.0))
             position[k] = p + h * v
+
+    @wp.kernel(**OPTIONS)
+    def displace(position: wp.array(dtype=vector), displacement: wp.array(dtype=vector)):
+        k = wp.tid()
+        position[k] = position[k] + displacement[k]
+        displacement[k] = vector(real(0.0))
+
+    @wp.kernel(**OPTIONS)
+    def finish(
+        position: wp.array(dtype=vector), before: wp.array(dtype=vector), h: real, velocity: wp.array(dtype=vector)
+    ):
+        k = wp.tid()
+        velocity[k] = (position[k] - before[k]) / h
+
+    return SimpleNamespace(predict=predict, displace=displace, finish=finish)
+
+
+@cache
+def _make_projections(precision: str) -> SimpleNamespace:
+    """What happens to each constraint: `project` (Gauss-Seidel), `gather` (Jacobi)."""
+    wp = load_warp()
+    real, vector = _types(precision)
 
     @wp.func
     def change(
@@ -82,7 +113,7 @@ def _make_kernels(precision: str) -> SimpleNamespace:
             changed = -stretch / ((real(1.0) + value[2]) * weight + value[1])
         return changed, direction
 
-    @wp.kernel(**options)
+    @wp.kernel(**OPTIONS)
     def project(
         position: wp.array(dtype=vector),
         before: wp.array(dtype=vector),
@@ -107,7 +138,7 @@ def _make_kernels(precision: str) -> SimpleNamespace:
         position[a] = position[a] - inverse_mass[a] * changed * direction
         position[b] = position[b] + inverse_mass[b] * changed * direction
 
-    @wp.kernel(**options)
+    @wp.kernel(**OPTIONS)
     def gather(
         position: wp.array(dtype=vector),
         before: wp.array(dtype=vector),
@@ -134,20 +165,7 @@ def _make_kernels(precision: str) -> SimpleNamespace:
         wp.atomic_sub(displacement, a, inverse_mass[a] * changed * direction)
         wp.atomic_add(displacement, b, inverse_mass[b] * changed * direction)
 
-    @wp.kernel(**options)
-    def displace(position: wp.array(dtype=vector), displacement: wp.array(dtype=vector)):
-        k = wp.tid()
-        position[k] = position[k] + displacement[k]
-        displacement[k] = vector(real(0.0))
-
-    @wp.kernel(**options)
-    def finish(
-        position: wp.array(dtype=vector), before: wp.array(dtype=vector), h: real, velocity: wp.array(dtype=vector)
-    ):
-        k = wp.tid()
-        velocity[k] = (position[k] - before[k]) / h
-
-    return SimpleNamespace(predict=predict, project=project, gather=gather, displace=displace, finish=finish)
+    return SimpleNamespace(project=project, gather=gather)
 
 
 class WarpXpbd(WarpPeer):
@@ -173,7 +191,7 @@ class _Xpbd(Replayed):
         self._method = scene.method
         self._h = scene.method.dt / scene.method.substeps
         vector, real = (wp.vec3f, wp.float32) if precision == "float32" else (wp.vec3d, wp.float64)
-        self._kernels = _make_kernels(precision)
+        self._kernels = SimpleNamespace(**vars(_make_moves(precision)), **vars(_make_projections(precision)))
         found = of_scene(scene)
         order = np.argsort(found.colour, kind="stable")
         alpha = found.compliance[order]
