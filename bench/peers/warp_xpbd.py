@@ -19,6 +19,7 @@ KINDS = ("structural", "shear", "bending")
 KNOWN = frozenset({*KINDS, *(f"{kind}-{word}" for kind in KINDS for word in ("compliance", "damping"))}) | {
     "damping", "gravity", "pins", "gauss-seidel", "jacobi",
 }  # fmt: skip
+OPTIONS = {"enable_backward": False, "module": "unique", "module_options": {"fast_math": True}}
 
 
 def xpbd_refusal(scene: Scene) -> str | None:
@@ -29,9 +30,6 @@ def xpbd_refusal(scene: Scene) -> str | None:
         return "it knows cloth alone"
     unknown = xpbd_parts(scene) - KNOWN
     return f"it has no {', '.join(sorted(unknown))}" if unknown else None
-
-
-OPTIONS = {"enable_backward": False, "module": "unique", "module_options": {"fast_math": True}}
 
 
 def _types(precision: str) -> Any:
