@@ -66,8 +66,17 @@ def sweep(
     energy: Annotated[bool, typer.Option(help="With --kernels: joules, where the machine counts them.")] = True,
     starts: Annotated[bool, typer.Option(help="With --kernels: the time to a first step, too.")] = True,
     peers: Annotated[
-        bool, typer.Option("--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp).")
+        bool,
+        typer.Option(
+            "--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp, Newton)."
+        ),
     ] = False,
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4, implicit-1 or rigid. Repeatable."
+        ),
+    ] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
@@ -78,6 +87,8 @@ def sweep(
         raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
     if threads and (peers or kernels):
         raise SceneError("--threads", threads[0], "is for the ordinary sweep; leave out --kernels and --peers")
+    if scene and not peers:
+        raise SceneError("--scene", scene[0], "chooses among those of --peers; add --peers")
     if kernel and not kernels:
         raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
     how: dict[str, Any] = {
@@ -96,7 +107,7 @@ def sweep(
             from bench.peers.results import print_peers
             from bench.peers.sweep import run_peers
 
-            summary = run_peers(opened, **how)
+            summary = run_peers(opened, scenes=scene, **how)
             print_peers(out, opened, summary.machine)
         else:
             from bench.experiments.sweep import THREADS, run_sweep

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.experiments.checks import CHECK_ROWS, LIMITS
 from model.core.build import build
 from model.core.parameters import PARAMETERS, parameter_record
 from model.core.simulation import PRECISIONS
@@ -55,12 +56,13 @@ class Opened(ABC):
 
 class Peer(ABC):
     """Something a user could pick instead. `name`: its key in the store, for good; `label`: as figures call it;
-    `backend`: "cpu" or "gpu"; `precisions`: what it can be opened in."""
+    `backend`: "cpu" or "gpu"; `precisions`: what it can be opened in; `scenes`: words of bench/peers/scenes.py."""
 
     name: str
     label: str
     backend: str
     precisions: tuple[str, ...] = ("float32", "float64")
+    scenes: tuple[str, ...] = ("grid",)
 
     @abstractmethod
     def available(self) -> tuple[bool, str]:
@@ -70,6 +72,11 @@ class Peer(ABC):
         """Why it cannot run this scene, or None. Peers of other scenes than the grid override this."""
         return grid_refusal(scene)
 
+    def bound(self, scene: Scene, precision: str) -> float:
+        """Spacings that its answer may be off the lab's, by the root mean square: rounding, unless a peer approaches the
+        scene's method and overrides this."""
+        return rounding_bound(scene, precision)
+
     def threads(self, wanted: int) -> int | None:
         """Threads that it runs on when `wanted` are to be had; None on the GPU."""
         return wanted if self.backend == "cpu" else None
@@ -77,6 +84,11 @@ class Peer(ABC):
     @abstractmethod
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
         """The scene at its start. Raises PeerError where that fails (compiler, driver, memory)."""
+
+
+def rounding_bound(scene: Scene, precision: str) -> float:
+    """Spacings: the bound of the lab's own kernels, in coordinates as large as the sheet is wide."""
+    return LIMITS[precision] * max(1.0, max(scene.grid.rows, scene.grid.columns) / CHECK_ROWS)
 
 
 class PeerError(RuntimeError):
@@ -130,3 +142,20 @@ class GridConstants:
     def in_order(self) -> tuple[float, ...]:
         """stiffness, stiffness_rest, damping, gravity, dt, half_dt_squared: how the compiled peers take them."""
         return (self.stiffness, self.stiffness_rest, self.damping, self.gravity, self.dt, self.half_dt_squared)
+
+
+class SheetConstants:
+    """What a peer needs that is given masses and springs one by one, rounded once. See GridConstants.
+
+    `inverse_mass` (particles,) [1/kg], 0 where pinned; `drag` [1/s]: of every mass, c / m; `gravity` [m/s^2] along +y.
+    """
+
+    def __init__(self, scene: Scene, precision: str):
+        self.real: Any = PRECISIONS[precision]
+        body = build(scene)
+        self.count, self.pinned = len(body.position), body.pinned
+        self.position = body.position.astype(self.real)
+        self.velocity = body.velocity.astype(self.real)
+        self.inverse_mass = body.inverse_mass.astype(self.real)
+        self.drag = scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
+        self.gravity = -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 import bench.peers
+from bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
 from bench.experiments.sweep import source_hash
 from bench.measure.cases import Case
-from bench.peers.base import Opened, Peer
+from bench.peers.base import Opened, Peer, rounding_bound
 from bench.peers.registry import OURS
+from bench.peers.scenes import PeerScene, shape_of
 from bench.store.results import configuration
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from model.core.build import Body
@@ -23,21 +25,39 @@ from model.core.errors import Diverged
 from model.core.simulation import State
 from model.scene.scene import Scene
 
+MANY_STEPS_UP_TO = 512 * 512  # masses: beyond it the same answer is asked for after fewer steps
+
 
 @dataclass(frozen=True)
 class PeerCase(Case):
     """One configuration of a peer, or (`peer` None) of the lab beside peers."""
 
     peer: Peer | None = None
+    what: str = "grid"  # the word of bench/peers/scenes.py
+    check_steps: int = CHECK_STEPS
+    scene_bound: float | None = None
 
     def __str__(self) -> str:
-        grid = self.scene.grid
+        rows, columns = shape_of(self.description["scene"])
         name = self.peer.name if self.peer else OURS
-        return f"{grid.rows} x {grid.columns} {self.backend} {name} {self.precision}"
+        words = [f"{rows} x {columns}", self.what, self.backend, name, self.precision]
+        return " ".join(word for word in words if word != "grid")
 
     @property
     def simulation_kind(self) -> tuple[Any, ...]:
-        return (self.backend, self.threads, self.precision, self.peer.name if self.peer else OURS)
+        return (self.what, self.backend, self.threads, self.precision, self.peer.name if self.peer else OURS)
+
+    @property
+    def steps_checked(self) -> int:
+        """Steps after which its answer is compared."""
+        return self.check_steps if self.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
+
+    @property
+    def bound(self) -> float:
+        """Spacings that its answer may be off."""
+        if self.scene_bound is not None:
+            return self.scene_bound
+        return (self.peer.bound if self.peer else rounding_bound)(self.scene, self.precision)
 
 
 class Beside:
@@ -85,12 +105,13 @@ def peer_sources(backend: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def group_of(scene: Scene, backend: str, precision: str, peers: Sequence[Peer]) -> list[PeerCase]:
-    """The lab first, then the peers of one backend, in one precision."""
+def group_of(what: PeerScene, scene: Scene, backend: str, precision: str, peers: Sequence[Peer]) -> list[PeerCase]:
+    """The lab first, then the peers of one backend that know such scenes, in one precision."""
     threads = thread_count("1x") if backend == "cpu" else None
     cases = []
     sources = peer_sources(backend)
-    for peer in (None, *(p for p in peers if p.backend == backend and precision in p.precisions)):
+    able = (p for p in peers if p.backend == backend and precision in p.precisions and what.word in p.scenes)
+    for peer in (None, *able):
         count = peer.threads(threads or 1) if peer else threads
         description = configuration(
             scene,
@@ -102,5 +123,8 @@ def group_of(scene: Scene, backend: str, precision: str, peers: Sequence[Peer]) 
             peer=peer.name if peer else OURS,
         )
         word = "1x" if backend == "cpu" else None
-        cases.append(PeerCase(scene, backend, word, count, precision, False, description, sources, peer=peer))
+        cases.append(PeerCase(
+            scene, backend, word, count, precision, False, description, sources, peer=peer, what=what.word,
+            check_steps=what.check_steps, scene_bound=what.bound,
+        ))  # fmt: skip
     return cases

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.peers import cuda_cpp
+from bench.peers import cuda_cpp, cuda_driver
 from bench.peers.base import Opened
 from model.core.build import build
 from model.core.simulation import PRECISIONS
@@ -24,8 +24,8 @@ KINDS = ("structural", "shear", "bending")
 
 @cache
 def compile_cloth(precision: str, damped: bool, architecture: str) -> bytes:
-    """Machine code of cloth.cu, see cuda_cpp.compile_source."""
-    return cuda_cpp.compile_source(SOURCE, TYPES[precision] + damped * ("-DDAMPED",), architecture)
+    """Machine code of cloth.cu, see cuda_driver.compile_source."""
+    return cuda_driver.compile_source(SOURCE, TYPES[precision] + damped * ("-DDAMPED",), architecture)
 
 
 def cloth_refusal(scene: Scene) -> str | None:
@@ -54,6 +54,13 @@ class ClothConstants:
         self.velocity = body.velocity.astype(self.real)
 
     @property
+    def free(self) -> np.ndarray:
+        """(rows, columns) bool: the masses that move."""
+        free = np.ones(self.count, bool)
+        free[self.pinned] = False
+        return free.reshape(self.rows, self.columns)
+
+    @property
     def in_order(self) -> tuple[float, ...]:
         """Of each kind of springs stiffness, stiffness_rest, damping; then damping, gravity, dt."""
         springs = [f"{kind}{word}" for kind in KINDS for word in ("", "_rest", "_damping")]
@@ -65,9 +72,13 @@ class CudaCppCloth(cuda_cpp.CudaCpp):
 
     name = "cuda_cpp_cloth"
     label = "CUDA C++ in a graph"
+    scenes = ("cloth",)
 
     def refusal(self, scene: Scene) -> str | None:
         return cloth_refusal(scene)
+
+    def compile(self, architecture: str) -> bytes:
+        return compile_cloth("float32", False, architecture)
 
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
         return _Cloth(ClothConstants(scene, precision), precision)
@@ -78,7 +89,7 @@ class _Cloth(cuda_cpp.Sheet):
     vector = 4
 
     def _compiled(self, precision: str) -> bytes:
-        return compile_cloth(precision, self.constants.damped, cuda_cpp.architecture())
+        return compile_cloth(precision, self.constants.damped, cuda_driver.architecture())
 
     def _packed(self, array: np.ndarray, is_position: bool) -> np.ndarray:
         quads = np.zeros((self.constants.count, self.vector), self.constants.real)

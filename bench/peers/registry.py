@@ -5,18 +5,31 @@ from __future__ import annotations
 from bench.peers.base import Peer
 from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
 from bench.peers.cuda_cpp import CudaCpp
+from bench.peers.cuda_cpp_blocked import CudaCppBlocked
+from bench.peers.cuda_cpp_cloth import CudaCppCloth
+from bench.peers.newton_rigid import NewtonRigid
+from bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd
 from bench.peers.numpy_grid import NumpyGrid
+from bench.peers.own_xpbd import OwnXpbd
+from bench.peers.warp_cloth import WarpCloth
 from bench.peers.warp_grid import WarpGrid
+from bench.peers.warp_xpbd import WarpXpbd
 
 OURS = "softlab"  # the lab itself, in the `peer` field of what was measured beside peers
+
+
+def _of_warp(backend: str) -> tuple[Peer, ...]:
+    return (
+        WarpGrid(backend), WarpCloth(backend), WarpXpbd(backend), NewtonSemiImplicit(backend), NewtonXpbd(backend, 10),
+        NewtonVbd(backend, 10), NewtonVbd(backend, 50), OwnXpbd(backend, 2), OwnXpbd(backend, 10),
+        NewtonRigid(backend, "XPBD", 10), NewtonRigid(backend, "VBD", 10), NewtonRigid(backend, "Steel"),
+    )  # fmt: skip
+
+
 PEERS: tuple[Peer, ...] = (
-    CppOpenmp(),
-    CppOpenmpBlocked(),
-    WarpGrid("cpu"),
-    NumpyGrid(),
-    CudaCpp(),
-    WarpGrid("gpu"),
-)
+    CppOpenmp(), CppOpenmpBlocked(), *_of_warp("cpu"), NumpyGrid(), CudaCpp(), CudaCppBlocked(), CudaCppCloth(),
+    *_of_warp("gpu"),
+)  # fmt: skip
 
 
 def label(name: str) -> str:

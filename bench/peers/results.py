@@ -12,7 +12,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench.peers.own_xpbd import IMPLICIT
 from bench.peers.registry import OURS, label
+from bench.peers.scenes import SCENES, shape_of, word_of
 from bench.store.database import Store, canonical
 from bench.store.results import SPREAD_LIMIT
 
@@ -25,7 +27,8 @@ class Ratio:
     """One peer at one size beside the lab. `seconds`, `our_seconds`: medians of a step [s]; `ratio`: the peer's time over
     ours (above 1 we are faster); `low`, `high`: the least and greatest of the repeats taken pair by pair; `threads` None
     on the GPU; `wrong`: its answer failed the check; `suspect`: reasons, of either side; `difference` [spacings] of the
-    peer's state from the lab's in float64, None where it was not had."""
+    peer's state from the lab's in float64, None where it was not had, `our_difference` of the lab's own; `scene`: a word of
+    bench/peers/scenes.py."""
 
     peer: str
     backend: str
@@ -43,6 +46,8 @@ class Ratio:
     difference: float | None
     kernel: str
     our_kernel: str
+    scene: str = "grid"
+    our_difference: float | None = None
 
     @property
     def particles(self) -> int:
@@ -85,11 +90,12 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
         if place not in ours or any(_is_wrong(mark) for _, mark in samples[run, ours[place]]):
             continue
         made = _ratio(descriptions[key], samples[run, key], samples[run, ours[place]])
-        difference, _ = notes.get((run, key, DIFFERENCE), (None, None))
+        differences = [notes.get((run, which, DIFFERENCE), (None, None))[0] for which in (key, ours[place])]
         kernels = [notes.get((run, which, "kernel"), (None, None))[1] or "auto" for which in (key, ours[place])]
         identity = (*place[1:], made.peer, str(made.threads))
         newest[identity] = Ratio(**made.__dict__ | {
-            "difference": difference, "kernel": kernels[0], "our_kernel": kernels[1],
+            "difference": differences[0], "our_difference": differences[1], "kernel": kernels[0], "our_kernel": kernels[1],
+            "scene": word_of(descriptions[key]["scene"]),
         })  # fmt: skip
     return sorted(newest.values(), key=lambda r: (r.particles, r.rows, r.backend, r.precision))
 
@@ -107,38 +113,50 @@ def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list
         quarter, middle, three_quarters = np.percentile(values, (25, 50, 75))
         if three_quarters - quarter > SPREAD_LIMIT * middle:
             suspect.append(f"{name} spread {(three_quarters - quarter) / middle:.0%}")
-    grid = next(t for name, t in description["scene"].items() if t.get("kind", name) == "grid")
     middle, our_middle = float(np.median(seconds)), float(np.median(our_seconds))
     return Ratio(
-        description["peer"], description["backend"], description["precision"], grid["rows"], grid["columns"],
+        description["peer"], description["backend"], description["precision"], *shape_of(description["scene"]),
         description["threads"], middle, our_middle, middle / our_middle, float(each.min()), float(each.max()),
         any(_is_wrong(mark) for _, mark in theirs), tuple(suspect), None, "auto", "auto",
     )  # fmt: skip
 
 
 def print_peers(console: Console, store: Store, machine: str) -> None:
-    """Nanoseconds per mass and step of the lab, and of each peer with its ratio, a table for each backend and precision."""
+    """Nanoseconds per mass and step of the lab, and of each peer with its ratio, a table for each scene, backend and
+    precision; where peers approach the scene's method, how far each is from it, too."""
     found = ratios(store, machine)
-    for backend, precision in dict.fromkeys((r.backend, r.precision) for r in sorted(found, key=lambda r: r.backend)):
-        mine = [r for r in found if (r.backend, r.precision) == (backend, precision)]
-        names = list(dict.fromkeys(r.peer for r in mine))
-        console.print(f"{backend}, {precision}: nanoseconds a mass and step (x: times ours)", highlight=False)
-        table = Table("masses", "softlab", *(label(name) for name in names), box=None)
-        for shape in dict.fromkeys((r.rows, r.columns) for r in mine):
-            here = {r.peer: r for r in mine if (r.rows, r.columns) == shape}
-            scale = 1e9 / (shape[0] * shape[1])
-            ours = next(iter(here.values())).our_seconds * scale
-            table.add_row(
-                f"{shape[0]} x {shape[1]}".replace(" ", NO_BREAK),
-                f"{ours:.3g}",
-                *(_cell(here[name], scale) if name in here else "-" for name in names),
-            )
-        console.print(table)
+    order = list(SCENES)
+    kinds = {(order.index(r.scene) if r.scene in order else len(order), r.scene, r.backend, r.precision) for r in found}
+    for _, scene, backend, precision in sorted(kinds):
+        mine = [r for r in found if (r.scene, r.backend, r.precision) == (scene, backend, precision)]
+        _print_table(console, scene, backend, precision, mine)
     if any(r.suspect for r in found):
         console.print("?: suspect, see docs/method.md;  wrong: the answer differs, so the time wins nothing")
 
 
-def _cell(ratio: Ratio, scale: float) -> str:
+def _print_table(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:
+    names = list(dict.fromkeys(r.peer for r in mine))
+    approached, each = scene in (*IMPLICIT, "rigid"), "body" if scene == "rigid" else "mass"
+    what = "" if scene == "grid" else f"{SCENES[scene].text if scene in SCENES else scene}, "
+    errors = "; spacings off the lab's answer in float64" if approached else ""
+    text = f"{what}{backend}, {precision}: nanoseconds a {each} and step (x: times ours{errors})"
+    console.print(text, highlight=False)
+    table = Table("bodies" if scene == "rigid" else "masses", "softlab", *(label(name) for name in names), box=None)
+    for shape in dict.fromkeys((r.rows, r.columns) for r in mine):
+        here = {r.peer: r for r in mine if (r.rows, r.columns) == shape}
+        scale = 1e9 / (shape[0] * shape[1])
+        first = next(iter(here.values()))
+        off = f"{NO_BREAK}({first.our_difference:.1g})" if approached and first.our_difference is not None else ""
+        table.add_row(
+            f"{shape[0]} x {shape[1]}".replace(" ", NO_BREAK),
+            f"{first.our_seconds * scale:.3g}{off}",
+            *(_cell(here[name], scale, approached) if name in here else "-" for name in names),
+        )
+    console.print(table)
+
+
+def _cell(ratio: Ratio, scale: float, approached: bool) -> str:
+    off = f";{NO_BREAK}{ratio.difference:.1g}" if approached and ratio.difference is not None else ""
     if ratio.wrong:
-        return f"[red]wrong[/red]{NO_BREAK}({ratio.seconds * scale:.3g})"
-    return f"{ratio.seconds * scale:.3g}{NO_BREAK}(x{ratio.ratio:.3g}){'?' if ratio.suspect else ''}"
+        return f"[red]wrong[/red]{NO_BREAK}({ratio.seconds * scale:.3g}{off})"
+    return f"{ratio.seconds * scale:.3g}{NO_BREAK}(x{ratio.ratio:.3g}{off}){'?' if ratio.suspect else ''}"

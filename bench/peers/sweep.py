@@ -1,10 +1,10 @@
 """`softlab sweep --peers`: the lab and what a user could pick instead, side by side.
 
-At every size, each backend and precision is a group: the lab (its own choice of kernel, as many threads as cores) and
-every peer that can run the scene here, in one process, sampled in turn (A B C A B C ...). Before a time counts, each
-state is held against the lab's CPU in float64 `exact` math, at that very size. In the store all of them, the lab too, are
-configurations with a `peer`, so that no ordinary figure or table takes them for its own. Resumable, safe under Ctrl-C; a
-peer that is not here is skipped with its reason.
+Of every scene and size, each backend and precision is a group: the lab (its own choice of kernel, as many threads as
+cores) and every peer that can run the scene here, in one process, sampled in turn (A B C A B C ...). Before a time counts,
+each state is held against the lab's CPU in float64 `exact` math, at that very size. In the store all of them, the lab too,
+are configurations with a `peer`, so that no ordinary figure or table takes them for its own. Resumable, safe under Ctrl-C;
+a peer that is not here is skipped with its reason.
 """
 
 from __future__ import annotations
@@ -16,36 +16,28 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any
 
-import numpy as np
-
-from app.driver import open_simulation
-from bench.experiments.checks import CHECK_ROWS, CHECK_STEPS, LIMITS, OWN_SIZE_STEPS, displaced
-from bench.experiments.sweep import backends_here, choose_effort, shapes
+from bench.experiments.sweep import backends_here, choose_effort
 from bench.measure.cases import Effort, SweepSummary, record_skip
 from bench.measure.machine import enter_machine, gpu_simulated
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.peers.answers import Judge
 from bench.peers.base import Opened, Peer
 from bench.peers.cases import Beside, PeerCase, group_of
 from bench.peers.registry import OURS, PEERS
-from bench.peers.results import DIFFERENCE
+from bench.peers.scenes import peer_scenes
 from bench.store.database import Store
 from bench.store.versions import code_version
 from model.core.build import Body, build
 from model.core.memory import available_bytes, readable
-from model.core.simulation import Simulation, State
-from model.scene.scene import Scene, load_scene
-
-SQUARES = tuple(32 << k for k in range(9))  # 32 ... 8192
-QUICK_SQUARES = (32, 128, 512)
-MANY_STEPS_UP_TO = 512 * 512  # masses: beyond it the same answer is asked for after fewer steps
+from model.core.simulation import Simulation
 
 
 def run_peers(
     store: Store,
     *,
     quick: bool = False,
-    scene: Scene | str = "lab-grid",
+    scenes: Iterable[str] | None = None,
     backends: Sequence[str] | None = None,
     sizes: Iterable[int] | None = None,
     precisions: Sequence[str] = ("float32", "float64"),
@@ -57,24 +49,25 @@ def run_peers(
     progress: bool = True,
     command: str = "softlab sweep --peers",
 ) -> SweepSummary:
-    """Measure what the store lacks of the comparison, and say what was done; arguments as of bench/experiments/sweep.py's
-    run_sweep.
+    """Measure what the store lacks of the comparison, and say what was done; `scenes` as words of bench/peers/scenes.py,
+    the other arguments as of bench/experiments/sweep.py's run_sweep.
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
     begin = time.perf_counter()
     effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds)
-    base = scene if isinstance(scene, Scene) else load_scene(scene)
     chosen = backends_here(backends)
-    planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
+    lengths = None if sizes is None else list(sizes)
+    wanted_scenes = peer_scenes(scenes, quick)
+    planned = [(scene, sized) for scene in wanted_scenes for sized in scene.sized(quick, lengths)]
+    peers = [peer for peer in peers if any(scene.word in peer.scenes for scene in wanted_scenes)]
     revision = code_version()
     summary = SweepSummary(enter_machine(store), "")
     comparison = _Comparison(store, effort, summary, begin, peers)
     wanted = list(backends or ("cpu", "gpu"))  # peers of a backend that is not here are skipped with their reason
     groups = []
-    for rows, columns in planned:
-        sized = base.replace({"grid.rows": rows, "grid.columns": columns})
-        groups += [group_of(sized, name, precision, peers) for name in wanted for precision in precisions]
+    for scene, sized in planned:
+        groups += [group_of(scene, sized, name, precision, peers) for name in wanted for precision in precisions]
     try:
         comparison.run(groups, chosen, command, revision, progress)
     except KeyboardInterrupt:
@@ -91,7 +84,7 @@ class _Comparison:
         self._here = {peer.name: peer.available() for peer in peers}
         self._costs: dict[tuple[Any, ...], tuple[int, float]] = {}  # kind -> (particles, seconds a step)
         self._compiled: set[tuple[Any, ...]] = set()
-        self._expected: tuple[str, State, np.ndarray] | None = None  # scene, start, positions of the last size
+        self._judge = Judge(store, summary)
         self._neighbours = Neighbours()
 
     def run(
@@ -159,7 +152,7 @@ class _Comparison:
                     tell(f"{case}: opening")
                     simulation = self._open(case, body, stack)
                     tell(f"{case}: checking")
-                    warning = self._check(case, simulation, body)
+                    warning = self._judge.check(case, simulation, body)
                     tell(f"{case}: warming up")
                     subject = self._warmed(case, simulation)
                 except Exception as error:  # a peer may break in any way; the others go on
@@ -199,10 +192,11 @@ class _Comparison:
         return kept
 
     def _estimate(self, case: PeerCase) -> float:
-        """Seconds that all repeats take, from the last size; 0 where nothing is known."""
+        """Seconds that the check of its answer and all repeats take, from the last size; 0 where nothing is known."""
         particles, seconds = self._costs.get(case.kind, (case.particles, 0.0))
         one = seconds * max(1.0, case.particles / particles)
-        return (self.effort.repeats + 2) * max(one, self.effort.min_seconds if seconds else 0.0)
+        repeats = (self.effort.repeats + 2) * max(one, self.effort.min_seconds if seconds else 0.0)
+        return case.steps_checked * one + repeats
 
     def _open(self, case: PeerCase, body: Body, stack: ExitStack) -> Simulation | Beside:
         """Opened and compiled; the first of its kind in this process is timed at that."""
@@ -231,39 +225,6 @@ class _Comparison:
         simulation.advance(1)
         simulation.synchronize()
         return time.perf_counter() - begin
-
-    def _check(self, case: PeerCase, simulation: Simulation | Beside, body: Body) -> str | None:
-        """Store how far the state is from the expected one; what the samples must be marked with, or None."""
-        steps = CHECK_STEPS if case.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
-        start, expected = self._expect(case.scene, steps)
-        simulation.load(start)
-        simulation.advance(steps)
-        simulation.synchronize()
-        error, largest = _distances(simulation.read("position"), expected, body, case.scene.grid.spacing)
-        # the same bound as for the lab's own kernels: rounding, in coordinates as large as the grid is wide
-        limit = LIMITS[case.precision] * max(1.0, max(body.rows, body.columns) / CHECK_ROWS)
-        note = f"own size, {steps} steps, against the lab's CPU in float64, exact; bound {limit:.2g}"
-        run = self.summary.run
-        with self.store.transaction():
-            for name, value in ((DIFFERENCE, error), (f"{DIFFERENCE}_largest", largest)):
-                self.store.add_measure(run, case.description, case.sources, name, value, "spacing", note)
-        simulation.reset()
-        if error <= limit:
-            return None
-        warning = f"wrong answer: {error:.2g} spacings off ({note})".replace("; ", ", ")
-        self.summary.wrong.append((str(case), warning))
-        return warning
-
-    def _expect(self, scene: Scene, steps: int) -> tuple[State, np.ndarray]:
-        """(a displaced start, the positions after `steps` steps), of the lab's CPU; once for each size."""
-        key = scene.canonical()
-        if self._expected is None or self._expected[0] != key:
-            with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
-                start = displaced(judge)
-                judge.load(start)
-                judge.advance(steps)
-                self._expected = (key, start, judge.state().position)
-        return self._expected[1:]
 
     def _warmed(self, case: PeerCase, simulation: Simulation | Beside) -> Subject | str:
         """What can be timed, with the steps of a sample chosen; or why it takes too long."""
@@ -301,14 +262,3 @@ class _Comparison:
 def _close_quietly(opened: Opened) -> None:
     with suppress(Exception):  # a device that broke while stepping breaks here again; the reason is stored already
         opened.close()
-
-
-def _distances(position: np.ndarray, expected: np.ndarray, body: Body, spacing: float) -> tuple[float, float]:
-    """(root mean square, maximum) over the free masses, in spacings; infinite where a value is not finite."""
-    free = body.inverse_mass > 0
-    if not free.any():
-        return 0.0, 0.0
-    offset = np.subtract(position, expected, dtype=np.float64)[free]
-    squared = np.einsum("ij,ij->i", offset, offset)
-    error, largest = math.sqrt(squared.mean()) / spacing, math.sqrt(squared.max()) / spacing
-    return (error, largest) if math.isfinite(error) else (math.inf, math.inf)

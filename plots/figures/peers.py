@@ -26,15 +26,18 @@ from plots.core.style import (
 
 TITLE = "Side by side with what could be used instead"
 PRECISION = "float32"
-LOOKS = ((BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"))
-CURVES = {
-    peer.name: Curve(peer.label, *look) for peer, look in zip(PEERS, (LOOKS * len(PEERS))[: len(PEERS)], strict=True)
-}
+LOOKS = (
+    (BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"), (BLUE, "X"), (ORANGE, "*"),
+    (GREEN, "p"),
+)  # fmt: skip
+SHOWN = [peer for peer in PEERS if "grid" in peer.scenes]
+CURVES = {peer.name: Curve(peer.label, *look) for peer, look in zip(SHOWN, LOOKS, strict=True)}
 
 
 def square_ratios(source: Source, backend: str) -> list[Ratio]:
     """What one panel shows of a machine."""
-    return [r for r in source.peers if (r.backend, r.precision) == (backend, PRECISION) and r.rows == r.columns]
+    wanted = ("grid", backend, PRECISION)
+    return [r for r in source.peers if (r.scene, r.backend, r.precision) == wanted and r.rows == r.columns]
 
 
 def draw(results: Results) -> Drawing | str:

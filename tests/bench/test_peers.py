@@ -11,12 +11,14 @@ from fake_cuda import FakeDriver, compile_for_host
 from typer.testing import CliRunner
 
 from bench.experiments.checks import LIMITS
-from bench.peers import compiler, cuda_cpp
+from bench.peers import compiler, cuda_cpp, cuda_driver
 from bench.peers.base import Opened, Peer, PeerError
 from bench.peers.cpp_openmp import SOURCE, CppOpenmp, CppOpenmpBlocked
 from bench.peers.numpy_grid import NumpyGrid
+from bench.peers.own_xpbd import APPROACHES, OwnXpbd
 from bench.peers.registry import OURS, PEERS
 from bench.peers.results import print_peers, ratios
+from bench.peers.scenes import SCENES
 from bench.peers.sweep import run_peers
 from bench.peers.warp_grid import WarpGrid
 from bench.reference.mass_spring import simulate
@@ -118,7 +120,7 @@ def test_cuda_cpp_launches_what_it_should(precision, tmp_path, monkeypatch):
     library = compile_for_host(cuda_cpp.SOURCE, cuda_cpp.TYPES[precision], tmp_path, needs_compiler())
     for shape in [(1, 1), (9, 33), (23, 19)]:
         driver = FakeDriver(library)
-        monkeypatch.setattr(cuda_cpp, "_driver", lambda driver=driver: driver)
+        monkeypatch.setattr(cuda_driver, "driver", lambda driver=driver: driver)
         monkeypatch.setattr(cuda_cpp, "compile_grid", lambda *_: b"machine code")
         scene = grid(*shape)
         assert_same(cuda_cpp.CudaCpp().open(scene, precision, 1), scene, precision)
@@ -133,7 +135,7 @@ def test_without_a_driver_the_reason_is_told(monkeypatch):
     def none():
         raise RuntimeError("no driver\nmany lines")
 
-    monkeypatch.setattr(cuda_cpp, "_driver", none)
+    monkeypatch.setattr(cuda_driver, "driver", none)
     available, reason = cuda_cpp.CudaCpp().available()
     assert not available and reason.endswith("no driver")
 
@@ -145,9 +147,15 @@ def test_without_a_driver_the_reason_is_told(monkeypatch):
 def test_every_peer_says_whether_it_is_here_and_which_scenes_it_runs(peer):
     available, text = peer.available()
     assert isinstance(available, bool) and text and "\n" not in text
-    assert peer.refusal(grid(4, 4)) is None
-    assert "verlet" in peer.refusal(grid(4, 4, **{"method.integrator": "velocity-verlet"}))
-    assert "external" in peer.refusal(grid(4, 4, **{"external.magnitude": 1.0}))
+    for word in peer.scenes:
+        (scene,) = SCENES[word].sized(False, [4])
+        assert peer.refusal(scene) is None
+    refused = peer.refusal(grid(4, 4, **{"method.integrator": "velocity-verlet"}))
+    if "grid" not in peer.scenes:
+        assert refused
+    else:
+        assert "verlet" in refused
+        assert "external" in peer.refusal(grid(4, 4, **{"external.magnitude": 1.0}))
 
 
 def test_peers_have_names_of_their_own():
@@ -201,7 +209,13 @@ class Broken(Peer):
 
 
 def compared(store, peers, **options):
-    options = {"sizes": [16], "precisions": ["float32"], "repeats": 3, "min_seconds": 0.002} | options
+    options = {
+        "scenes": ["grid"],
+        "sizes": [16],
+        "precisions": ["float32"],
+        "repeats": 3,
+        "min_seconds": 0.002,
+    } | options
     return run_peers(store, backends=["cpu"], peers=peers, progress=False, **options)
 
 
@@ -231,6 +245,21 @@ def test_a_comparison_is_stored_and_not_measured_twice(tmp_path: Path):
         assert all(t.peer for t in timings(store))  # nothing that ordinary figures would take for theirs
         again = compared(store, [NumpyGrid()])
         assert again.held == 2 and again.samples == 0 and not again.run
+
+
+def test_what_approaches_a_method_is_told_with_its_error(tmp_path: Path):
+    from rich.console import Console
+
+    with Store(tmp_path / "results.sqlite") as store:
+        summary = compared(store, [OwnXpbd("cpu", 2), NumpyGrid()], scenes=["implicit-16"], sizes=[6])
+        assert summary.measured == 2 and not summary.skipped  # NumPy knows the grid alone and is not asked
+        (ratio,) = ratios(store, summary.machine)
+        assert ratio.scene == "implicit-16" and 0 < ratio.difference < APPROACHES and not ratio.wrong
+        assert 0 < ratio.our_difference < ratio.difference  # the lab solves implicit Euler itself
+        console = Console(width=150, record=True, file=io.StringIO())
+        print_peers(console, store, summary.machine)
+    text = console.export_text()
+    assert "implicit Euler, 1.04 ms a step" in text and "spacings off" in text and "softlab XPBD, 2" in text
 
 
 def test_a_new_peer_is_measured_beside_the_lab_again(tmp_path: Path):
@@ -280,6 +309,7 @@ def test_the_terminal_s_table(tmp_path: Path):
         ["--precision", "float16"],
         ["--repeats", "0"],
         ["--kernels"],
+        ["--scene", "lab-grid"],
     ],
 )
 def test_bad_choices_are_refused_in_a_line(arguments, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from cloth_scenes import PARTS, cloth_scene
 from fake_cuda import SHIM, FakeDriver, compile_for_host
 
-from bench.peers import compiler, cuda_cpp, cuda_cpp_cloth
+from bench.peers import compiler, cuda_cpp, cuda_cpp_cloth, cuda_driver
 from bench.peers.base import PeerError
 from bench.reference.mass_spring import simulate
 from model.scene.scene import Scene, load_scene
@@ -37,7 +37,7 @@ def launched(
     types = (f"-DReal={'float' if precision == 'float32' else 'double'}", f"-DKIND={precision}{damped}")
     library = compile_for_host(cuda_cpp_cloth.SOURCE, types + damped * ("-DDAMPED",), folder, found[0], CLOTH_SHIM)
     driver = FakeDriver(library)
-    monkeypatch.setattr(cuda_cpp, "_driver", lambda: driver)
+    monkeypatch.setattr(cuda_driver, "driver", lambda: driver)
     monkeypatch.setattr(cuda_cpp_cloth, "compile_cloth", lambda *_: b"machine code")
     with cuda_cpp_cloth.CudaCppCloth().open(scene, precision, 1) as opened:
         opened.advance(STEPS // 2 + 1)

@@ -157,7 +157,8 @@ class Maker:
         """The lab and every peer of its backends at square sizes, in one run: each peer twice as slow as the one before."""
         for backend in ("cpu", "gpu") if self.record["gpu"] else ("cpu",):
             threads = {"threads": self.record["cores"], "wait_policy": "passive"} if backend == "cpu" else {}
-            peers = [OURS, *(peer.name for peer in PEERS if peer.backend == backend)]
+            known = [peer for peer in PEERS if peer.backend == backend and "grid" in peer.scenes]
+            peers = [OURS, *(peer.name for peer in known)]
             for n in sizes:
                 seconds = kernel_seconds(
                     self.record, backend, "fused" if backend == "cpu" else "graph", n * n, "float32"

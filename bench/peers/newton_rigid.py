@@ -1,0 +1,156 @@
+"""Towers of rigid beams in Newton: boxes of the same size, mass and place, on the same plane, by its solvers for rigid
+bodies (XPBD, VBD, Steel), the lab's substeps, contacts found anew in each.
+
+The lab makes a rigid body of particles, and so its contacts are among spheres; theirs are among boxes. What both must give is
+where the beams lie once they have fallen on each other: a beam's particles are where Newton's box carries them.
+
+Soft bodies are not compared: Newton's are tetrahedra of a Neo-Hookean material and it has no shape matching, so that no
+scene of the lab's has the same answer there. Nor is its MuJoCo solver, whose packages are not among the lab's extras, nor
+its semi-implicit Euler, whose contacts are springs that this step size allows to be soft alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bench.peers.base import Opened
+from bench.peers.newton_sheet import Newton, load_newton
+from bench.peers.warp_base import Replayed
+from model.core.build import build
+from model.scene.scene import Scene
+
+CONTACT_STIFFNESS, CONTACT_DAMPING = 1e6, 100.0  # N/m, N s/m: VBD's contacts give; a tower sinks by millimetres
+KNOWN = {"rigid_body", "contact", "plane", "gravity", "method"}
+
+
+class NewtonRigid(Newton):
+    """`solver` of Newton's, with so many iterations, or None where it chooses."""
+
+    scenes = ("rigid",)
+
+    def __init__(self, backend: str, solver: str, iterations: int | None = None):
+        self.solver = f"Solver{solver}"
+        self.kind, self.title = f"newton_rigid_{solver.lower()}", f"Newton {solver}"
+        super().__init__(backend, iterations)
+
+    def scene_refusal(self, scene: Scene) -> str | None:
+        if not scene.bodies:
+            return "it knows rigid bodies alone"
+        unknown = set(scene.kinds.values()) - KNOWN
+        if unknown:
+            return f"it has no {', '.join(sorted(unknown))} as the lab means it"
+        if {body.shape and body.shape.name for body in scene.bodies.values()} != {"beam"}:
+            return "it knows beams alone"
+        return None
+
+    def opened(self, scene: Scene, precision: str) -> Opened:
+        return _Towers(scene, self.solver, self.backend, self.iterations)
+
+
+class _Towers(Replayed):
+    chunks = (4, 2)  # a step has some thousand launches
+
+    def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
+        super().__init__(backend)
+        newton = self._newton = load_newton()
+        body, bodies = build(scene), scene.body_set
+        self._substeps = scene.method.substeps
+        self._h = scene.method.dt / self._substeps
+        count = len(bodies.copies)
+        self._start = body.position.reshape(count, -1, 3)
+        self._rest = self._start - self._start.mean(axis=1, keepdims=True)
+        self._model = self._build(newton, scene)
+        self._pipeline = newton.CollisionPipeline(self._model, broad_phase="sap")
+        self._contacts = self._pipeline.contacts()
+        how = {} if iterations is None else {"iterations": iterations}
+        self._solver = getattr(newton.solvers, solver)(self._model, **how)
+        self._states = [self._model.state(), self._model.state()]
+        self._control = self._model.control()
+        self._step()  # loads the kernels: nothing may be loaded while a graph is captured
+        self._capture()
+        self.load(body.position, body.velocity)
+
+    def _build(self, newton: Any, scene: Scene) -> Any:
+        down = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+        builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
+        (plane,) = scene.colliders
+        beam: Any = next(iter(scene.bodies.values()))
+        material = newton.ModelBuilder.ShapeConfig(
+            density=beam.density, mu=plane[1].dynamic_friction, ke=CONTACT_STIFFNESS, kd=CONTACT_DAMPING
+        )
+        builder.add_ground_plane(cfg=material)
+        half = 0.5 * (np.ptp(self._rest[0], axis=0) + scene.body_set.spacing)  # a particle stands for a cube
+        for particles in self._start:
+            where = self._wp.transform(tuple(particles.mean(axis=0).tolist()), self._wp.quat_identity())
+            body = builder.add_body(xform=where)
+            builder.add_shape_box(body, hx=float(half[0]), hy=float(half[1]), hz=float(half[2]), cfg=material)
+        builder.color()
+        return builder.finalize(device=self._device)
+
+    def _step(self) -> None:
+        for _ in range(self._substeps):
+            old, new = self._states[self._current], self._states[1 - self._current]
+            old.clear_forces()
+            self._pipeline.collide(old, self._contacts)
+            self._solver.step(old, new, self._control, self._contacts, self._h)
+            self._current = 1 - self._current
+
+    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Each beam where its particles are, as well as a rigid motion can have it."""
+        self._current = 0
+        at, speed = (np.asarray(array, np.float64).reshape(self._rest.shape) for array in (position, velocity))
+        middle, linear = at.mean(axis=1), speed.mean(axis=1)
+        away, apart = at - middle[:, None], speed - linear[:, None]
+        u, _, v = np.linalg.svd(np.einsum("bni,bnj->bij", away, self._rest))
+        u[:, :, 2] *= np.sign(np.linalg.det(u @ v))[:, None]
+        squared = np.einsum("bnk,bnk->b", away, away)[:, None, None] * np.eye(3)
+        inertia = squared - np.einsum("bni,bnj->bij", away, away)
+        spin = np.linalg.solve(inertia, np.cross(away, apart).sum(axis=1)[..., None])[..., 0]
+        pose = np.concatenate([middle, _quaternions(u @ v)], axis=1).astype(np.float32)
+        motion = np.concatenate([linear, spin], axis=1).astype(np.float32)
+        for state in self._states:
+            state.body_q.assign(pose)
+            state.body_qd.assign(motion)
+            self._newton.eval_ik(self._model, state, state.joint_q, state.joint_qd)
+        self._solver.reset(self._states[0])
+        self.synchronize()
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        self.synchronize()
+        state = self._states[self._current]
+        pose, motion = state.body_q.numpy().astype(np.float64), state.body_qd.numpy().astype(np.float64)
+        away = np.einsum("bij,bnj->bni", _rotations(pose[:, 3:]), self._rest)
+        position = pose[:, None, :3] + away
+        velocity = motion[:, None, :3] + np.cross(motion[:, None, 3:], away)
+        return position.reshape(-1, 3).astype(np.float32), velocity.reshape(-1, 3).astype(np.float32)
+
+    def close(self) -> None:
+        super().close()
+        self._states = []
+
+
+def _rotations(quaternion: np.ndarray) -> np.ndarray:
+    """(bodies, 3, 3) of unit quaternions (bodies, 4), the real part last."""
+    x, y, z, w = quaternion.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _quaternions(rotation: np.ndarray) -> np.ndarray:
+    """The unit quaternions (bodies, 4), the real part last, of rotations (bodies, 3, 3): the eigenvector of the largest
+    eigenvalue of a symmetric matrix (Bar-Itzhack 2000), which has no special cases."""
+    r = rotation
+    matrix = np.empty((len(r), 4, 4))
+    for i in range(3):
+        for j in range(3):
+            matrix[:, i, j] = r[:, i, j] + r[:, j, i] - (i == j) * np.trace(r, axis1=1, axis2=2)
+    turned = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
+    matrix[:, 3, :3] = matrix[:, :3, 3] = turned
+    matrix[:, 3, 3] = np.trace(r, axis1=1, axis2=2)
+    return np.linalg.eigh(matrix)[1][:, :, -1]

@@ -1,0 +1,205 @@
+"""A sheet of springs in Newton (newton-physics on GitHub, `pip install newton`), NVIDIA's and others' engine on Warp: its
+solvers semi-implicit Euler, XPBD and VBD, which are given the lab's masses and springs and nothing else.
+
+- Semi-implicit Euler takes the lab's own step: of a cloth as it is, of the hand-out's grid with doubled masses and half of
+  gravity (docs/method.md, Facts). It is held to the lab's bound.
+- XPBD and VBD approach implicit Euler's step of the same springs: more iterations, less error. XPBD adds up the full
+  corrections of all springs of a mass at once, unweighted, so that stiff springs or long steps make it grow without bound.
+  Both are held against the lab's implicit Euler, converged; how far they are from it is told beside their time.
+
+Newton gives particles no drag of the air; where a scene has one, a kernel of ours adds it to its external forces, as its
+users do. VBD's colours are given to it: its own colouring (ModelBuilder.color) knows triangles and tetrahedra, not springs.
+"""
+
+# No `from __future__ import annotations`: Warp reads the types of a kernel from its annotations.
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from bench.peers.base import Opened, PeerError, SheetConstants, grid_refusal
+from bench.peers.cuda_cpp_cloth import cloth_refusal
+from bench.peers.own_xpbd import APPROACHES, IMPLICIT, implicit_refusal
+from bench.peers.warp_base import Replayed, WarpPeer, load_warp
+from bench.reference.xpbd import of_scene
+from model.core.build import build
+from model.scene.scene import Scene
+
+MOST_SPRINGS = 4_000_000  # its model is made of Python lists
+REMEDY = "pip install 'softlab[peers]'"
+
+
+@cache
+def load_newton() -> Any:
+    """The package. Raises PeerError where it is not here."""
+    load_warp()
+    try:
+        import newton
+    except Exception as error:  # what a broken installation raises is not documented
+        raise PeerError(f"Newton cannot be loaded ({error}); {REMEDY}") from None
+    return newton
+
+
+@cache
+def _make_drag() -> Any:
+    wp = load_warp()
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def drag(velocity: wp.array(dtype=wp.vec3), coefficient: float, force: wp.array(dtype=wp.vec3)):
+        k = wp.tid()
+        force[k] = -coefficient * velocity[k]
+
+    return drag
+
+
+class Newton(WarpPeer):
+    """One solver of Newton's. `solver`: its class there; `iterations`: None where it has none."""
+
+    precisions = ("float32",)
+    solver: str
+
+    def __init__(self, backend: str, iterations: int | None = None):
+        super().__init__(backend)
+        self.iterations = iterations
+        if iterations is not None:
+            self.name = f"{self.kind}_{iterations}_{backend}"
+            self.label = f"{self.title}, {iterations} iterations"
+
+    def available(self) -> tuple[bool, str]:
+        able, text = super().available()
+        if not able:
+            return able, text
+        try:
+            return True, f"Newton {load_newton().__version__} on {text}"
+        except PeerError as error:
+            return False, str(error)
+
+    def refusal(self, scene: Scene) -> str | None:
+        reason = self.scene_refusal(scene)
+        each = 2 if scene.springs is not None else 6 if scene.cloth is not None else 0
+        if reason is None and each * scene.grid.particle_count > MOST_SPRINGS:
+            return "its model, made of Python lists, would take minutes to build"
+        return reason
+
+    def scene_refusal(self, scene: Scene) -> str | None:
+        """As `refusal`, at any size."""
+        return implicit_refusal(scene)
+
+    def opened(self, scene: Scene, precision: str) -> Opened:
+        return _Sheet(scene, self.solver, self.backend, self.iterations)
+
+
+class NewtonSemiImplicit(Newton):
+    kind, title, solver = "newton", "Newton", "SolverSemiImplicit"
+    scenes = ("grid", "cloth")
+
+    def scene_refusal(self, scene: Scene) -> str | None:
+        return grid_refusal(scene) if scene.springs is not None else cloth_refusal(scene)
+
+
+class NewtonXpbd(Newton):
+    kind, title, solver = "newton_xpbd", "Newton XPBD", "SolverXPBD"
+    scenes = IMPLICIT
+
+    def bound(self, scene: Scene, precision: str) -> float:
+        return APPROACHES
+
+
+class NewtonVbd(Newton):
+    kind, title, solver = "newton_vbd", "Newton VBD", "SolverVBD"
+    scenes = IMPLICIT
+
+    def bound(self, scene: Scene, precision: str) -> float:
+        return APPROACHES
+
+
+def _lattice_colours(rows: int, columns: int) -> list[np.ndarray]:
+    """Nine groups of particles, no two of one within two rows and columns of each other: no spring joins them."""
+    i, j = np.divmod(np.arange(rows * columns), columns)
+    return [members for n in range(9) if len(members := np.flatnonzero(3 * (i % 3) + j % 3 == n))]
+
+
+class _Sheet(Replayed):
+    chunks = (16, 4, 2)  # a step has up to some hundred launches; 16 are what Warp's cloth has in a frame
+
+    def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
+        super().__init__(backend)
+        newton = load_newton()
+        self.constants = SheetConstants(scene, "float32")
+        halved = scene.springs is not None  # the hand-out's step
+        mass = scene.grid.mass * (2 if halved else 1)
+        gravity = self.constants.gravity / (2 if halved else 1)
+        self._dt, self._drag = scene.method.dt, self.constants.drag * scene.grid.mass
+        self._dimensions = self.constants.position.shape[1]
+        self._model = self._build(newton, scene, mass, gravity)
+        how = {} if iterations is None else {"iterations": iterations}
+        self._solver = getattr(newton.solvers, solver)(self._model, **how)
+        self._states = [self._model.state(), self._model.state()]
+        self._control = self._model.control()
+        self.load(self.constants.position, self.constants.velocity)
+        self._step()  # loads the kernels: nothing may be loaded while a graph is captured
+        self._current = 0
+        self._capture()
+        self.load(self.constants.position, self.constants.velocity)
+
+    def _build(self, newton: Any, scene: Scene, mass: float, gravity: float) -> Any:
+        constants, springs, body = self.constants, of_scene(scene), build(scene)
+        builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, gravity, 0.0))
+        builder.add_particles(
+            pos=self._in_space(constants.position).tolist(),
+            vel=self._in_space(constants.velocity).tolist(),
+            mass=np.where(constants.inverse_mass > 0, mass, 0.0).tolist(),
+            radius=[0.0] * constants.count,
+        )
+        # as add_spring does for one; it would measure the rest lengths at the start
+        builder.spring_indices.extend(np.stack([springs.first, springs.second], axis=1).ravel().tolist())
+        builder.spring_rest_length.extend(springs.rest_length.tolist())
+        builder.spring_stiffness.extend((1 / springs.compliance).tolist())
+        builder.spring_damping.extend(springs.damping.tolist())
+        builder.spring_control.extend([0.0] * len(springs.first))
+        builder.set_coloring(_lattice_colours(body.rows, body.columns))
+        model = builder.finalize(device=self._device)
+        model.particle_grid = None  # its particles would meet each other
+        model.particle_max_velocity = math.inf
+        return model
+
+    def _in_space(self, array: np.ndarray) -> np.ndarray:
+        """(particles, 3) float32."""
+        space = np.zeros((len(array), 3), np.float32)
+        space[:, : array.shape[1]] = array
+        return space
+
+    def _step(self) -> None:
+        old, new = self._states[self._current], self._states[1 - self._current]
+        if self._drag > 0:
+            self._wp.launch(
+                _make_drag(),
+                dim=self.constants.count,
+                inputs=[old.particle_qd, self._drag],
+                outputs=[old.particle_f],
+                device=self._device,
+            )
+        else:
+            old.clear_forces()
+        self._solver.step(old, new, self._control, None, self._dt)
+        self._current = 1 - self._current
+
+    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._current = 0
+        for state in self._states:
+            state.particle_q.assign(self._in_space(position))
+            state.particle_qd.assign(self._in_space(velocity))
+        self.synchronize()
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        self.synchronize()
+        state, axes = self._states[self._current], self._dimensions
+        arrays = (state.particle_q.numpy(), state.particle_qd.numpy())
+        position, velocity = (np.ascontiguousarray(array[:, :axes]) for array in arrays)
+        return position, velocity
+
+    def close(self) -> None:
+        super().close()
+        self._states = []

@@ -1,0 +1,132 @@
+"""`python -m bench.peers.once`: every peer of a backend opened once at a small size, its answer checked, a line each.
+
+For a machine that is new or lent by the minute: it stores nothing, and its times are of single short runs, not to be told of.
+Ends with 1 where an answer is wrong that should not be, or a peer that is here breaks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.checks import displaced
+from bench.peers.answers import distances
+from bench.peers.base import Opened, Peer
+from bench.peers.cuda_cpp import CudaConstants
+from bench.peers.registry import PEERS
+from bench.peers.scenes import SCENES, PeerScene
+from model.core.build import build
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+SIZES = {"grid": (48, 300, 700), "rigid": (2,)}  # masses (towers) a side: grids for one block, resident tiles, passes
+OTHERS = (40,)
+STEPS, TRIAL = 60, 64
+MAY_FAIL = ("implicit-4", "implicit-1")  # where few iterations are not enough, which is the finding
+
+
+def contestants(word: str, scene: Scene, backend: str) -> Iterator[tuple[str, Peer, Opened | None]]:
+    """(name, peer, None), and of CUDA C++ on tiles each of its tiles as (name, peer, opened)."""
+    for peer in PEERS:
+        if peer.backend != backend or word not in peer.scenes:
+            continue
+        if peer.name != "cuda_cpp_blocked" or not peer.available()[0]:
+            yield peer.name, peer, None
+            continue
+        from bench.peers import cuda_cpp_blocked, cuda_driver
+
+        (processors,) = cuda_driver.attributes("MULTIPROCESSOR_COUNT")
+        for kernel, tile in cuda_cpp_blocked.candidates(scene.grid.rows, scene.grid.columns, processors):
+            name = f"{peer.name} {kernel} {tile.name}"
+            try:
+                opened = cuda_cpp_blocked.Blocked(CudaConstants(scene, "float32"), "float32", kernel, tile)
+            except Exception as error:
+                print(f"  {name}: cannot be opened: {error}", flush=True)
+                continue
+            yield name, peer, opened
+
+
+def run(word: str, scene: Scene, what: PeerScene, backend: str, threads: int) -> int:
+    """Checks that failed."""
+    steps = what.check_steps if what.bound else STEPS
+    with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
+        start = judge.state() if scene.bodies else displaced(judge)
+        judge.load(start)
+        judge.advance(steps)
+        expected = judge.state().position
+    rows, columns = scene.grid.rows, getattr(scene.grid, "columns", 1)
+    print(f"{word}, {rows} x {columns}, {steps} steps", flush=True)
+    failed = 0
+    for name, peer, opened in contestants(word, scene, backend):
+        able, reason = peer.available()
+        refusal = peer.refusal(scene) if able else reason
+        if refusal:
+            print(f"  {name}: skipped: {refusal}", flush=True)
+            continue
+        begin = time.perf_counter()
+        try:
+            with opened or peer.open(scene, "float32", threads) as running:
+                failed += _told(name, peer, running, scene, what, start, expected, steps, begin)
+        except Exception as error:
+            failed += 1
+            print(f"  {name}: BROKE: {type(error).__name__}: {error}", flush=True)
+    return failed
+
+
+def _told(
+    name: str, peer: Peer, opened: Opened, scene: Scene, what: PeerScene, start: State, expected: np.ndarray, steps: int,
+    begin: float,
+) -> int:  # fmt: skip
+    """1 where the answer is wrong and should not be."""
+    opened.synchronize()
+    ready = time.perf_counter() - begin
+    opened.load(start.position, start.velocity)
+    opened.advance(steps)
+    opened.synchronize()
+    error, _ = distances(opened.read()[0], expected, build(scene), scene.grid.spacing)
+    opened.load(start.position, start.velocity)
+    opened.advance(TRIAL)
+    opened.synchronize()
+    begin = time.perf_counter()
+    opened.advance(TRIAL)
+    opened.synchronize()
+    each = 1e6 * (time.perf_counter() - begin) / TRIAL
+    bound = what.bound or peer.bound(scene, "float32")
+    wrong = not (math.isfinite(error) and error <= bound)
+    expected_to = wrong and what.word in MAY_FAIL
+    verdict = "too far off, as few iterations are" if expected_to else "WRONG" if wrong else "ok"
+    print(
+        f"  {name}: {verdict}, {error:.2g} spacings off (bound {bound:.2g}), about {each:.3g} us a step, {opened.kernel}, "
+        f"open after {ready:.1f} s",
+        flush=True,
+    )
+    return int(wrong and not expected_to)
+
+
+def main(arguments: Iterable[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--backend", choices=("cpu", "gpu"), default="gpu")
+    parser.add_argument("--scene", action="append", choices=list(SCENES), help="only this one; repeatable")
+    parser.add_argument("--size", type=int, action="append", help="masses (towers) a side; repeatable")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="start no further scene after so long")
+    chosen = parser.parse_args(None if arguments is None else list(arguments))
+    begin, failed = time.perf_counter(), 0
+    for word in chosen.scene or SCENES:
+        what = SCENES[word]
+        for scene in what.sized(False, chosen.size or SIZES.get(word, OTHERS)):
+            if time.perf_counter() - begin > chosen.seconds:
+                print(f"{word}: left out, {chosen.seconds:g} s are used up")
+                break
+            failed += run(word, scene, what, chosen.backend, chosen.threads)
+    print(f"{failed} failed, {time.perf_counter() - begin:.0f} s")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

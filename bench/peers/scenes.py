@@ -1,0 +1,127 @@
+"""What is run side by side: scenes that the lab and others can be given alike, each by a word.
+
+A sheet keeps its material and its spacing at every size. Cloth by implicit Euler is the same sheet at three step sizes, of
+one, four and sixteen steps in a sixtieth of a second: there the peers are iterative solvers, whose error grows with the step.
+Rigid bodies are towers of ten beams that fall a centimetre on each other and come to rest, n x n of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from bench.experiments.checks import CHECK_STEPS
+from bench.experiments.sweep import shapes
+from model.core.errors import SceneError
+from model.scene.scene import Scene, load_scene
+
+GRID_SQUARES = tuple(32 << k for k in range(9))  # 32 ... 8192
+CLOTH_SQUARES = (32, 64, 128, 256, 512, 1024)
+IMPLICIT_SQUARES = (32, 64, 128, 256)
+QUICK_SQUARES = (32, 128, 512)
+UNDAMPED = {f"{kind}.damping": 0.0 for kind in ("structural", "shear", "bending")}
+
+
+TOWER_SQUARES = (1, 4, 16)
+LAYERS = 10  # beams of a tower
+REST = 120  # steps of 1/60 s, after which a tower has come to rest
+TOWERS = {
+    "title": "Towers of rigid beams",
+    "beams": {
+        "kind": "rigid_body", "shape": {"name": "beam"}, "particle_spacing": 0.125, "volume_sampling": 1.0,
+        "surface_sampling": 0.0, "density": 500.0, "origin": [0.0, 0.135, 0.0], "apart": [1.5, 0.26, 0.75],
+    },
+    "contact": {"static_friction": 0.6, "dynamic_friction": 0.5, "sleeping_speed": 0.005},
+    "plane": {"thickness": 0.0625, "static_friction": 0.6, "dynamic_friction": 0.5},
+    "gravity": {"acceleration": 9.81},
+    "method": {"solver": "shape-matching", "dt": 1 / 60, "substeps": 8, "iterations": 2},
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PeerScene:
+    """`word`: how it is asked for; `text`: for tables; `make(rows, columns)`: the scene; `squares`: masses (towers) a side
+    of a full sweep; `check_steps`: after which answers are compared, fewer for sheets of very many masses; `bound`:
+    spacings that any answer may be off, None for rounding."""
+
+    word: str
+    text: str
+    make: Callable[[int, int], Scene]
+    squares: tuple[int, ...]
+    check_steps: int = CHECK_STEPS
+    bound: float | None = None
+
+    def sized(self, quick: bool, sizes: Iterable[int] | None) -> list[Scene]:
+        """The scene at every size, smallest first. Raises SceneError for an impossible one."""
+        usual = tuple(n for n in self.squares if n <= QUICK_SQUARES[-1])[:2] if quick else self.squares
+        chosen = sizes if sizes is not None else QUICK_SQUARES if quick and self.word == "grid" else usual
+        return [self.make(*shape) for shape in shapes(quick, chosen)]
+
+
+def _sheet(catalogue: str, **changes: Any) -> Callable[[int, int], Scene]:
+    def make(rows: int, columns: int) -> Scene:
+        base = load_scene(catalogue)
+        table = "grid" if base.cloth is None else "cloth"
+        return base.replace({f"{table}.rows": rows, f"{table}.columns": columns} | changes)
+
+    return make
+
+
+def _implicit(steps: int) -> PeerScene:
+    dt = 1 / (60 * steps)
+    make = _sheet("cloth-warp", **UNDAMPED | {"method.integrator": "implicit-euler", "method.dt": dt})
+    return PeerScene(f"implicit-{steps}", f"cloth by implicit Euler, {1000 * dt:.3g} ms a step", make, IMPLICIT_SQUARES)
+
+
+def _towers(rows: int, columns: int) -> Scene:
+    beams = TOWERS["beams"] | {"copies": [columns, LAYERS, rows]}  # type: ignore[operator]
+    return Scene(TOWERS | {"beams": beams})
+
+
+TWENTY = {"method.ordering": "gauss-seidel", "method.substeps": 2, "method.iterations": 10}
+SCENES = {
+    scene.word: scene
+    for scene in (
+        PeerScene("grid", "grid", _sheet("lab-grid"), GRID_SQUARES),
+        PeerScene("cloth", "cloth by semi-implicit Euler", _sheet("cloth-warp"), CLOTH_SQUARES),
+        PeerScene("xpbd", "cloth by XPBD", _sheet("cloth-xpbd", **TWENTY), CLOTH_SQUARES, check_steps=20),
+        *(_implicit(steps) for steps in (16, 4, 1)),
+        PeerScene("rigid", "towers of rigid beams", _towers, TOWER_SQUARES, check_steps=REST, bound=0.1),
+    )
+}
+
+
+def peer_scenes(words: Iterable[str] | None, quick: bool) -> list[PeerScene]:
+    """Those asked for by word; without, all of them, and the grid alone in a quick sweep. Raises SceneError."""
+    chosen = list(words) if words is not None else ["grid"] if quick else list(SCENES)
+    for word in chosen:
+        if word not in SCENES:
+            raise SceneError("--scene", word, f"with --peers one of {', '.join(SCENES)}")
+    return [SCENES[word] for word in dict.fromkeys(chosen)]
+
+
+def word_of(scene: Mapping[str, Any]) -> str:
+    """The word of a scene as the store describes it."""
+    method = scene["method"]
+    if method["solver"] == "shape-matching":
+        return "rigid"
+    if method["solver"] == "xpbd":
+        return "xpbd"
+    if method["integrator"] == "implicit-euler":
+        return f"implicit-{1 / (60 * method['dt']):.0f}"
+    return "grid" if "grid" in _by_kind(scene) else "cloth"
+
+
+def shape_of(scene: Mapping[str, Any]) -> tuple[int, int]:
+    """(rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams of each)."""
+    parts = _by_kind(scene)
+    sheet = parts.get("grid") or parts.get("cloth")
+    if sheet:
+        return sheet["rows"], sheet["columns"]
+    across, high, deep = parts["rigid_body"]["copies"]
+    return across * deep, high
+
+
+def _by_kind(scene: Mapping[str, Any]) -> dict[str, Any]:
+    return {part.get("kind", name): part for name, part in scene.items() if isinstance(part, Mapping)}

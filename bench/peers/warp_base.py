@@ -1,0 +1,121 @@
+"""What the peers made with NVIDIA Warp share: loading it, its devices, and steps that are captured in a graph."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import cache
+from typing import Any
+
+from bench.peers.base import Opened, Peer, PeerError
+from model.scene.scene import Scene
+
+CHUNKS = (256, 32, 4, 2)  # steps in a graph; even, so that two buffers are back in place after each
+REMEDY = "pip install 'softlab[peers]'"
+
+
+@cache
+def load_warp() -> Any:
+    """The package, quiet and initialised. Raises PeerError where it is not here."""
+    try:
+        import warp
+
+        config: Any = warp.config
+        if hasattr(config, "log_level"):
+            config.log_level = warp.LOG_ERROR
+        config.quiet = True  # the older word for it
+        warp.init()
+    except Exception as error:  # what a broken installation raises is not documented
+        raise PeerError(f"Warp cannot be loaded ({error}); {REMEDY}") from None
+    return warp
+
+
+class WarpPeer(Peer):
+    """`backend`: "cpu" (Warp's CPU device, one thread) or "gpu" (the first CUDA device). `kind`: how its name
+    in the store begins; `title`: its label's."""
+
+    kind: str
+    title: str
+
+    def __init__(self, backend: str):
+        self.backend = backend
+        self.name = f"{self.kind}_{backend}"
+        self.label = f"{self.title} (one thread)" if backend == "cpu" else f"{self.title} in a graph"
+
+    def available(self) -> tuple[bool, str]:
+        try:
+            wp = load_warp()
+            if self.backend == "gpu" and not wp.is_cuda_available():
+                return False, "Warp sees no CUDA device"
+            if self.backend == "cpu" and not wp.is_cpu_available():
+                return False, "this build of Warp has no CPU device"
+        except Exception as error:
+            return False, str(error)
+        return True, f"Warp {wp.__version__}"
+
+    def threads(self, wanted: int) -> int | None:
+        return 1 if self.backend == "cpu" else None
+
+    def open(self, scene: Scene, precision: str, threads: int) -> Opened:
+        try:
+            return self.opened(scene, precision)
+        except PeerError:
+            raise
+        except Exception as error:  # compiling and allocating fail with several kinds of exception
+            raise PeerError(f"{self.title}: {error}") from error
+
+    @abstractmethod
+    def opened(self, scene: Scene, precision: str) -> Opened:
+        """As `open`; may raise whatever the package raises."""
+
+
+class Replayed(Opened):
+    """A simulation on a device of Warp, whose steps are captured in graphs and replayed, on the CPU too: no Python runs
+    between them. Subclasses: `_step`, one step that launches kernels; `_current`, 0 or 1, is which of two buffers holds the
+    state, if there are two; `chunks`: steps in a graph."""
+
+    chunks: tuple[int, ...] = CHUNKS
+
+    def __init__(self, backend: str):
+        self._wp = load_warp()
+        self.threads = 1 if backend == "cpu" else None
+        self.kernel = f"graph of {self.chunks[0]} steps"
+        self._device = self._wp.get_device("cpu" if backend == "cpu" else "cuda:0")
+        self._graphs: dict[tuple[int, int], Any] = {}
+        self._current = 0
+
+    @abstractmethod
+    def _step(self) -> None:
+        """One step from the current buffer; swaps buffers where there are two."""
+
+    def _capture(self) -> None:
+        """The graphs: no sample is to hold their capturing. Kernels must be loaded by then."""
+        self._step()
+        self._step()
+        self.synchronize()
+        for chunk in self.chunks:
+            self._graph(chunk)
+
+    def _graph(self, steps: int) -> Any:
+        """`steps` steps from the current buffer, captured when they are first needed."""
+        key = (self._current, steps)
+        if key not in self._graphs:
+            with self._wp.ScopedCapture(device=self._device, force_module_load=False) as capture:
+                for _ in range(steps):
+                    self._step()
+            self._graphs[key] = capture.graph
+        return self._graphs[key]
+
+    def advance(self, steps: int) -> None:
+        for chunk in self.chunks:
+            while steps >= chunk:
+                self._wp.capture_launch(self._graph(chunk))
+                steps -= chunk
+        for _ in range(steps):
+            self._step()
+
+    def synchronize(self) -> None:
+        if self.threads is None:
+            self._wp.synchronize_device(self._device)
+
+    def close(self) -> None:
+        self._graphs.clear()
