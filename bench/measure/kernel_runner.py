@@ -13,7 +13,7 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
-from bench.measure.cases import Case, record_skip
+from bench.measure.cases import Case, Kind, record_skip
 from bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
 from bench.measure.group import GroupRunner
 from bench.measure.timing import Sample, Subject
@@ -30,9 +30,9 @@ class KernelRunner(GroupRunner):
 
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
-        self._references: dict[tuple[Any, ...], Check] = {}  # one check at the small size serves every size
-        self._defaults: dict[tuple[Any, ...], str | None] = {}
-        self._opened: dict[tuple[Any, ...], Simulation] = {}  # as the backend likes, until its kernel's turn comes
+        self._references: dict[Kind, Check] = {}  # one check at the small size serves every size
+        self._defaults: dict[Kind, str | None] = {}
+        self._opened: dict[Kind, Simulation] = {}  # as the backend likes, until its kernel's turn comes
         self._counters: dict[str, Counter | None] = {}
 
     def measure(self, group: Sequence[Case]) -> None:
@@ -84,11 +84,9 @@ class KernelRunner(GroupRunner):
 
     # ------------------------------------------------------------------ checking
 
-    def _check(
-        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation]
-    ) -> dict[tuple[Any, ...], str]:
+    def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
         """Each kernel against NumPy at the small size, and against the plainest one at its own."""
-        warnings: dict[tuple[Any, ...], str] = {}
+        warnings: dict[Kind, str] = {}
         witnesses: dict[str, tuple[str, State, Any]] = {}
         for case in cases:
             kind = case.simulation_kind
@@ -158,7 +156,7 @@ class KernelRunner(GroupRunner):
                 else:
                     yield subject, sample
 
-    def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
+    def _sample(self, subjects: Sequence[Subject], warnings: dict[Kind, str]) -> None:
         super()._sample(subjects, warnings)
         for subject in subjects:
             if self.effort.energy_seconds and subject.name.energy:

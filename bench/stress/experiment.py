@@ -11,7 +11,7 @@ A kernel that never returns cannot be stopped from inside its process; everythin
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,10 @@ import numpy as np
 from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
 from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly, host_of, keep, resume, source_hash
 from bench.measure.progress import progress_bar
-from bench.store.database import Store, configuration_hash
-from bench.store.results import configuration, measures
+from bench.store.database import Store
+from bench.store.results import configuration, measures_of
 from bench.stress.cases import CASES, HardCase
-from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, bodies_as_text, rows_of
+from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, as_text, bodies_as_text, rows_of
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
 from model.core.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
 from model.core.families import stability_limit
@@ -56,10 +56,18 @@ class Outcome:
 
 
 LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
-LAWS = ("cases", "cloth", "laws", "stiff", "trial", "xpbd")  # files of bench/stress by which a case is judged
+LAWS = (
+    "cases",
+    "cloth",
+    "laws",
+    "numbers",
+    "stiff",
+    "trial",
+    "xpbd",
+)  # files of bench/stress by which a case is judged
 BODY_LAWS = (  # and of bench/experiments, one of bodies
     "../experiments/body_laws", "../experiments/body_scenes", "../experiments/clusters_by_hand", "bodies", "body_cases",
-    "piles", "rotations", "trial", "../experiments/rotations",
+    "piles", "rotations", "trial",
 )  # fmt: skip
 
 
@@ -197,7 +205,7 @@ def run_hard(
     with ending_cleanly(summary):
         if pictures and store.path != ":memory:" and not summary.interrupted:
             _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
-    summary.rows = _rows(store, summary.machine, everything)
+    summary.rows = rows_of(measures_of(store, summary.machine, (one.description for one in everything)))
     summary.stop()
     return summary
 
@@ -252,10 +260,3 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             assert outcome.end is not None  # only such are drawn
             render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1
-
-
-def _rows(store: Store, machine: str, everything: Sequence[_Work]) -> list[HardRow]:
-    """What the store holds of these runs."""
-    wanted: set[str] = {configuration_hash(work.description) for work in everything}
-    keep: Callable[[Any], bool] = lambda measure: measure.configuration in wanted  # noqa: E731
-    return rows_of(filter(keep, measures(store, machine=machine)))

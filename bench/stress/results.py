@@ -19,6 +19,7 @@ from rich.table import Column, Table
 from bench.experiments.accuracy.methods import MATCHING, METHODS, name_of
 from bench.measure.experiment import Summary
 from bench.store.results import Measure
+from bench.store.schema import tables_by_kind
 from bench.stress.cases import CASES, NOT_YET
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
@@ -129,17 +130,17 @@ def _row(found: list[Measure]) -> HardRow | None:
         return None
     named = [m for m in found if m.sources == newest.sources]  # checks of earlier sources are another law's
     description = newest.description
-    kinds = {table.get("kind", name): table for name, table in description["scene"].items() if isinstance(table, dict)}
+    method = tables_by_kind(description["scene"])["method"]
     told = [Told(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
             for m in sorted(named, key=lambda m: m.name) if m.name.startswith(CHECK)]  # fmt: skip
     shape = next((m.reason for m in named if m.name == SHAPE and m.reason), None)
-    bodies = kinds["method"].get("solver") == MATCHING
+    bodies = method.get("solver") == MATCHING
     return HardRow(
         case=description["hard"],
-        integrator=name_of(kinds["method"]),
+        integrator=name_of(method),
         backend=description["backend"],
         precision=description["precision"],
-        dt=kinds["method"]["dt"],
+        dt=method["dt"],
         verdict=verdict,
         diagnosis=newest.reason or "",
         checks=tuple(told),

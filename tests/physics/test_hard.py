@@ -15,7 +15,7 @@ import bench.stress.experiment as hard
 from bench.store.database import Store
 from bench.store.results import configuration, measures
 from bench.stress.cases import CASES, FORCES, NOT_YET, HardCase
-from bench.stress.laws import far_away
+from bench.stress.numbers import far_away
 from bench.stress.results import CODES, as_text, disagreements, print_hard, rounding_differences, rows_of
 from bench.stress.trial import Check, SilentNaN, Trial
 from labbook.claims import hard as hard_claims

@@ -47,12 +47,14 @@ from bench.experiments.accuracy.points import (
 from bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from bench.measure.costs_timing import Effort
-from bench.measure.experiment import Tell, backends_here, chosen, keep, resume, stored_samples
+from bench.measure.experiment import Tell, backends_here, chosen, keep, resume
 from bench.measure.growth import Growth
-from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.measure.samples import in_turns
+from bench.measure.timing import Subject, choose_steps, warm_up
 from bench.reference import cache
-from bench.store.database import Store, configuration_hash
-from bench.store.results import measures
+from bench.store.database import Store
+from bench.store.results import by_configuration, measures_of
+from bench.store.schema import configuration_hash
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
 
@@ -175,17 +177,13 @@ class _Group:
 
     def _sample(self, subjects: Sequence[Subject]) -> None:
         store, summary, repeats = self.store, self.summary, self.effort.repeats
-        costs: dict[int, list[float]] = {}
-        samples = interleaved(subjects, [repeats] * len(subjects), Neighbours())
-        for subject, sample in stored_samples(store, summary.run, STAGE, samples):
+        for subject, samples in in_turns(store, summary.run, STAGE, subjects, repeats):
             case = subject.name
-            taken = costs.setdefault(id(subject), [])
-            taken.append(sample.seconds / (sample.steps * case.scene.method.dt))
-            if len(taken) == repeats:  # last, so that a case with a cost is complete
-                cost = statistics.median(taken), "s/s", f"median of {repeats}"
-                keep(store, summary.run, case.description, case.sources, {COST: cost})
-                summary.measured += 1
-                self.tell(f"{case}: timed", 1)
+            median = statistics.median(sample.seconds / (sample.steps * case.scene.method.dt) for sample in samples)
+            cost = median, "s/s", f"median of {repeats}"  # last, so that a case with a cost is complete
+            keep(store, summary.run, case.description, case.sources, {COST: cost})
+            summary.measured += 1
+            self.tell(f"{case}: timed", 1)
 
 
 def copy_seconds(simulation: Simulation) -> float:
@@ -199,9 +197,8 @@ def copy_seconds(simulation: Simulation) -> float:
 
 
 def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:
-    """What the store holds of the cases."""
-    named: dict[str, dict[str, Any]] = {}
-    for measure in measures(store, machine=machine):
-        named.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
-    return [entry for entry in found if entry is not None]
+    """What the store holds of the cases, in their order."""
+    found = by_configuration(measures_of(store, machine, (case.description for case in everything)))
+    named = {next(iter(one.values())).configuration: one for one in found}
+    points = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
+    return [entry for entry in points if entry is not None]

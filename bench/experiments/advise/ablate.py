@@ -41,13 +41,15 @@ from bench.experiments.accuracy.references import (
 from bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
 from bench.experiments.advise.ablation_results import CHANGE, PREFIX, SECONDS, SUSPECT, AblationSummary, tables_of
 from bench.experiments.advise.experiment import REFERENCE_SECONDS
-from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
+from bench.measure.experiment import Tell, backends_here, keep, resume
 from bench.measure.growth import Growth
+from bench.measure.samples import stored_samples
 from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
 from bench.reference import cache
 from bench.reference.cache import Converged
-from bench.store.database import Store, configuration_hash
-from bench.store.results import measures
+from bench.store.database import Store
+from bench.store.results import measures_of
+from bench.store.schema import configuration_hash
 from model.core.build import pinned_indices
 from model.core.errors import Diverged, SceneError
 from model.core.families import stability_limit
@@ -102,8 +104,8 @@ def ablate(
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
     resume(store, summary, groups, held, measure, whole=True, **how)  # whole: times count only side by side
-    known = {configuration_hash(variant.case.description) for group in groups for variant in group}
-    summary.tables = tables_of(m for m in measures(store, machine=summary.machine) if m.configuration in known)
+    descriptions = [variant.case.description for group in groups for variant in group]
+    summary.tables = tables_of(measures_of(store, summary.machine, descriptions))
     summary.notes += _notes(scene, wanted, work.end, summary)
     summary.stop()
     return summary
