@@ -9,16 +9,7 @@ import typer
 
 from app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
 from bench.measure.took import Timed
-from bench.options import (
-    Backends,
-    Integrators,
-    Methods,
-    Precisions,
-    RatePrecisions,
-    Time,
-    measure,
-    precisions_of,
-)
+from bench.options import Backends, Integrators, Methods, Precisions, RatePrecisions, Time, measure, precisions_of
 from model.core.errors import SceneError
 
 measuring = typer.Typer()

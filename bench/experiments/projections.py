@@ -16,7 +16,7 @@ from typing import Any
 
 from rich.console import Console
 
-from bench.measure.case_timing import Case, Rates, make_case
+from bench.measure.case_timing import Case, RatePoint, Rates, make_case
 from bench.store.database import Store
 from bench.store.published import PUBLISHED
 from bench.store.results import Measure, measures
@@ -125,22 +125,16 @@ def print_projections(console: Console, store: Store, machine: str) -> None:
 
 
 @dataclass(frozen=True)
-class ProjectionPoint:
-    """One timed configuration: `step` [s], `rate` [1/s], and what tells it apart. `neighbours` 4, 8 or 12."""
+class ProjectionPoint(RatePoint):
+    """One sheet. `neighbours` 4, 8 or 12; `scene`: canonical text."""
 
-    machine: str
-    backend: str
-    precision: str
-    kernel: str
     rows: int
     columns: int
     neighbours: int
     ordering: str
     substeps: int
     iterations: int
-    scene: str  # canonical text
-    step: float
-    rate: float
+    scene: str
 
     @property
     def particles(self) -> int:
@@ -150,11 +144,11 @@ class ProjectionPoint:
 def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
     """What the measures tell of the cases, smallest sheets first."""
     found = []
-    for told, scene, common in RATES.told(held):
+    for told, scene, point in RATES.told(held):
         grid, method = scene.grid, scene.method
         found.append(
             ProjectionPoint(
-                **common, rows=grid.rows, columns=grid.columns, neighbours=4 * len(scene.cloth_springs),
+                **vars(point), rows=grid.rows, columns=grid.columns, neighbours=4 * len(scene.cloth_springs),
                 ordering=method.ordering, substeps=method.substeps, iterations=method.iterations,
                 scene=canonical(told[RATE].description["scene"]),
             )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from bench.measure.case_timing import Case, Rates, make_case
+from bench.measure.case_timing import Case, RatePoint, Rates, make_case
 from bench.store.database import Store
 from bench.store.results import Measure, measures
 from bench.store.tables import print_table
@@ -136,20 +136,13 @@ def print_throughput(console: Console, store: Store, machine: str) -> None:
 
 
 @dataclass(frozen=True)
-class ThroughputPoint:
-    """One timed configuration: `step` [s], `rate` [1/s], particles, bodies (0: a grid) and the half-width of a
-    grid's or a lattice's clusters, else 0."""
+class ThroughputPoint(RatePoint):
+    """Of a `kind`: its particles, bodies (0: a grid) and the half-width of a grid's or a lattice's clusters, else 0."""
 
-    machine: str
-    backend: str
-    precision: str
-    kernel: str
     kind: str
     particles: int
     bodies: int
     region: int
-    step: float
-    rate: float
 
 
 def region_of(scene: Scene) -> int:
@@ -161,12 +154,12 @@ def region_of(scene: Scene) -> int:
 def points(held: Iterable[Measure]) -> list[ThroughputPoint]:
     """What the measures tell of the cases, smallest first."""
     found = []
-    for told, scene, common in RATES.told(held):
+    for told, scene, point in RATES.told(held):
         method, bodies_ = scene.method, scene.bodies.values()
-        particles = round(common["rate"] * common["step"] / method.substeps / method.iterations)
+        particles = round(point.rate * point.step / method.substeps / method.iterations)
         found.append(
             ThroughputPoint(
-                **common, kind=told[KIND].reason or "", particles=particles, region=region_of(scene),
+                **vars(point), kind=told[KIND].reason or "", particles=particles, region=region_of(scene),
                 bodies=sum(body.count for body in bodies_),
             )
         )  # fmt: skip

@@ -74,6 +74,18 @@ class Summary(experiment.Summary):
 
 
 @dataclass(frozen=True)
+class RatePoint:
+    """One timed configuration: `step` [s], `rate` [1/s]."""
+
+    machine: str
+    backend: str
+    precision: str
+    kernel: str
+    step: float
+    rate: float
+
+
+@dataclass(frozen=True)
 class Rates:
     """An experiment that tells how much work cases do a second. `name`: also of its command; `stage`: of its samples;
     `step`, `rate`, `kernel`: names of its measures, the median step [s], `work` of the scene in a step over it [1/s], and
@@ -148,19 +160,16 @@ class Rates:
             self.rate: (self.work(scene) / step, "1/s", None),
         }
 
-    def told(self, held: Iterable[Measure]) -> Iterator[tuple[dict[str, Measure], Scene, dict[str, Any]]]:
-        """Of every case that was timed: its measures, its scene, and the fields that a point of any such experiment has."""
+    def told(self, held: Iterable[Measure]) -> Iterator[tuple[dict[str, Measure], Scene, RatePoint]]:
+        """Of every case that was timed: its measures, its scene, and what any such experiment tells of it."""
         needed = {self.step, self.rate, *self.words}
         for found in by_configuration(measure for measure in held if measure.name in {*needed, self.kernel}):
             if needed <= set(found):
-                step, rate, kernel = (found.get(name) for name in (self.step, self.rate, self.kernel))
-                assert step is not None and rate is not None
-                common = {
-                    "machine": rate.machine, "backend": rate.backend, "precision": rate.description["precision"],
-                    "kernel": (kernel.reason if kernel else None) or "", "step": step.value or 0.0,
-                    "rate": rate.value or 0.0,
-                }  # fmt: skip
-                yield found, Scene.stored(rate.description["scene"]), common
+                step, rate = found[self.step], found[self.rate]
+                kernel = (found[self.kernel].reason if self.kernel in found else None) or ""
+                precision = rate.description["precision"]
+                point = RatePoint(rate.machine, rate.backend, precision, kernel, step.value or 0.0, rate.value or 0.0)
+                yield found, Scene.stored(rate.description["scene"]), point
 
 
 @dataclass(frozen=True)

@@ -221,6 +221,17 @@ def prepare(subject: Subject, seconds: float, most_seconds: float) -> Subject:
     return subject
 
 
+def prepare_run(subject: Subject, steps: int, seconds: float, most_seconds: float) -> Subject:
+    """As `prepare`, a subject that has run so many `steps`: over its limit, where a longer run might break, a sample has
+    these."""
+    warm_up(subject)
+    if subject.simulation.scene.method.dt > subject.simulation.limit:
+        subject.steps = steps
+    else:
+        choose_steps(subject, seconds, most_seconds)
+    return subject
+
+
 def steps_together(simulation: Any) -> int:
     """Steps that a kernel does in one pass over memory: the CPU's `tiled` several; a peer says it itself."""
     if getattr(simulation, "kernel", None) == "tiled":

@@ -6,17 +6,7 @@ from bench.measure.timing import DRAW_EVERY
 from bench.store.results import Timing
 from plots.core.data import Results, Source
 from plots.core.pairs import at_one_size
-from plots.core.style import (
-    GPU,
-    THREADS,
-    Curve,
-    Drawing,
-    draw_times,
-    legend_below,
-    log_axes,
-    panels,
-    time_ticks,
-)
+from plots.core.style import GPU, THREADS, Curve, Drawing, draw_times, legend_below, log_axes, panels, time_ticks
 
 TITLE = "With against without graphics"
 

@@ -107,8 +107,9 @@ def test_marks_reach_the_store(way: Any, backend: str, monkeypatch: pytest.Monke
     module = WAYS[way]
 
     def taken(subjects: Any, repeats: Any, _: Any = None, again: int = 0) -> Any:
-        for subject in subjects:
-            yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
+        for _ in range(max(repeats)):
+            for subject in subjects:
+                yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
 
     for sampling in (module, samples):
         monkeypatch.setattr(sampling, "interleaved", taken, raising=False)

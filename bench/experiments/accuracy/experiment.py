@@ -50,7 +50,7 @@ from bench.measure.costs_timing import Effort
 from bench.measure.experiment import Tell, backends_here, chosen, keep, resume
 from bench.measure.growth import Growth
 from bench.measure.samples import in_turns
-from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.measure.timing import Subject, prepare_run
 from bench.reference import cache
 from bench.store.database import Store
 from bench.store.results import by_configuration, measures_of
@@ -135,7 +135,10 @@ class _Group:
                 self.tell(str(case), 1)
                 subject = Subject(stack.enter_context(case.open()), case)
                 broken = self._judge(subject, right, half, growth)
-                self._prepare(subject, broken)
+                if broken is None:
+                    prepare_run(subject, case.steps, self.effort.seconds, self.effort.most)
+                else:
+                    subject.steps = max(1, broken.step - 1)  # those before it broke
                 subjects.append(subject)
             self._sample(subjects)
 
@@ -163,17 +166,6 @@ class _Group:
             numbers[COPY] = (copying, "s", f"median of {COPIES}, the whole state")
         keep(self.store, self.summary.run, case.description, case.sources, numbers)
         return broken
-
-    def _prepare(self, subject: Subject, broken: Diverged | None) -> None:
-        """Choose the steps of a sample: of a run that broke those before it did, of one over its limit the run's."""
-        if broken is not None:
-            subject.steps = max(1, broken.step - 1)
-            return
-        warm_up(subject)
-        if subject.simulation.scene.method.dt > subject.simulation.limit:
-            subject.steps = subject.name.steps
-        else:
-            choose_steps(subject, self.effort.seconds, self.effort.most)
 
     def _sample(self, subjects: Sequence[Subject]) -> None:
         store, summary, repeats = self.store, self.summary, self.effort.repeats
