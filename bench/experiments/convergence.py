@@ -58,9 +58,9 @@ def sheet(n: int, name: str, iterations: int) -> Scene:
     return load_scene("cloth-hanging").replace({"cloth.rows": n, "cloth.columns": n} | solved | rigid)
 
 
-def colours(n: int = SIZES[0]) -> int:
+def colours() -> int:
     """How many colours an iteration of Gauss-Seidel has."""
-    return len(colour_order(xpbd_parts(sheet(n, XPBD[0], 1))))
+    return len(colour_order(xpbd_parts(sheet(SIZES[0], XPBD[0], 1))))
 
 
 def drawn_out(scene: Scene) -> State:

@@ -47,9 +47,9 @@ class Growth:
         """Whether the error of a trajectory is to be refused at the end (also where the twins left the finite world)."""
         return not self.factor <= MAX_GROWTH
 
-    def safe_time(self, most: float = MAX_GROWTH) -> float | None:
-        """The last time [s] looked at before the factor first passes `most`; None where it does from the first on."""
-        over = np.flatnonzero(~(self.factors <= most))
+    def safe_time(self) -> float | None:
+        """The last time [s] looked at before the factor first passes MAX_GROWTH; None where it does from the first on."""
+        over = np.flatnonzero(~(self.factors <= MAX_GROWTH))
         last = (over[0] if len(over) else len(self.times)) - 1
         return float(self.times[last]) if last >= 0 else None
 

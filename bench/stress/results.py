@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
@@ -262,8 +263,6 @@ def print_hard(console: Console, summary: HardSummary) -> None:
 
 def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
     """Positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all, as `as_text` rounds."""
-    import numpy as np
-
     stride = -(-len(position) // most)
     near = _rounded(np.asarray(position, dtype=np.float64))
     return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
@@ -271,8 +270,6 @@ def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
 
 def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
     """Positions (particles, dimensions) as JSON, at most `most` rows and columns of them, to a thousandth of their extent."""
-    import numpy as np
-
     flat = np.asarray(position, dtype=np.float64)
     dimensions = flat.shape[-1]
     grid = flat.reshape(rows, columns, dimensions)
@@ -283,8 +280,6 @@ def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
 
 def _rounded(position: Any) -> Any:
     """Positions (..., dimensions) to a thousandth of their extent."""
-    import numpy as np
-
     extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
     unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3
     digits = max(0, round(-float(np.log10(unit))))

@@ -12,9 +12,9 @@ from plots.core.style import THREADS, Drawing, draw_times, legend_below, log_axe
 TITLE = "Thread scaling"
 
 
-def baseline(source: Source, precision: str = "float32") -> str | None:
+def baseline(source: Source) -> str | None:
     """What thread counts are held against: one thread where it was timed, else 1x; None where neither was."""
-    return next((word for word in ("1", "1x") if source.select("cpu", word, precision)), None)
+    return next((word for word in ("1", "1x") if source.select("cpu", word)), None)
 
 
 def draw(results: Results) -> Drawing | str:

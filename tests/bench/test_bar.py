@@ -164,7 +164,7 @@ def test_what_is_refused_or_diverges_has_a_reason() -> None:
     def diverging():
         raise Diverged(3, 1, 0.01, 0.02)
 
-    assert value(told(diverging, SAG), SAG) == inf
+    assert value(told(SAG)(diverging)(), SAG) == inf
 
 
 # ---------------------------------------------------------------------- laws

@@ -186,17 +186,11 @@ def _first_fractions(scene: Scene) -> int:
 
 def held_seconds(scene: Scene, steps: int) -> float:
     """What the reference takes, roughly: at h, h/2 and h/4."""
-    return (
-        7
-        * steps
-        * _first_fractions(scene)
-        * (4 * scene.grid.particle_count * SECONDS_PER_EVALUATION + SECONDS_PER_STEP)
-    )
+    each = 4 * scene.grid.particle_count * SECONDS_PER_EVALUATION + SECONDS_PER_STEP
+    return 7 * steps * _first_fractions(scene) * each
 
 
-def held_converged(
-    scene: Scene, steps: int, folder: Path | None, tolerance: float = cache.TOLERANCE
-) -> cache.Converged:
+def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Converged:
     """The motion after `steps` steps of `method.dt` under the draws of exactly those steps, by RK4 and Richardson.
 
     As bench.reference.mass_spring.converged, from `folder` where it is kept there (None: nothing is kept).
@@ -214,7 +208,7 @@ def held_converged(
     def make() -> cache.Converged:
         first = _first_fractions(scene)
         most = first * 2**MAX_HALVINGS
-        return cache.Converged(*refine(solve, first, tolerance * scene.grid.spacing, most, smooth=True))
+        return cache.Converged(*refine(solve, first, cache.TOLERANCE * scene.grid.spacing, most, smooth=True))
 
-    key = cache.key(scene, steps * dt, 1.0, tolerance)
+    key = cache.key(scene, steps * dt, 1.0, cache.TOLERANCE)
     return cache.kept_state(folder / f"held-{key}-{steps}.npz" if folder else None, scene, make)
