@@ -83,7 +83,7 @@ def run_kernel_sweep(
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
-    asked = Asked(**how)
+    asked = Asked(**{"command": "softlab sweep --kernels"} | how)
     effort, here = asked.effort(), backends_here(asked.backends)
     known = [name for backend in here for name in kernels_of(backend)]
     for name in kernels or ():
