@@ -15,6 +15,8 @@ from contextlib import ExitStack
 from app.driver import open_simulation
 from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
 from bench.measure.cases import Case, Costs, Effort, Kind, SweepSummary, record_skip
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import keep
 from bench.measure.gpu import gpu_or_reason, gpu_simulated
 from bench.measure.samples import stored_samples
 from bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
@@ -105,9 +107,10 @@ class GroupRunner:
     def _diverged(self, case: Case, error: BaseException) -> None:
         """A configuration that breaks has an error, too: an infinite one."""
         if isinstance(error, Diverged):
-            self.store.add_measure(
-                self.summary.run, case.description, case.sources, "error", math.inf, "spacing", str(error)
-            )
+            self._keep(case, {"error": (math.inf, "spacing", str(error))})
+
+    def _keep(self, case: Case, numbers: Measures) -> None:
+        keep(self.store, self.summary.run, case.description, case.sources, numbers)
 
     # ------------------------------------------------------------------ checking
 
@@ -152,16 +155,14 @@ class GroupRunner:
             return f"the {name} cannot run this size: {error}"
 
     def _store_checks(self, case: Case, kernel: str, reference: Check, other: Check | str | None) -> None:
-        run, store = self.summary.run, self.store
-        with store.transaction():
-            store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
-            for name, check in (("error", reference), ("difference", other)):
-                if isinstance(check, Check):
-                    values = ((name, check.error), (f"{name}_largest", check.largest))
-                    for label, value in values:
-                        store.add_measure(run, case.description, case.sources, label, value, "spacing", check.note)
-                elif check is not None:
-                    store.add_measure(run, case.description, case.sources, name, None, "spacing", check)
+        numbers: Measures = {"kernel": (None, "", kernel)}
+        for name, check in (("error", reference), ("difference", other)):
+            if isinstance(check, Check):
+                numbers[name] = check.error, "spacing", check.note
+                numbers[f"{name}_largest"] = check.largest, "spacing", check.note
+            elif check is not None:
+                numbers[name] = None, "spacing", check
+        self._keep(case, numbers)
 
     # ------------------------------------------------------------------ timing
 
@@ -201,8 +202,7 @@ class GroupRunner:
     def _tell_drawing(self, case: Case, drawn: Renderer) -> None:
         """Who drew, how large, and how the state came there."""
         who, way = (getattr(drawn, name, "unknown") for name in ("renderer", "way"))
-        by = f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}"
-        self.store.add_measure(self.summary.run, case.description, case.sources, DRAWN_BY, None, "", by)
+        self._keep(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}")})
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
         """One renderer for the group (two off-screen contexts do not live together), or why there is none."""

@@ -128,10 +128,7 @@ class KernelRunner(GroupRunner):
     def _store_default(self, case: Case) -> None:
         name = self._defaults.get((case.scene.canonical(), case.backend, case.threads, case.precision))
         if name is not None:
-            chosen = float(name == case.kernel)
-            self.store.add_measure(
-                self.summary.run, case.description, case.sources, "default", chosen, "", f"the backend's choice: {name}"
-            )
+            self._keep(case, {"default": (float(name == case.kernel), "", f"the backend's choice: {name}")})
 
     def _fail(self, case: Case, error: Exception) -> None:
         self._diverged(case, error)
@@ -178,7 +175,7 @@ class KernelRunner(GroupRunner):
         except Exception as error:  # the times, which stand, have marks of their own
             reason = f"{type(error).__name__}: {error}"
         if found is None:
-            self.store.add_measure(run, case.description, case.sources, NO_JOULES, None, "J", reason)
+            self._keep(case, {NO_JOULES: (None, "J", reason)})
             return
         self.store.add_sample(
             run, case.description, case.sources, found.seconds, found.steps, stage=STAGE, joules=found.joules,
