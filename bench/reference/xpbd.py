@@ -95,8 +95,7 @@ def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constrai
         values = (common.rest_length, common.compliance, common.damping, np.where(along // stride % 2, *colours[::-1]))
         found.append([np.ravel(a) for a in (first, second, *(np.broadcast_to(a, first.shape) for a in values))])
     if not found:
-        nothing = np.zeros(0)
-        return Constraints(np.zeros(0, int), np.zeros(0, int), nothing, nothing, nothing, np.zeros(0, int))
+        found = [[np.zeros(0, kind) for kind in (int, int, float, float, float, int)]]
     first, second, rest_length, compliance, damping, colour = (np.concatenate(a) for a in zip(*found, strict=True))
     return Constraints(first, second, rest_length, compliance, damping, colour)
 

@@ -199,9 +199,8 @@ def is_text(file: str | Path) -> bool:
 
 
 def _opened(file: Path) -> IO[str]:
-    if file.suffix.lower() == ".gz":
-        return gzip.open(file, "rt", encoding="utf-8", newline="")
-    return file.open(encoding="utf-8", newline="")
+    opening = gzip.open if file.suffix.lower() == ".gz" else open
+    return opening(file, "rt", encoding="utf-8", newline="")
 
 
 def _is_text_export(file: Path) -> bool:
