@@ -14,8 +14,6 @@ from bench.stress.cloth import ball_inside, comes_to_rest_in_layers, fast_ball
 from bench.stress.stiff import stiff_chain_hangs, too_stiff
 from bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
 
-__all__ = ["CASES", "FORCES", "NOT_YET", "POSITIONS", "HardCase"]
-
 LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
 FAR_KNOWN = {("lab", ANY): LAB_FAR}
 # Seen as a swing whose accelerations stay at an ulp / dt^2: larger ones the half still acts on.

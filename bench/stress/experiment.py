@@ -24,7 +24,8 @@ from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly
 from bench.measure.progress import progress_bar
 from bench.store.database import Store
 from bench.store.results import configuration, measures_of
-from bench.stress.cases import CASES, HardCase
+from bench.stress.case import HardCase
+from bench.stress.cases import CASES
 from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, as_text, bodies_as_text, rows_of
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
 from model.core.digest import source_digest

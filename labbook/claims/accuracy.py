@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bench.experiments.accuracy.equal_error import TARGETS
 from bench.experiments.accuracy.equal_error import equal_error as ways_to
 from bench.experiments.accuracy.points import SIZES
 from labbook import words
@@ -15,8 +14,6 @@ from plots.core.accuracy_points import SIDE, Point, observed_order, order_points
 from plots.core.apart import small
 from plots.core.data import Results, Source
 from plots.figures.work_precision import accurate_source
-
-__all__ = ["CLAIMS", "TARGETS"]
 
 NEAR = 0.25  # how far an observed order may be from the declared one to count as the same
 FAMILIES = ("explicit", "position-based", "implicit")

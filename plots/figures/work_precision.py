@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.accuracy.experiment import pareto_front
+from bench.experiments.accuracy.points import pareto_front
 from model.core.simulation import PRECISIONS
 from plots.core.accuracy_points import Point, points
 from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION

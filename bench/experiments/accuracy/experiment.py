@@ -41,7 +41,6 @@ from bench.experiments.accuracy.points import (
     AccuracyPoint,
     AccuracySummary,
     end_of,
-    pareto_front,
     point,
 )
 from bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
@@ -57,8 +56,6 @@ from bench.store.results import by_configuration, measures_of
 from bench.store.schema import configuration_hash
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
-
-__all__ = ["pareto_front", "run_accuracy"]
 
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
 COPIES = 3  # of the state to the host, of which the median counts
