@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,53 +9,23 @@ import typer
 
 from app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
 from bench.measure.took import Timed
+from bench.options import Backends, Integrators, Methods, Precisions, RatePrecisions, Time, measure, precisions_of
 from model.core.errors import SceneError
 
 measuring = typer.Typer()
-Methods = Annotated[
-    list[str] | None,
-    typer.Option(
-        help='Only this integrator or position-based method ("xpbd jacobi"; xpbd: all orderings). Repeatable.'
-    ),
-]
-
-
-def _precisions(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:
-    """Those that were chosen, each once, else the `usual`, else all. Raises SceneError."""
-    from model.core.simulation import PRECISIONS, Options
-
-    return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
-
-
-def _measure(path: Path, run: Callable[..., Any], show: Callable[..., None] | None = None, **how: Any) -> None:
-    """Run an experiment into the store, then tell what the store says of this machine (`show`) and what was measured."""
-    from bench.store.database import Store
-
-    with Store(path) as store:
-        summary = run(store, command=typed(), **how)
-        if show is not None:
-            show(out, store, summary.machine)
-        _tell(summary)
-
-
-def _tell(summary: Any) -> None:
-    """What was measured; the exit status of Ctrl-C, if that ended it."""
-    out.print(str(summary), markup=False, soft_wrap=True)
-    if summary.interrupted:
-        raise typer.Exit(130)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab sweep --quick --backend cpu")
 def sweep(
     quick: Annotated[bool, typer.Option("--quick", help="Small sizes, a quarter of a minute.")] = False,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    backend: Backends = None,
     size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
     max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
     total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
     graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
     repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
     min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    precision: Precisions = None,
     again: Annotated[bool, typer.Option(help="Sample once more what other programs disturbed.")] = True,
     threads: Annotated[list[str] | None, typer.Option(help="On the CPU: 1x, 2x, 4x or a number. Repeatable.")] = None,
     kernels: Annotated[
@@ -80,7 +49,7 @@ def sweep(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
-    from bench.store.database import Store
+    from bench.experiments.sweep import THREADS, check_positive, run_sweep
     from bench.store.tables import print_kernels, print_sweep
 
     if peers and (kernels or kernel):
@@ -91,31 +60,24 @@ def sweep(
         raise SceneError("--scene", scene[0], "chooses among those of --peers; add --peers")
     if kernel and not kernels:
         raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
+    check_positive("--min-ms", min_ms)
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
-        "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": _precisions(precision),
-        "command": typed(),
+        "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": precisions_of(precision),
+        "tell": print_sweep,
     }  # fmt: skip
-    summary: Any
-    with Store(store) as opened:
-        if kernels:
-            from bench.experiments.kernel_sweep import run_kernel_sweep
+    if kernels:
+        from bench.experiments.kernel_sweep import run_kernel_sweep
 
-            summary = run_kernel_sweep(opened, kernels=kernel, energy=energy, starts=starts, again=again, **how)
-            print_kernels(out, opened, summary.machine)
-        elif peers:
-            from bench.peers.results import print_peers
-            from bench.peers.sweep import run_peers
+        how |= {"kernels": kernel, "energy": energy, "starts": starts, "again": again}
+        measure(store, run_kernel_sweep, print_kernels, **how)
+    elif peers:
+        from bench.peers.results import print_peers
+        from bench.peers.sweep import run_peers
 
-            summary = run_peers(opened, scenes=scene, **how)
-            print_peers(out, opened, summary.machine)
-        else:
-            from bench.experiments.sweep import THREADS, run_sweep
-
-            summary = run_sweep(opened, graphics=graphics, threads=threads or THREADS, again=again, **how)
-        print_sweep(out, summary)
-    if summary.interrupted:
-        raise typer.Exit(130)
+        measure(store, run_peers, print_peers, scenes=scene, **how)
+    else:
+        measure(store, run_sweep, graphics=graphics, threads=threads or THREADS, again=again, **how)
 
 
 @measuring.command(
@@ -126,8 +88,8 @@ def accuracy(
         bool, typer.Option("--quick", help="Fewer repeats, methods and float32; neither exact math nor other sizes.")
     ] = False,
     integrator: Methods = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    backend: Backends = None,
+    precision: Precisions = None,
     names: Annotated[list[str] | None, typer.Argument(metavar="SCENE", help="As --scene.", show_default=False)] = None,
     scene: Annotated[
         list[str] | None, typer.Option(help="Only S1 (lab-curtain), S2, S4, S5, S6 or S6-still. Repeatable.")
@@ -144,29 +106,27 @@ def accuracy(
     from bench.experiments.convergence import run_convergence
     from bench.experiments.findings import run_findings
     from bench.experiments.findings_costs import run_costs
-    from bench.store.database import Store
 
-    how: dict[str, Any] = {"quick": quick, "backends": backend, "command": typed()}
     scenes = labels_of([*(names or []), *(scene or [])]) or None
     if findings is None:
         findings = not (integrator or precision or scenes)
-    with Store(store) as opened:
-        _tell(run_accuracy(opened, integrators=integrator, precisions=precision, scenes=scenes, **how))
-        for run in (run_findings, run_costs, run_convergence) if findings else ():
-            _tell(run(opened, **how))
+    how: dict[str, Any] = {"quick": quick, "backends": backend}
+    measure(store, run_accuracy, integrators=integrator, precisions=precision, scenes=scenes, **how)
+    for run in (run_findings, run_costs, run_convergence) if findings else ():
+        measure(store, run, **how)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
 def stability(
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges, little of float32.")] = False,
-    integrator: Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")] = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    integrator: Integrators = None,
+    backend: Backends = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
     from bench.experiments.stability.experiment import run_stability
 
-    _measure(store, run_stability, quick=quick, integrators=integrator, backends=backend)
+    measure(store, run_stability, quick=quick, integrators=integrator, backends=backend)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
@@ -180,25 +140,20 @@ def hard(
     ] = False,
     case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
     integrator: Methods = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    backend: Backends = None,
+    precision: Precisions = None,
     pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Run the hard cases: grids collapsed, flipped, poked, far away, bodies squashed, shot, stacked (--integrator
     shape-matching); pass, fail, or refused with a diagnosis."""
-    from bench.store.database import Store
     from bench.stress.experiment import run_hard
     from bench.stress.results import failed, print_hard
 
-    with Store(store) as opened:
-        summary = run_hard(
-            opened, quick=quick, cases=case, integrators=integrator, backends=backend, precisions=precision,
-            pictures=pictures, command=typed(),
-        )  # fmt: skip
-        print_hard(out, summary)
-    if summary.interrupted:
-        raise typer.Exit(130)
+    summary = measure(
+        store, run_hard, tell=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,
+        precisions=precision, pictures=pictures,
+    )  # fmt: skip
     if failed(summary):
         raise typer.Exit(1)
 
@@ -214,16 +169,16 @@ def projections(
             help="Two sizes, ten iterations, fewer neighbours and repeats, nothing published: under a minute on two cores.",
         ),
     ] = False,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    backend: Backends = None,
     size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
+    precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
     from bench.experiments.projections import print_projections, run_projections
 
-    chosen = _precisions(precision, "float32")
-    _measure(store, run_projections, print_projections, quick=quick, backends=backend, sizes=size, precisions=chosen)
+    chosen = precisions_of(precision, "float32")
+    measure(store, run_projections, print_projections, quick=quick, backends=backend, sizes=size, precisions=chosen)
 
 
 @measuring.command(
@@ -236,16 +191,16 @@ def throughput(
             "--quick", help="Fifty bodies, the smallest grid, no lattice, fewer repeats: under a minute on two cores."
         ),
     ] = False,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    backend: Backends = None,
     kind: Annotated[list[str] | None, typer.Option(help="Only soft, rigid, heap, grid or lattice. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")] = None,
+    precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time bodies: how many particles a second, soft, rigid, in a heap that collides, the grid and a cube as jelly."""
     from bench.experiments.throughput import print_throughput, run_throughput
 
-    chosen = _precisions(precision, "float32")
-    _measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
+    chosen = precisions_of(precision, "float32")
+    measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab busy --quick   (softlab busy --scene soft-pile)")
@@ -257,7 +212,7 @@ def busy(
     """Time CPU threads beside another program: on one thread and on one a core, alone, beside a niced and a busy one."""
     from bench.experiments.busy import print_busy, run_busy
 
-    _measure(store, run_busy, print_busy, quick=quick, scenes=scene or ())
+    measure(store, run_busy, print_busy, quick=quick, scenes=scene or ())
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
@@ -269,23 +224,23 @@ def bar(
             help="Few spacings, substeps and clusters, no bending, laws in float64 alone: under a minute on two cores.",
         ),
     ] = False,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    backend: Backends = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Three solvers, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
     from bench.experiments.bar import run_bar
     from bench.experiments.bar_rows import print_bar
 
-    _measure(store, run_bar, print_bar, quick=quick, backends=backend)
+    measure(store, run_bar, print_bar, quick=quick, backends=backend)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
 def advise(
     scene: SceneName,
     error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
-    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
-    precision: Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")] = None,
+    time: Time = None,
+    backend: Backends = None,
+    precision: Precisions = None,
     total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
     write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
@@ -305,19 +260,15 @@ def advise(
         check_scene_target(write, force)  # before the work whose result it holds
     with Store(store) as opened:
         advice = find(
-            opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=_precisions(precision),
+            opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=precisions_of(precision),
             total_seconds=total_seconds, command=typed(),
         )  # fmt: skip
         out.print(str(advice), markup=False, soft_wrap=True)
         if advice.best is None:
             raise typer.Exit(2)
         if check:
-            chosen = _precisions(precision) or ("float32", "float64")
-            out.print(
-                str(brute_force(opened, advice, backends=backend, precisions=chosen, progress=True)),
-                markup=False,
-                soft_wrap=True,
-            )
+            found = brute_force(opened, advice, backends=backend, precisions=precisions_of(precision), progress=True)
+            out.print(str(found), markup=False, soft_wrap=True)
     if write is not None:
         path = write_scene(write, advice.configured(), advice.heading(), force=force)
         out.print(f"{path}: softlab run {path} --time {advice.time:g} {advice.options()}", markup=False, soft_wrap=True)
@@ -326,19 +277,13 @@ def advise(
 @measuring.command(cls=Timed, epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
 def ablate(
     scene: SceneName,
-    time: Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")] = None,
-    backend: Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")] = None,
+    time: Time = None,
+    backend: Backends = None,
     settings: Settings = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
-    from bench.experiments.advise.ablate import ablate as measure
+    from bench.experiments.advise.ablate import ablate as find
     from bench.experiments.advise.ablation_results import print_ablation
-    from bench.store.database import Store
 
-    command = typed()
-    with Store(store) as opened:
-        summary = measure(opened, scene_of(scene, settings), backends=backend, time=time, command=command)
-    print_ablation(out, summary)
-    if summary.interrupted:
-        raise typer.Exit(130)
+    measure(store, find, tell=print_ablation, scene=scene_of(scene, settings), backends=backend, time=time)

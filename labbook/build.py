@@ -10,7 +10,6 @@ labbook/facts.py, sentences that compare from labbook/claims/claim.py, and both 
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -18,21 +17,24 @@ from pathlib import Path
 from typing import Any
 
 from labbook.answer import answer_tables
-from labbook.claims import ablation as ablation_claims
-from labbook.claims import accuracy as accuracy_claims
-from labbook.claims import bodies as body_claims
-from labbook.claims import busy as busy_claims
-from labbook.claims import claim as claims
-from labbook.claims import cloth as cloth_claims
-from labbook.claims import comparison as comparison_claims
-from labbook.claims import convergence as convergence_claims
-from labbook.claims import costs as costs_claims
-from labbook.claims import findings as findings_claims
-from labbook.claims import hard as hard_claims
-from labbook.claims import hard_bodies as hard_body_claims
-from labbook.claims import kernels as kernel_claims
-from labbook.claims import stability as stability_claims
-from labbook.claims import throughput as throughput_claims
+from labbook.claims import (
+    ablation,
+    accuracy,
+    bodies,
+    body_laws,
+    busy,
+    claim,
+    cloth,
+    comparison,
+    convergence,
+    costs,
+    findings,
+    hard,
+    hard_bodies,
+    kernels,
+    stability,
+    throughput,
+)
 from labbook.facts import facts
 from labbook.tables import kernel_tables, machine_table, region_tables, scene_table
 from model.core.errors import BackendUnavailable, InputError
@@ -50,15 +52,13 @@ OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
 APPENDIX = ("rungs", "threads", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence that the measurements make, by name
-    name: claim
+    name: made
     for module in (
-        claims, comparison_claims, kernel_claims, accuracy_claims, findings_claims, costs_claims, convergence_claims,
-        stability_claims, hard_claims, ablation_claims, cloth_claims, throughput_claims,
-        body_claims, hard_body_claims, busy_claims,
+        claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
+        bodies, body_laws, hard_bodies, busy,
     )
-    for name, claim in module.CLAIMS.items()
+    for name, made in module.CLAIMS.items()
 }  # fmt: skip
-WORDS = (300, 500)
 TITLE = "Soft-body lab book"
 
 
@@ -123,7 +123,7 @@ def book_data(results: Results) -> dict[str, Any]:
         "own-page": list(OWN_PAGE),
         "appendix": list(APPENDIX),
         "facts": facts(),
-        "claims": {name: claim(results).sentence for name, claim in CLAIMS.items()},
+        "claims": {name: made(results).sentence for name, made in CLAIMS.items()},
         "tables": {
             "machines": [machine_table(source) for source in results.sources],
             "scene": [scene] if scene else [],
@@ -205,17 +205,3 @@ def _compile(folder: Path, path: Path) -> None:
     pdf = typst.compile(str(folder / "labbook.typ"), root=str(folder), format="pdf")
     with replacing(path) as temporary:
         temporary.write_bytes(pdf)
-
-
-def entry_text(name: str, data: dict[str, Any]) -> str:
-    """An entry as a reader sees it, without headings, figures and tables: facts and claims filled in."""
-    text = (FOLDER / "entries" / f"{name}.typ").read_text(encoding="utf-8")
-    text = re.sub(r"^(#import|=|#fig|#sheets).*$", "", text, flags=re.MULTILINE)
-    text = re.sub(r'#fact\("([^"]+)"\)', lambda found: data["facts"][found[1]], text)
-    text = re.sub(r'#claim\("([^"]+)"\)', lambda found: data["claims"][found[1]], text)
-    return " ".join(text.replace("*", "").split(" ")).strip()
-
-
-def word_count(text: str) -> int:
-    """Words as a person counts them: what stands between spaces or line ends and holds a letter or digit."""
-    return sum(any(character.isalnum() for character in word) for word in re.split(r"[ \n]+", text))

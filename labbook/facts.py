@@ -13,21 +13,18 @@ import numpy as np
 from bench.experiments.accuracy.cases import STEP_SIZES
 from bench.experiments.accuracy.judgement import RESOLVED
 from bench.experiments.accuracy.points import END
-from bench.experiments.checks import AMPLITUDE, CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS, OWN_SIZE_STEPS
+from bench.experiments.checks import CHECK_COLUMNS, CHECK_ROWS, CHECK_STEPS
 from bench.experiments.stability.experiment import LINKS
 from bench.experiments.stability.experiment import ROWS as STABILITY_ROWS
 from bench.experiments.stability.runs import END as STABILITY_END
 from bench.experiments.stability.runs import TOLERANCE as STABILITY_TOLERANCE
 from bench.experiments.sweep import FULL, QUICK
-from bench.measure.timing import BUSY_NEIGHBOUR, DRAW_EVERY, SHORTEST_SAMPLE
+from bench.measure.timing import DRAW_EVERY, SHORTEST_SAMPLE
 from bench.store.results import SPREAD_LIMIT
 from cpu_backend.core.threads import MULTIPLES
 from gpu_backend.core.sheet import BLOCK
 from labbook.words import percent, seconds
 from model.core.digest import ROOT
-from model.core.divergence import DIVERGED_SIZE
-from model.core.families import stability_limit
-from model.core.integrators import INTEGRATORS
 from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import load_scene
 from plots.core.apart import SMALL
@@ -49,25 +46,18 @@ def facts() -> dict[str, str]:
     return {
         "block-columns": str(BLOCK[0]),
         "block-rows": str(BLOCK[1]),
-        "block-threads": str(BLOCK[0] * BLOCK[1]),
         "graph-passes": str(max(passes)),
         "pair-bytes": str(np.dtype(np.complex64).itemsize),
         "pair-bytes-double": str(np.dtype(np.complex128).itemsize),
-        "index-bits": str(8 * np.dtype(np.int32).itemsize),
-        "rk4-passes": str(INTEGRATORS["rk4"].forces),
         "bytes-per-mass": str(plan.bytes(4)),
-        "bytes-per-mass-double": str(plan.bytes(8)),
         "operations": str(plan.operations),
         "rows": str(scene.grid.rows),
         "columns": str(scene.grid.columns),
         "thread-words": ", ".join(MULTIPLES),
-        "diverged-size": f"{DIVERGED_SIZE:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}"),
         "draw-every": str(DRAW_EVERY),
         "check-rows": str(CHECK_ROWS),
         "check-columns": str(CHECK_COLUMNS),
         "check-steps": str(CHECK_STEPS),
-        "own-size-steps": str(OWN_SIZE_STEPS),
-        "amplitude": f"{100 * AMPLITUDE:g}\N{NO-BREAK SPACE}cm",
         "repeats": str(FULL.repeats),
         "repeats-quick": str(QUICK.repeats),
         "sample-seconds": seconds(FULL.min_seconds),
@@ -75,9 +65,6 @@ def facts() -> dict[str, str]:
         "shortest-sample": seconds(SHORTEST_SAMPLE, 1),
         "spread-limit": percent(SPREAD_LIMIT),
         "small-difference": percent(SMALL),
-        "busy": f"{BUSY_NEIGHBOUR:g}",
-        "dt": seconds(scene.method.dt, 2),
-        "dt-limit": seconds(stability_limit(scene), 4),
         "accuracy-end": f"{END:g}\N{NO-BREAK SPACE}s",
         "accuracy-steps": ", ".join(f"{1000 * dt:g}" for dt in STEP_SIZES) + "\N{NO-BREAK SPACE}ms",
         "resolved": str(RESOLVED),

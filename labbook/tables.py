@@ -8,8 +8,9 @@ from typing import Any
 from bench.store.results import Timing
 from labbook import words
 from labbook.words import number, percent
+from plots.core.backends import on_backends
 from plots.core.data import Results, Source, is_suspect, is_wrong
-from plots.core.ladder import BACKENDS, fastest, in_order, machine_of
+from plots.core.ladder import fastest, in_order
 from plots.core.ladder import title as machine_title
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: columns that align left
@@ -72,13 +73,7 @@ def _sizes(kernels: dict[str, list[Timing]]) -> list[tuple[int, int, int]]:
 
 def kernel_tables(results: Results) -> list[Table]:
     """Time per step of every kernel at every square size, in float32, a table for each backend."""
-    found = []
-    for backend in BACKENDS:
-        source = machine_of(results, backend)
-        kernels = source.ladder(backend) if source else {}
-        if source and kernels:
-            found.append(_times(source, backend, kernels))
-    return found
+    return [_times(source, backend, kernels) for backend, source, kernels in on_backends(results, Source.ladder)]
 
 
 def _times(source: Source, backend: str, kernels: dict[str, list[Timing]]) -> Table:

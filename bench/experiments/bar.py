@@ -17,13 +17,7 @@ from bench.experiments import bar_body, bar_strip, body_laws
 from bench.experiments.bar_body import bar, stand, sway
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
-from bench.measure.experiment import (
-    Experiment,
-    Items,
-    Measures,
-    described,
-    source_hash,
-)
+from bench.measure.experiment import Experiment, Items, Measures, described, source_hash
 from bench.store.database import Store
 from model.core.digest import source_digest
 from model.scene.scene import Scene

@@ -96,35 +96,29 @@ def bar(layers: int, overlap: float, substeps: int, stand: bool = False) -> Scen
     )  # fmt: skip
 
 
+@told(SAG)
 def stand(scene: Scene, backend: str) -> Measures:
     """SAG: by how much the bar at rest is shorter than made, between the means of its first and its last layer."""
-
-    def measure() -> Measures:
-        height = scene.body_set.position[:, 1]
-        with open_simulation(scene, backend, **OPTIONS) as simulation:
-            simulation.advance(REST_FRAMES)
-            now = simulation.state().position[:, 1]
-        top, bottom = (np.isclose(height, end) for end in (height.max(), height.min()))
-        length = now[top].mean() - now[bottom].mean()
-        return {SAG: (float(np.ptp(height) - length), "m", "standing")}
-
-    return told(measure, SAG)
+    height = scene.body_set.position[:, 1]
+    with open_simulation(scene, backend, **OPTIONS) as simulation:
+        simulation.advance(REST_FRAMES)
+        now = simulation.state().position[:, 1]
+    top, bottom = (np.isclose(height, end) for end in (height.max(), height.min()))
+    length = now[top].mean() - now[bottom].mean()
+    return {SAG: (float(np.ptp(height) - length), "m", "standing")}
 
 
+@told(FREQUENCY, DECAY, REACH, CLUSTERS)
 def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
     """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a free rod's; REACH and CLUSTERS."""
-
-    def measure() -> Measures:
-        at = scene.body_set.position
-        shape = np.zeros_like(at)
-        shape[:, 0] = np.sin(pi * at[:, 0] / LENGTH)
-        begin = State(at + SWING * shape, np.zeros_like(at), 1 / scene.body_set.clusters.mass, 0.0, 0)
-        with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
-            frequency, decay = swing_of(follow(simulation, shape, FRAMES // 2), FRAME)
-        arm, held = reach(layers, overlap)
-        return {
-            FREQUENCY: (frequency, "1/s", f"rod: {rod_swing():.6g}"), DECAY: (decay, "1/s", None),
-            REACH: (arm, "m", None), CLUSTERS: (held, "", "of a particle"),
-        }  # fmt: skip
-
-    return told(measure, FREQUENCY, DECAY, REACH, CLUSTERS)
+    at = scene.body_set.position
+    shape = np.zeros_like(at)
+    shape[:, 0] = np.sin(pi * at[:, 0] / LENGTH)
+    begin = State(at + SWING * shape, np.zeros_like(at), 1 / scene.body_set.clusters.mass, 0.0, 0)
+    with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
+        frequency, decay = swing_of(follow(simulation, shape, FRAMES // 2), FRAME)
+    arm, held = reach(layers, overlap)
+    return {
+        FREQUENCY: (frequency, "1/s", f"rod: {rod_swing():.6g}"), DECAY: (decay, "1/s", None),
+        REACH: (arm, "m", None), CLUSTERS: (held, "", "of a particle"),
+    }  # fmt: skip

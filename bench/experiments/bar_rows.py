@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
-from rich.table import Column, Table
 
 from bench.experiments.bar import BODY, LAW, STRIP
 from bench.experiments.bar_body import rod_swing, standing_sag
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, REFUSED, SAG, beam_tip, rod_frequency, rod_sag
 from bench.store.database import Store
 from bench.store.results import Measure, measures
+from bench.store.tables import columns, print_table
 
 
 @dataclass(frozen=True)
@@ -89,20 +89,16 @@ def series(found: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: f
 
 def print_bar(console: Console, store: Store, machine: str) -> None:
     """A table of what was measured on a machine: each number over what the material's closed form says."""
-    numbers = "links", "clusters", "substeps", "sag", "frequency", "shear"
-    words = (Column(name, no_wrap=True) for name in ("solver", "on"))
-    title = "over what the material's closed form says"
-    table = Table(
-        *words, *(Column(name, justify="right") for name in numbers), box=None, title=title, title_justify="left"
-    )
-    found = rows(m for m in measures(store) if m.machine == machine and is_bar(m))
+    found = rows(m for m in measures(store, machine=machine) if is_bar(m))
     shown = sorted((bar for bar in found if not bar.law), key=lambda b: (b.solver, b.fine, b.size, b.substeps))
+    lines = []
     for bar in shown:
         parts = (bar.part(name) for name in (SAG, FREQUENCY, ACROSS))
         told = ["-" if part is None else f"{part:.3f}" for part in parts]
         size = f"{bar.size:g}" if bar.solver in (JELLY, "shape-matching") else ""
-        table.add_row(bar.solver, bar.backend, str(bar.fine), size, str(bar.substeps), *told)
-    console.print(table)
+        lines.append([bar.solver, bar.backend, str(bar.fine), size, str(bar.substeps), *told])
+    heads = columns(("solver", "on"), ("links", "clusters", "substeps", "sag", "frequency", "shear"))
+    print_table(console, heads, lines, title="over what the material's closed form says")
     for bar in shown:
         if bar.refused:
             where = f"{bar.solver}, {bar.fine} links, {bar.substeps} substeps on the {bar.backend}"

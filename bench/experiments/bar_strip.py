@@ -14,6 +14,8 @@ bends as a beam: WEIGHT is what g is there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from math import asin, atan, pi, sin
 from typing import Any
 
@@ -43,9 +45,9 @@ SAG, FREQUENCY, DECAY, ACROSS = "bar_sag", "bar_frequency", "bar_decay", "bar_ac
 REFUSED = "refused"  # how the reason of a missing number begins
 
 
-def rod_sag(gravity: float = GRAVITY) -> float:
+def rod_sag() -> float:
     """[m]: the longest way down of a hanging rod of the material, rho g L^2 / (2 E)."""
-    return gravity * LENGTH**2 / (2 * SPEED**2)
+    return GRAVITY * LENGTH**2 / (2 * SPEED**2)
 
 
 def rod_frequency() -> float:
@@ -53,18 +55,18 @@ def rod_frequency() -> float:
     return SPEED / (4 * LENGTH)
 
 
-def beam_tip(gravity: float = WEIGHT) -> float:
+def beam_tip() -> float:
     """[m]: how far the end of a beam of the clusters' material that is held at its side hangs down by its own weight.
 
     Bending and shear, S. P. Timoshenko (1921): q L^4 / (8 E I) + q L^2 / (2 kappa G A), of a rectangle kappa = 5/6. Clusters
     that store w^2 m |goal - x|^2 / 2 do not shrink across when they are drawn out, so that E = 2 G.
     """
-    return gravity * (12 * LENGTH**4 / (8 * WIDTH**2) + 2 * LENGTH**2 / (2 * 5 / 6)) / SPEED**2
+    return WEIGHT * (12 * LENGTH**4 / (8 * WIDTH**2) + 2 * LENGTH**2 / (2 * 5 / 6)) / SPEED**2
 
 
-def chain_sag(links: int, gravity: float = GRAVITY) -> float:
+def chain_sag(links: int) -> float:
     """[m]: of a chain of springs, m g / k (1 + 2 + ... + n)."""
-    return rod_sag(gravity) * (1 + 1 / links)
+    return rod_sag() * (1 + 1 / links)
 
 
 def chain_frequency(links: int) -> float:
@@ -141,55 +143,54 @@ def swing_of(ways: np.ndarray, step: float) -> tuple[float, float]:
     return float(angle / (2 * np.pi * step)), float(-np.log(d) / (2 * step))
 
 
-def told(measure: Any, *names: str) -> Measures:
-    """What `measure` returns; for a step size that is refused, or a run that diverged, no number and why."""
-    try:
-        return measure()
-    except UnstableTimeStep as error:
-        return {name: (float("nan"), "", f"{REFUSED}: {error}") for name in names}
-    except Diverged as error:
-        return {name: (float("inf"), "", str(error)) for name in names}
+def told(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measures]]:
+    """What a measurement of these returns; for a step size that is refused, or a run that diverged, no numbers and why."""
+
+    def around(measure: Callable[..., Measures]) -> Callable[..., Measures]:
+        @wraps(measure)
+        def tried(*arguments: Any) -> Measures:
+            try:
+                return measure(*arguments)
+            except UnstableTimeStep as error:
+                return {name: (float("nan"), "", f"{REFUSED}: {error}") for name in names}
+            except Diverged as error:
+                return {name: (float("inf"), "", str(error)) for name in names}
+
+        return tried
+
+    return around
 
 
+@told(SAG)
 def hang(scene: Scene, backend: str) -> Measures:
     """SAG: how far the strip's lower end comes to hang under where it is without weight."""
-
-    def measure() -> Measures:
-        with open_simulation(scene, backend, **OPTIONS) as simulation:
-            simulation.advance(REST_FRAMES * frame_steps(scene))
-            lowest = simulation.state().position[-1, 1]
-        return {SAG: (float(-LENGTH - lowest), "m", f"rod: {rod_sag():.6g}")}
-
-    return told(measure, SAG)
+    with open_simulation(scene, backend, **OPTIONS) as simulation:
+        simulation.advance(REST_FRAMES * frame_steps(scene))
+        lowest = simulation.state().position[-1, 1]
+    return {SAG: (float(-LENGTH - lowest), "m", f"rod: {rod_sag():.6g}")}
 
 
+@told(FREQUENCY, DECAY)
 def swing(scene: Scene, backend: str) -> Measures:
     """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a chain's."""
-
-    def measure() -> Measures:
-        rest, links = rest_positions(scene.grid), scene.grid.rows - 1
-        place = np.arange(scene.grid.particle_count) // scene.grid.columns
-        shape = np.zeros_like(rest)
-        shape[:, 1] = -np.sin(pi * place / (2 * links + 1))
-        begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
-        with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
-            frequency, decay = swing_of(follow(simulation, shape, FRAMES), FRAME)
-        return {FREQUENCY: (frequency, "1/s", f"rod: {rod_frequency():.6g}"), DECAY: (decay, "1/s", None)}
-
-    return told(measure, FREQUENCY, DECAY)
+    rest, links = rest_positions(scene.grid), scene.grid.rows - 1
+    place = np.arange(scene.grid.particle_count) // scene.grid.columns
+    shape = np.zeros_like(rest)
+    shape[:, 1] = -np.sin(pi * place / (2 * links + 1))
+    begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
+    with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
+        frequency, decay = swing_of(follow(simulation, shape, FRAMES), FRAME)
+    return {FREQUENCY: (frequency, "1/s", f"rod: {rod_frequency():.6g}"), DECAY: (decay, "1/s", None)}
 
 
+@told(ACROSS)
 def bend(scene: Scene, backend: str) -> Measures:
     """ACROSS: how far the end of a strip that is held at its left side comes to hang under its place."""
-
-    def measure() -> Measures:
-        with open_simulation(scene, backend, **OPTIONS) as simulation:
-            simulation.advance(ACROSS_FRAMES * frame_steps(scene))
-            moved = simulation.state().position - rest_positions(scene.grid)
-        end = moved.reshape(scene.grid.rows, scene.grid.columns, 2)[:, -1, 1].mean()
-        return {ACROSS: (float(-end), "m", f"beam: {beam_tip():.6g}")}
-
-    return told(measure, ACROSS)
+    with open_simulation(scene, backend, **OPTIONS) as simulation:
+        simulation.advance(ACROSS_FRAMES * frame_steps(scene))
+        moved = simulation.state().position - rest_positions(scene.grid)
+    end = moved.reshape(scene.grid.rows, scene.grid.columns, 2)[:, -1, 1].mean()
+    return {ACROSS: (float(-end), "m", f"beam: {beam_tip():.6g}")}
 
 
 def chain_of_clusters(scene: Scene) -> tuple[float, float]:

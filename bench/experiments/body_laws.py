@@ -80,24 +80,24 @@ def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Me
     FLIGHT beside MOMENTUM, how far the linear momentum is from what gravity makes of it, over what that gave), or ENERGY,
     the kinetic energy after a DROP over that of the fall."""
     names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
+    return told(*names)(_hold)(law, scene, backend, precision)
 
-    def measure() -> Measures:
-        body_set, steps = scene.body_set, round(SECONDS[law] / scene.method.dt)
-        mass = body_set.clusters.mass
-        with open_simulation(scene, backend, live=SHARED[:1], **OPTIONS | {"precision": precision}) as simulation:
-            simulation.advance(steps)
-            state = simulation.state()
-        position, velocity = (np.asarray(array, dtype=np.float64) for array in (state.position, state.velocity))
-        if law == DROP:
-            energy = 0.5 * float(np.sum(mass[:, None] * velocity**2))
-            return {ENERGY: (energy / float(mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
-        spin = angular_momentum(position, velocity, mass)
-        before = angular_momentum(body_set.position, body_set.velocity, mass)
-        found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}
-        if law == SPIN:
-            return found | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}
-        fallen = mass.sum() * GRAVITY * SECONDS[law]
-        momentum = (mass[:, None] * velocity).sum(axis=0) - mass.sum() * np.array(THROWN) + [0.0, fallen, 0.0]
-        return found | {MOMENTUM: (float(np.abs(momentum).max() / fallen), "", "off what gravity makes of it")}
 
-    return told(measure, *names)
+def _hold(law: str, scene: Scene, backend: str, precision: str) -> Measures:
+    body_set, steps = scene.body_set, round(SECONDS[law] / scene.method.dt)
+    mass = body_set.clusters.mass
+    with open_simulation(scene, backend, live=SHARED[:1], **OPTIONS | {"precision": precision}) as simulation:
+        simulation.advance(steps)
+        state = simulation.state()
+    position, velocity = (np.asarray(array, dtype=np.float64) for array in (state.position, state.velocity))
+    if law == DROP:
+        energy = 0.5 * float(np.sum(mass[:, None] * velocity**2))
+        return {ENERGY: (energy / float(mass.sum() * GRAVITY * HEIGHT), "", f"must be under {STILL:g}")}
+    spin = angular_momentum(position, velocity, mass)
+    before = angular_momentum(body_set.position, body_set.velocity, mass)
+    found: Measures = {KEPT: (float(np.linalg.norm(spin) / np.linalg.norm(before)), "", f"{SECONDS[law]:g} s")}
+    if law == SPIN:
+        return found | {SPIN_LAW: (spin_left(scene.method.substeps), "", "the law")}
+    fallen = mass.sum() * GRAVITY * SECONDS[law]
+    momentum = (mass[:, None] * velocity).sum(axis=0) - mass.sum() * np.array(THROWN) + [0.0, fallen, 0.0]
+    return found | {MOMENTUM: (float(np.abs(momentum).max() / fallen), "", "off what gravity makes of it")}

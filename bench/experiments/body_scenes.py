@@ -44,6 +44,7 @@ CHANGED = SQUASHED | MIRRORED
 
 
 def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> dict[str, Any]:
+    """The fields of a scene's [method]; `dt` [s]."""
     return {"solver": "shape-matching", "dt": dt, "substeps": substeps, "iterations": iterations}
 
 

@@ -12,18 +12,20 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from app.driver import open_simulation
 from bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from bench.measure.costs_timing import QUICK as SHORT
-from bench.measure.experiment import FindingsSummary, Group, cost_sources, described, measure_groups
-from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
 from bench.store.results import Measure, measures
+from bench.store.tables import print_table
 from cpu_backend.core.threads import core_count
 from model.core.errors import SceneError
 from model.scene.scene import load_scene
@@ -75,58 +77,39 @@ def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]
     sources = cost_sources("cpu", __file__)
     found = []
     for name in scenes:
-        for kernel in SCENES[name]:
-            for kind in BESIDE:
-                scene = load_scene(name)
-                ways = tuple(
-                    described(
-                        scene, "cpu", FINDING, precision="float32", kernel=kernel or "auto", shown=name, beside=kind
-                    )
-                    | {"threads": count}
-                    for count in (1, max(2, core_count()))
-                )
-
-                def measure(record: Record, scene: Any = scene, ways: Any = ways) -> list[Measures]:
-                    return _measure(record, scene, ways, effort)
-
-                found.append(Group(f"{name} {kernel or ''} {kind}", ways, sources, measure))
+        for kernel, kind in product(SCENES[name], BESIDE):
+            scene = load_scene(name)
+            how = {"precision": "float32", "kernel": kernel or "auto", "shown": name, "beside": kind}
+            ways = tuple(
+                described(scene, "cpu", FINDING, **how) | {"threads": count} for count in (1, max(2, core_count()))
+            )
+            found.append(Group(f"{name} {kernel or ''} {kind}", ways, sources, partial(_measure, scene, ways, effort)))
     return found
 
 
-def _measure(record: Record, scene: Any, ways: Sequence[dict[str, Any]], effort: Effort) -> list[Measures]:
+def _measure(scene: Any, ways: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
         for way in ways:
             kernel = None if way["kernel"] == "auto" else way["kernel"]
             simulation = stack.enter_context(open_simulation(scene, threads=way["threads"], kernel=kernel))
-            subject = Subject(simulation, way)
-            warm_up(subject)
-            choose_steps(subject, effort.seconds, effort.most)
-            subjects.append(subject)
+            subjects.append(prepare(Subject(simulation, way), effort.seconds, effort.most))
         for subject in subjects:  # the same steps: bodies that meet take longer than such as fall
             subject.steps = max(s.steps for s in subjects)
         stack.enter_context(beside(ways[0]["beside"]))
         return in_turn(record, subjects, effort.repeats)
 
 
-def run_busy(
-    store: Store,
-    *,
-    quick: bool = False,
-    scenes: Sequence[str] = (),
-    progress: bool = True,
-    command: str = "softlab busy",
-) -> FindingsSummary:
-    """Measure what the store lacks, and say what was done. Ctrl-C ends cleanly.
-
-    `quick`: two scenes, fewer and shorter samples; `scenes`: these instead. Raises SceneError (a scene that is not one of
-    SCENES), InputError (the store).
-    """
+def items(store: Store, backends: Sequence[str], quick: bool, scenes: Sequence[str] = ()) -> list[Group]:
+    """All; `quick`: two scenes, fewer and shorter samples; `scenes`: these instead. Raises SceneError for one that is not of
+    SCENES."""
     for name in scenes:
         if name not in SCENES:
             raise SceneError("--scene", name, f"must be one of {', '.join(SCENES)}")
-    wanted = scenes or (QUICK if quick else tuple(SCENES))
-    return measure_groups(store, FINDING, groups(SHORT if quick else FULL, wanted), progress, command)
+    return groups(SHORT if quick else FULL, scenes or (QUICK if quick else tuple(SCENES)))
+
+
+run_busy = Items(FINDING, items, "softlab busy", f"{FINDING}: ")
 
 
 # ---------------------------------------------------------------------- what the store says
@@ -134,15 +117,16 @@ def run_busy(
 
 def print_busy(console: Console, store: Store, machine: str) -> None:
     """A table of what was measured on a machine."""
-    table = Table("scene", "kernel", "beside", "waiting", "threads", "1 thread / ms", "threads / ms", "ratio", box=None)
-    for p in points(measures(store)):
-        if p.machine == machine:
-            table.add_row(
-                p.scene, p.kernel, p.beside, p.wait_policy, str(p.threads), f"{1e3 * p.one:.3g}", f"{1e3 * p.many:.3g}",
-                f"{p.ratio:.2f}",
-            )  # fmt: skip
-    console.print(table)
-    console.print("ratio: of a step's time on all threads over that on one, in the same company; medians")
+    rows = (
+        (
+            p.scene, p.kernel, p.beside, p.wait_policy, str(p.threads), f"{1e3 * p.one:.3g}", f"{1e3 * p.many:.3g}",
+            f"{p.ratio:.2f}",
+        )
+        for p in points(measures(store, machine=machine))
+    )  # fmt: skip
+    heads = "scene", "kernel", "beside", "waiting", "threads", "1 thread / ms", "threads / ms", "ratio"
+    below = "ratio: of a step's time on all threads over that on one, in the same company; medians"
+    print_table(console, heads, rows, below)
 
 
 @dataclass(frozen=True)

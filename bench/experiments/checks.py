@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from app.driver import open_simulation
-from bench.measure.machine import gpu_simulated
+from bench.measure.gpu import gpu_simulated
 from model.core.build import wave
 from model.core.errors import Diverged, SceneError
 from model.core.simulation import Simulation, State
@@ -79,27 +79,17 @@ def against_reference(simulation: Simulation) -> Check:
     """
     simulated = simulation.backend == "gpu" and gpu_simulated()
     rows, columns, steps = SIMULATOR_CHECK if simulated else (CHECK_ROWS, CHECK_COLUMNS, CHECK_STEPS)
-    small = simulation.scene.replace(
-        {
-            "grid.rows": rows,
-            "grid.columns": columns,
-            "perturbation.amplitude": AMPLITUDE * simulation.scene.grid.spacing,
-        }
-    )
+    amplitude = AMPLITUDE * simulation.scene.grid.spacing
+    small = simulation.scene.replace({"grid.rows": rows, "grid.columns": columns, "perturbation.amplitude": amplitude})
     options = simulation.options
     threads = simulation.threads if simulation.backend == "cpu" else "1x"
     note = f"{rows} x {columns} masses, {steps} steps, against NumPy in float64"
 
     def opened(kernel: str | None) -> Simulation:
         return open_simulation(
-            small,
-            simulation.backend,
-            threads=threads,
-            precision=options.precision,
-            math=options.math,
-            kernel=kernel,
+            small, simulation.backend, threads=threads, precision=options.precision, math=options.math, kernel=kernel,
             allow_unstable=True,
-        )
+        )  # fmt: skip
 
     try:
         trial = opened(simulation.kernel)

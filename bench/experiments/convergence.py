@@ -17,16 +17,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments.accuracy.methods import XPBD, changes
-from bench.experiments.sweep import backends_here
 from bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
-from bench.measure.experiment import FindingsSummary, Group, cost_sources, described, measure_groups
-from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.timing import Subject, prepare
 from bench.reference.mass_spring import start
 from bench.store.database import Store
 from model.core.build import build
@@ -38,7 +39,6 @@ from model.xpbd.plan import colour_order, xpbd_parts
 CONVERGENCE = "convergence"  # value of `finding`
 RESIDUAL, BEFORE = "convergence_residual", "convergence_residual_before"  # of the rest length; BEFORE: of the start
 SIZES = (64, 128, 256, 512)  # masses a side
-QUICK_MOST = 64
 ITERATIONS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
 STRETCH = 0.01  # of the height
 RIPPLE = 0.001  # m
@@ -58,9 +58,9 @@ def sheet(n: int, name: str, iterations: int) -> Scene:
     return load_scene("cloth-hanging").replace({"cloth.rows": n, "cloth.columns": n} | solved | rigid)
 
 
-def colours(n: int = SIZES[0]) -> int:
+def colours() -> int:
     """How many colours an iteration of Gauss-Seidel has."""
-    return len(colour_order(xpbd_parts(sheet(n, XPBD[0], 1))))
+    return len(colour_order(xpbd_parts(sheet(SIZES[0], XPBD[0], 1))))
 
 
 def drawn_out(scene: Scene) -> State:
@@ -77,45 +77,26 @@ def residual(scene: Scene, position: np.ndarray) -> float:
     return float(np.sqrt(np.mean(strains**2)))
 
 
-def run_convergence(
-    store: Store,
-    *,
-    quick: bool = False,
-    backends: Sequence[str] | None = None,
-    progress: bool = True,
-    command: str = "softlab accuracy",
-) -> FindingsSummary:
-    """Measure what the store lacks: sizes x iterations, the orderings of each in turn.
-
-    `quick`: the smallest size alone, fewer and shorter samples. `backends`: None: all that are here.
-    Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
-    """
-    effort = QUICK if quick else FULL
-    most = QUICK_MOST if quick else None
-    everything = [group for backend in backends_here(backends) for group in groups(backend, effort, most)]
-    return measure_groups(store, CONVERGENCE, everything, progress, command)
-
-
-def groups(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
-    """What is timed in turn: the orderings at one size and number of iterations; Gauss-Seidel first."""
-    sources = cost_sources(backend, __file__)
+def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
+    """What is timed in turn: the orderings at one size and number of iterations; Gauss-Seidel first. `quick`: the smallest
+    size alone, fewer and shorter samples."""
+    effort, sizes = (QUICK, SIZES[:1]) if quick else (FULL, SIZES)
     found = []
-    for n in SIZES:
-        if most and n > most:
-            continue
-        for iterations in ITERATIONS:
+    for backend in backends:
+        sources = cost_sources(backend, __file__)
+        for n, iterations in product(sizes, ITERATIONS):
             scenes = tuple(sheet(n, name, iterations) for name in XPBD)
             told = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)
-
-            def measure(record: Record, scenes: Any = scenes, told: Any = told) -> list[Measures]:
-                return _orderings(record, scenes, told, effort)
-
+            measure = partial(_orderings, scenes, told, effort)
             found.append(Group(f"{CONVERGENCE} {n} x {n} x {iterations} {backend}", told, sources, measure))
     return found
 
 
+run_convergence = Items(CONVERGENCE, groups, "softlab accuracy", f"{CONVERGENCE}: ")
+
+
 def _orderings(
-    record: Record, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort
+    scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
 ) -> list[Measures]:
     with ExitStack() as stack:
         subjects, left = [], []
@@ -127,9 +108,6 @@ def _orderings(
             after = residual(scene, simulation.state().position)
             before: Measures = {BEFORE: (residual(scene, begin.position), "", None), RESIDUAL: (after, "", "one step")}
             left.append(before)
-            subject = Subject(simulation, description)
-            warm_up(subject)
-            choose_steps(subject, effort.seconds, effort.most)
-            subjects.append(subject)
+            subjects.append(prepare(Subject(simulation, description), effort.seconds, effort.most))
         timed = in_turn(record, subjects, effort.repeats)
     return [before | numbers for before, numbers in zip(left, timed, strict=True)]

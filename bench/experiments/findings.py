@@ -8,7 +8,9 @@ bench/experiments/accuracy/experiment.py's runs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,7 @@ AWAY_METHODS = ("lab", "velocity-verlet")
 AWAY_STEPS, AWAY_DT = 100, 0.01  # s
 RATE_STEPS = tuple(0.02 / 2**k for k in range(5))  # s
 RATE_COUNT = 64  # steps that an amplitude is followed
+RATE_OPTIONS: dict[str, Any] = {"precision": "float64", "math": "exact", "kernel": "stages"}
 EXACT_SIZES = (32, 256, 1024)
 EXACT_METHOD = "velocity-verlet"
 
@@ -66,25 +69,30 @@ def _experiments(store: Store, backend: str) -> list[Experiment]:
     return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend), *discretisation.experiments(backend)]
 
 
+def _finding(
+    name: str, finding: str, scene: Scene, backend: str | None, measure: Callable[[], Measures], **how: Any
+) -> Experiment:
+    """`backend` None: of the reference alone."""
+    return Experiment(name, described(scene, backend or "reference", finding, **how), _sources(backend), measure)
+
+
 # ---------------------------------------------------------------------- what an explicit damper costs
 
 
 def _damping(store: Store) -> list[Experiment]:
     """S2 in NumPy: velocity Verlet with the damper implicit in the second half kick, and plain, with it explicit."""
-    base = load_scene(SCENES["S2"])
-    found = []
-    for method in DAMPERS:
-        for dt in STEP_SIZES:
-            scene = base.replace({"method.integrator": "velocity-verlet", "method.dt": dt})
-
-            def measure(scene: Scene = scene, method: str = method) -> Measures:
-                right = cache.kept(scene, END, references(store))
-                position, _ = reference.simulate(scene, round(END / scene.method.dt), integrator=method)
-                return {ERROR: (_error(scene, position, right.position), "spacing", "NumPy reference")}
-
-            description = described(scene, "reference", DAMPING, precision="float64", scheme=method)
-            found.append(Experiment(ERROR, description, _sources(None), measure))
+    base, found = load_scene(SCENES["S2"]), []
+    for method, dt in product(DAMPERS, STEP_SIZES):
+        scene = base.replace({"method.integrator": "velocity-verlet", "method.dt": dt})
+        measure = partial(_damped_error, store, scene, method)
+        found.append(_finding(ERROR, DAMPING, scene, None, measure, precision="float64", scheme=method))
     return found
+
+
+def _damped_error(store: Store, scene: Scene, method: str) -> Measures:
+    right = cache.kept(scene, END, references(store))
+    position, _ = reference.simulate(scene, round(END / scene.method.dt), integrator=method)
+    return {ERROR: (_error(scene, position, right.position), "spacing", "NumPy reference")}
 
 
 def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
@@ -97,23 +105,19 @@ def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
 
 def _floor(store: Store, backend: str) -> list[Experiment]:
     """S1 at ever smaller steps, in both precisions."""
-    base = load_scene(SCENES["S1"])
-    found = []
-    for precision in PRECISIONS:
-        for method in FLOOR_METHODS:
-            for dt in FLOOR_STEPS:
-                scene = base.replace({"method.integrator": method, "method.dt": dt})
-
-                def measure(scene: Scene = scene, precision: str = precision) -> Measures:
-                    right = cache.kept(scene, END, references(store))
-                    steps = round(END / scene.method.dt)
-                    state = _end(scene, backend, steps, allow_unstable=True, precision=precision)
-                    error = np.inf if state is None else _error(scene, state.position, right.position)
-                    return {ERROR: (error, "spacing", None if state else "diverged")}
-
-                description = described(scene, backend, FLOOR, precision=precision)
-                found.append(Experiment(ERROR, description, _sources(backend), measure))
+    base, found = load_scene(SCENES["S1"]), []
+    for precision, method, dt in product(PRECISIONS, FLOOR_METHODS, FLOOR_STEPS):
+        scene = base.replace({"method.integrator": method, "method.dt": dt})
+        measure = partial(_floor_error, store, scene, backend, precision)
+        found.append(_finding(ERROR, FLOOR, scene, backend, measure, precision=precision))
     return found
+
+
+def _floor_error(store: Store, scene: Scene, backend: str, precision: str) -> Measures:
+    right = cache.kept(scene, END, references(store))
+    state = _end(scene, backend, round(END / scene.method.dt), allow_unstable=True, precision=precision)
+    error = np.inf if state is None else _error(scene, state.position, right.position)
+    return {ERROR: (error, "spacing", None if state else "diverged")}
 
 
 def _end(scene: Scene, backend: str, steps: int, **options: Any) -> State | None:
@@ -128,32 +132,23 @@ def _end(scene: Scene, backend: str, steps: int, **options: Any) -> State | None
 
 def _far_away(backend: str) -> list[Experiment]:
     """B14: a ten-link chain let go far from the origin, in float32, against itself at the origin in float64."""
+    base = load_scene("lab-grid").replace({"grid.rows": 11, "grid.columns": 1, "grid.pinned": "top"})
     found = []
-    for method in AWAY_METHODS:
-        scene = load_scene("lab-grid").replace(
-            {
-                "grid.rows": 11,
-                "grid.columns": 1,
-                "grid.pinned": "top",
-                "method.integrator": method,
-                "method.dt": AWAY_DT,
-            }
-        )
-        for offset in OFFSETS:
-
-            def measure(scene: Scene = scene, offset: float = offset) -> Measures:
-                begin = reference.rest(scene).astype(np.float64).reshape(-1, 2)
-                exact, _ = reference.simulate(scene, AWAY_STEPS, begin, np.zeros_like(begin))
-                shift = np.array([0.0, offset])
-                initial = State(begin + shift, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
-                state = _end(scene, backend, AWAY_STEPS, initial=initial, precision="float32")
-                assert state is not None
-                largest = float(np.abs(state.position.astype(np.float64) - shift - exact).max())
-                return {ERROR: (largest / scene.grid.spacing, "spacing", "largest over masses and axes")}
-
-            description = described(scene, backend, AWAY, offset=offset)
-            found.append(Experiment(ERROR, description, _sources(backend), measure))
+    for method, offset in product(AWAY_METHODS, OFFSETS):
+        scene = base.replace({"method.integrator": method, "method.dt": AWAY_DT})
+        found.append(_finding(ERROR, AWAY, scene, backend, partial(_away_error, scene, backend, offset), offset=offset))
     return found
+
+
+def _away_error(scene: Scene, backend: str, offset: float) -> Measures:
+    begin = reference.rest(scene).astype(np.float64).reshape(-1, 2)
+    exact, _ = reference.simulate(scene, AWAY_STEPS, begin, np.zeros_like(begin))
+    shift = np.array([0.0, offset])
+    initial = State(begin + shift, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
+    state = _end(scene, backend, AWAY_STEPS, initial=initial, precision="float32")
+    assert state is not None
+    largest = float(np.abs(state.position.astype(np.float64) - shift - exact).max())
+    return {ERROR: (largest / scene.grid.spacing, "spacing", "largest over masses and axes")}
 
 
 # ---------------------------------------------------------------------- what a step damps by itself
@@ -185,25 +180,21 @@ def amplitude_rate(positions: np.ndarray, dt: float) -> float:
 
 def _dissipation(backend: str) -> list[Experiment]:
     """One undamped oscillator under every integrator: what of its amplitude a second of each takes or adds."""
-    found = []
-    for method in INTEGRATORS:
-        for dt in RATE_STEPS:
-            scene = oscillator(method, dt)
+    return [
+        _finding(RATE, DISSIPATION, scene, backend, partial(_rate, scene, backend), **RATE_OPTIONS)
+        for scene in (oscillator(method, dt) for method, dt in product(INTEGRATORS, RATE_STEPS))
+    ]
 
-            def measure(scene: Scene = scene) -> Measures:
-                begin = np.array([[0.0, 0.0], [0.1, 0.0]])
-                initial = State(begin, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
-                options: Any = {"precision": "float64", "math": "exact", "kernel": "stages"}
-                positions = [0.1]
-                with open_simulation(scene, backend, initial=initial, allow_unstable=True, **options) as simulation:
-                    for _ in range(RATE_COUNT):
-                        simulation.advance(1)
-                        positions.append(float(simulation.read("position")[1, 0]))
-                return {RATE: (amplitude_rate(np.array(positions), scene.method.dt), "1/s", f"{RATE_COUNT} steps")}
 
-            description = described(scene, backend, DISSIPATION, precision="float64", math="exact", kernel="stages")
-            found.append(Experiment(RATE, description, _sources(backend), measure))
-    return found
+def _rate(scene: Scene, backend: str) -> Measures:
+    begin = np.array([[0.0, 0.0], [0.1, 0.0]])
+    initial = State(begin, np.zeros_like(begin), build(scene).inverse_mass, 0.0, 0)
+    positions = [0.1]
+    with open_simulation(scene, backend, initial=initial, allow_unstable=True, **RATE_OPTIONS) as simulation:
+        for _ in range(RATE_COUNT):
+            simulation.advance(1)
+            positions.append(float(simulation.read("position")[1, 0]))
+    return {RATE: (amplitude_rate(np.array(positions), scene.method.dt), "1/s", f"{RATE_COUNT} steps")}
 
 
 # ---------------------------------------------------------------------- what exact math costs
@@ -211,14 +202,12 @@ def _dissipation(backend: str) -> list[Experiment]:
 
 def exact_pairs(backend: str, quick: bool) -> list[list[Case]]:
     """S1 with EXACT_METHOD at several sizes, in `fast` and in `exact` math, of both precisions, to be timed side by side."""
-    pairs = []
-    base = load_scene(SCENES["S1"]).replace({"method.integrator": EXACT_METHOD})
+    base, pairs = load_scene(SCENES["S1"]).replace({"method.integrator": EXACT_METHOD}), []
     for n in EXACT_SIZES[:-1] if quick else EXACT_SIZES:
         scene = base.replace({"grid.rows": n, "grid.columns": n})
         ways = [
             described(scene, backend, EXACT, precision=precision, math=math)
-            for precision in PRECISIONS
-            for math in ("fast", "exact")
+            for precision, math in product(PRECISIONS, ("fast", "exact"))
         ]
         pairs.append([Case(scene, backend, way, _sources(backend), EXACT) for way in ways])
     return pairs

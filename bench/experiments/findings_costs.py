@@ -17,7 +17,7 @@ from typing import Any
 from app.driver import open_simulation
 from bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, Items, cost_sources, described
-from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
 from model.core import simulation as contract
 from model.core.simulation import PRECISIONS, Simulation
@@ -88,8 +88,7 @@ def _look_costs(
     interval = simulation.check_interval
     without, looking = (_Looking(simulation, way) for way in ways)
     looking.interval = interval
-    warm_up(without)
-    choose_steps(without, effort.seconds, effort.most)
+    prepare(without, effort.seconds, effort.most)
     for subject in (without, looking):
         subject.steps = max(1, -(-without.steps // interval)) * interval
         subject.wanted_seconds = without.wanted_seconds

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from app.driver import open_simulation
@@ -25,7 +26,7 @@ from bench.experiments import checks, gather_cpu, scatter_cpu
 from bench.experiments.checks import compare, displaced
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, cost_sources, described
-from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.measure.timing import Subject, prepare
 from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.scene import Scene, load_scene
 
@@ -59,10 +60,7 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
                 described(scene, backend, DETERMINISM, precision=precision, sums=how)
                 for how in (GATHER, *OTHERS[backend])
             )
-
-            def measure(record: Record, scene: Scene = scene, ways: Any = ways) -> list[Measures]:
-                return _costs(record, scene, ways, effort)
-
+            measure = partial(_costs, scene, ways, effort)
             found.append(Group(f"{DETERMINISM} {n} x {n} {precision} {backend}", ways, sources, measure))
     return found
 
@@ -88,7 +86,7 @@ def _own_kernel(backend: str) -> str:
     return "graph" if can_capture() else "launch"
 
 
-def _costs(record: Record, scene: Scene, ways: tuple[dict[str, Any], ...], effort: Effort) -> list[Measures]:
+def _costs(scene: Scene, ways: tuple[dict[str, Any], ...], effort: Effort, record: Record) -> list[Measures]:
     many = scene.grid.rows * scene.grid.columns <= MANY_STEPS_UP_TO
     steps = RUN_STEPS if many else FEW_STEPS
     start, expected = _expected(scene, steps)
@@ -107,10 +105,7 @@ def _costs(record: Record, scene: Scene, ways: tuple[dict[str, Any], ...], effor
                 }
             )
             good.append(check.good)
-            subject = Subject(simulation, way)
-            warm_up(subject)
-            choose_steps(subject, effort.seconds, effort.most)
-            subjects.append(subject)
+            subjects.append(prepare(Subject(simulation, way), effort.seconds, effort.most))
         timed = in_turn(record, subjects, effort.repeats)
     wrong: Measures = {RATIO: (None, "", "wrong answer")}
     return [before | (numbers if fine else wrong) for before, numbers, fine in zip(checked, timed, good, strict=True)]

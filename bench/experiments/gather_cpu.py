@@ -24,25 +24,6 @@ from model.scene.scene import Scene
 TWICE = "twice"  # the kernel's name
 
 
-class GatherGrid(MassSpring):
-    """See model/core/simulation.py. Scenes of the lab's grid alone (bench/peers/base.py: grid_refusal)."""
-
-    def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
-        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows that are not padded
-
-    def _make_executor(self) -> Executor:
-        self.kernel = TWICE
-        self._kernel = make_gather(self.real, self.options.math, self.plan.parts)
-        return Executor(self.plan, {}, self._advance_gather)
-
-    def _advance_gather(self, step: int, steps: int) -> None:
-        body = self.body
-        self._kernel(
-            steps, self._states, self._current, body.rows, body.columns, self.record, self._pin_start, self._pin_column
-        )
-        self._current = (self._current + steps) % 2
-
-
 def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """The step of `count` masses of a row. Neighbours are arrays of their own, so that the loop is whole vectors."""
     spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
@@ -121,3 +102,31 @@ def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
                 step_row(np.int64(i), rows, columns, plane, source, target, record[0], pin_start, pin_column)
 
     return compiler.kernel(advance)
+
+
+class GatherGrid(MassSpring):
+    """See model/core/simulation.py. Scenes of the lab's grid alone (bench/peers/base.py: grid_refusal). `way`: the kernel's
+    name; `make`: what makes it."""
+
+    way, make = TWICE, staticmethod(make_gather)
+
+    def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
+        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows that are not padded
+
+    def _make_executor(self) -> Executor:
+        self.kernel = self.way
+        self._kernel = self.make(self.real, self.options.math, self.plan.parts)
+        self._beside = self._arrays()
+        return Executor(self.plan, {}, self._advance_own)
+
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        """What the kernel needs beside the states."""
+        return ()
+
+    def _advance_own(self, step: int, steps: int) -> None:
+        body = self.body
+        self._kernel(
+            steps, self._states, self._current, body.rows, body.columns, self.record, self._pin_start, self._pin_column,
+            *self._beside,
+        )  # fmt: skip
+        self._current = (self._current + steps) % 2

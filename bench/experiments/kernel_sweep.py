@@ -10,17 +10,18 @@ Beside the times, in the first precision asked for: joules, where the machine co
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
+from typing import Any
 
-from bench.experiments.sweep import Shape, Sweep, choose_effort, shapes
+from bench.experiments.sweep import Asked, Sweep
 from bench.measure.cases import Case, SweepSummary
 from bench.measure.energy import LOOP_SECONDS, STAGE, energy_counter
 from bench.measure.experiment import Tell, backends_here, ending_cleanly, host_of, source_hash
+from bench.measure.gpu import gpu_simulated
 from bench.measure.kernel_runner import NO_JOULES, KernelRunner
 from bench.measure.limits import enter_limits
-from bench.measure.machine import gpu_simulated
 from bench.measure.starts import measure_starts
 from bench.store.database import Store
 from bench.store.results import configuration
@@ -72,26 +73,9 @@ def kernel_cases(
 
 
 def run_kernel_sweep(
-    store: Store,
-    *,
-    quick: bool = False,
-    scene: Scene | str = "lab-grid",
-    backends: Sequence[str] | None = None,
-    sizes: Iterable[int | Shape] | None = None,
-    precisions: Sequence[str] = ("float32", "float64"),
-    kernels: Sequence[str] | None = None,
-    max_seconds: float | None = None,
-    total_seconds: float | None = None,
-    repeats: int | None = None,
-    min_seconds: float | None = None,
-    again: bool = True,
-    energy: bool = True,
-    starts: bool = True,
-    progress: bool = True,
-    command: str = "softlab sweep --kernels",
+    store: Store, *, kernels: Sequence[str] | None = None, energy: bool = True, starts: bool = True, **how: Any
 ) -> SweepSummary:
-    """Measure what the store lacks of the kernels, and say what was done; arguments as of bench/experiments/sweep.py's
-    run_sweep.
+    """Measure what the store lacks of the kernels, and say what was done. `how`: as of bench/experiments/sweep.py's Asked.
 
     `kernels`: only these. `energy`: also joules, a second a configuration, where the machine counts them. `starts`:
     also how long `softlab run` takes to its first step, cold and warm. The machine's limits (bench/measure/limits.py) are
@@ -99,30 +83,27 @@ def run_kernel_sweep(
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
-    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again)
-    base = scene if isinstance(scene, Scene) else load_scene(scene)
-    chosen = backends_here(backends)
-    known = [name for backend in chosen for name in kernels_of(backend)]
+    asked = Asked(**{"command": "softlab sweep --kernels"} | how)
+    effort, here = asked.effort(), backends_here(asked.backends)
+    known = [name for backend in here for name in kernels_of(backend)]
     for name in kernels or ():
         if name.partition(":")[0] not in known:  # `resident:64x8x8h4` names a tile, too
             raise SceneError("--kernel", name, f"must be one of {', '.join(dict.fromkeys(known))}")
-    planned = shapes(quick, sizes if sizes is not None else QUICK_SQUARES if quick else SQUARES)
+    scenes = asked.grids(QUICK_SQUARES if asked.quick else SQUARES)
     summary = SweepSummary.begun(store, "sweep")
-    counters = {name: energy_counter(name) for name in chosen if energy and not (name == "gpu" and gpu_simulated())}
+    counters = {name: energy_counter(name) for name in here if energy and not (name == "gpu" and gpu_simulated())}
     if any(counters.values()):
         effort = replace(effort, energy_seconds=LOOP_SECONDS)
-    sweep = _KernelSweep(KernelRunner(store, effort, summary, chosen, {}))
-    if starts and not gpu_simulated() and not isinstance(scene, Scene):
-        sweep.starting = [(base, name) for name in chosen]
-    grids = []
-    for rows, columns in planned:
-        sized = base.replace({"grid.rows": rows, "grid.columns": columns})
-        grids.append(
-            [c for name in chosen for c in kernel_cases(sized, [name], precisions, bool(counters.get(name)), kernels)]
-        )
+    sweep = _KernelSweep(KernelRunner(store, effort, summary, here, {}))
+    if starts and not gpu_simulated() and isinstance(asked.scene, str):
+        sweep.starting = [(load_scene(asked.scene), name) for name in here]
+    grids = [
+        [c for name in here for c in kernel_cases(scene, [name], asked.precisions, bool(counters.get(name)), kernels)]
+        for scene in scenes
+    ]
     with ending_cleanly(summary):
         enter_limits(store, summary.machine)
-        sweep.run(grids, progress, command)
+        sweep.run(grids, asked.progress, asked.command)
     return summary
 
 

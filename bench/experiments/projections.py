@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console
-from rich.table import Column, Table
 
-from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
-from bench.measure.experiment import backends_here
-from bench.store.database import Store, canonical
+from bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from bench.store.database import Store
 from bench.store.published import PUBLISHED
-from bench.store.results import Measure, by_configuration, measures
+from bench.store.results import Measure, measures
+from bench.store.schema import canonical
+from bench.store.tables import columns, print_table
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.xpbd.plan import constraint_count
@@ -39,7 +39,6 @@ NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural",
 ORDERINGS = ("gauss-seidel", "jacobi")
 BUDGETS = ((10, 10), (10, 1))  # substeps, iterations
 QUICK_BUDGETS = BUDGETS[:1]  # a single iteration is machine code of its own
-REPEATS, QUICK_REPEATS = 7, 3
 
 
 def projections_of(scene: Scene) -> int:
@@ -76,9 +75,15 @@ def case_of(scene: Scene, backend: str, precision: str) -> Case:
 
 
 def groups(
-    backends: Sequence[str], quick: bool, sizes: Iterable[int] | None, precisions: Sequence[str]
+    backends: Sequence[str], quick: bool, precisions: Sequence[str], sizes: Iterable[int] | None = None
 ) -> list[list[Case]]:
-    """What is timed in turn: all cases of a size and backend; then the published scenes."""
+    """What is timed in turn: all cases of a size (`sizes`: these alone) and backend; then the published scenes. `quick`: two
+    sizes, 4 and 12 neighbours, ten iterations, nothing published. Raises SceneError for a size that cannot be."""
+    for size in sizes or ():
+        if size < 2:
+            raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
+        if size > MOST:
+            raise SceneError("--size", size, f"must be at most {MOST}")
     found = []
     for backend in backends:
         usual = QUICK_SIZES if quick else (*SIZES, *(LARGE if backend == "gpu" else ()))
@@ -97,37 +102,7 @@ def groups(
     return found
 
 
-def measured(case: Case, step: float, kernel: str) -> Measured:
-    """What is told of a case whose step took so many seconds."""
-    yield STEP, step, "s", "the median"
-    yield KERNEL, None, "", kernel
-    yield RATE, projections_of(case.scene) / step, "1/s", None
-
-
-def run_projections(
-    store: Store,
-    *,
-    quick: bool = False,
-    backends: Sequence[str] | None = None,
-    sizes: Iterable[int] | None = None,
-    precisions: Sequence[str] = ("float32",),
-    progress: bool = True,
-    command: str = "softlab projections",
-) -> Summary:
-    """Time what the store lacks of the cases, and say what was done. Ctrl-C ends cleanly.
-
-    `quick`: two sizes, 4 and 12 neighbours, ten iterations, nothing published. Raises SceneError (a size or precision that
-    cannot be), BackendUnavailable, InputError (the store).
-    """
-    here = backends_here(backends)
-    for size in sizes or ():
-        if size < 2:
-            raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
-        if size > MOST:
-            raise SceneError("--size", size, f"must be at most {MOST}")
-    check_precisions(precisions)
-    timing = Timing(STAGE, QUICK_REPEATS if quick else REPEATS, measured, RATE)
-    return timing.run(store, groups(here, quick, sizes, precisions), progress=progress, command=command)
+RATES = run_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
 
 
 # ---------------------------------------------------------------------- what the store says
@@ -135,64 +110,50 @@ def run_projections(
 
 def print_projections(console: Console, store: Store, machine: str) -> None:
     """A table of what was timed on a machine."""
-    words = "masses", "neighbours", "ordering", "kernel"
-    numbers = "budget", "step, ms", "million / s"
-    table = Table(
-        *(Column(name, no_wrap=True) for name in words), *(Column(name, justify="right") for name in numbers), box=None
-    )
-    for p in points(measures(store)):
-        if p.machine == machine:
-            told = (f"{p.rows} x {p.columns}", str(p.neighbours), p.ordering, f"{p.backend}, {p.kernel}")
-            table.add_row(*told, f"{p.substeps} x {p.iterations}", f"{1e3 * p.step:.3g}", f"{p.rate / 1e6:.0f}")
-    console.print(table)
-    console.print(
+    rows = (
+        (
+            f"{p.rows} x {p.columns}", str(p.neighbours), p.ordering, f"{p.backend}, {p.kernel}",
+            f"{p.substeps} x {p.iterations}", f"{1e3 * p.step:.3g}", f"{p.rate / 1e6:.0f}",
+        )
+        for p in points(measures(store, machine=machine))
+    )  # fmt: skip
+    heads = columns(("masses", "neighbours", "ordering", "kernel"), ("budget", "step, ms", "million / s"))
+    print_table(
+        console, heads, rows,
         "budget: substeps x iterations; million / s: constraints projected; softlab figures draws them, with published ones",
-        soft_wrap=True,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class ProjectionPoint:
-    """One timed configuration: `step` [s], `rate` [1/s], and what tells it apart. `neighbours` 4, 8 or 12."""
+class ProjectionPoint(RatePoint):
+    """One sheet. `neighbours` 4, 8 or 12; `scene`: canonical text."""
 
-    machine: str
-    backend: str
-    precision: str
-    kernel: str
     rows: int
     columns: int
     neighbours: int
     ordering: str
     substeps: int
     iterations: int
-    scene: str  # canonical text
-    step: float
-    rate: float
+    scene: str
 
     @property
-    def iteration(self) -> float:
-        """Seconds of an iteration, with its share of everything else in the step."""
-        return self.step / self.substeps / self.iterations
+    def particles(self) -> int:
+        return self.rows * self.columns
 
 
 def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
     """What the measures tell of the cases, smallest sheets first."""
     found = []
-    for told in by_configuration(measure for measure in held if measure.name in (STEP, RATE, KERNEL)):
-        if not {STEP, RATE} <= set(told):
-            continue
-        description = told[RATE].description
-        scene = Scene.stored(description["scene"])
-        kinds, method = scene.cloth_springs, scene.method
-        kernel = told[KERNEL].reason if KERNEL in told else None
+    for told, scene, point in RATES.told(held):
+        grid, method = scene.grid, scene.method
         found.append(
             ProjectionPoint(
-                told[RATE].machine, description["backend"], description["precision"], kernel or "", scene.grid.rows,
-                scene.grid.columns, 4 * len(kinds), method.ordering, method.substeps, method.iterations,
-                canonical(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0,
+                **vars(point), rows=grid.rows, columns=grid.columns, neighbours=4 * len(scene.cloth_springs),
+                ordering=method.ordering, substeps=method.substeps, iterations=method.iterations,
+                scene=canonical(told[RATE].description["scene"]),
             )
         )  # fmt: skip
-    return sorted(found, key=lambda p: (p.rows * p.columns, p.backend, p.neighbours, p.ordering, -p.iterations))
+    return sorted(found, key=lambda p: (p.particles, p.backend, p.neighbours, p.ordering, -p.iterations))
 
 
 def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, ProjectionPoint]]:

@@ -15,37 +15,13 @@ from typing import Any
 import numpy as np
 from numba import prange
 
+from bench.experiments.gather_cpu import GatherGrid
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import PLANES, row_at
 from cpu_backend.mass_spring.grid.rows import variant_name
-from cpu_backend.mass_spring.grid.solver import MassSpring
-from model.core.plan import Executor
-from model.core.simulation import Options
 from model.formulas import integrators, springs
-from model.scene.scene import Scene
 
 COLOURS = "colours"  # the kernel's name
-
-
-class ColouredGrid(MassSpring):
-    """See model/core/simulation.py. Scenes of the lab's grid alone (bench/peers/base.py: grid_refusal)."""
-
-    def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
-        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows that are not padded
-
-    def _make_executor(self) -> Executor:
-        self.kernel = COLOURS
-        self._kernel = make_coloured(self.real, self.options.math, self.plan.parts)
-        self._sums = np.zeros(2 * self.body.rows * self.body.columns, self.real)
-        return Executor(self.plan, {}, self._advance_coloured)
-
-    def _advance_coloured(self, step: int, steps: int) -> None:
-        body = self.body
-        self._kernel(
-            steps, self._states, self._current, body.rows, body.columns, self.record, self._pin_start, self._pin_column,
-            self._sums,
-        )  # fmt: skip
-        self._current = (self._current + steps) % 2
 
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, Any, Any]:
@@ -152,3 +128,12 @@ def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
                 finish_row(np.int64(i), columns, plane, source, target, record[0], sums, pin_start, pin_column)
 
     return compiler.kernel(advance)
+
+
+class ColouredGrid(GatherGrid):
+    """The same, by scattering in colours."""
+
+    way, make = COLOURS, staticmethod(make_coloured)
+
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        return (np.zeros(2 * self.body.rows * self.body.columns, self.real),)

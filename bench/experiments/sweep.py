@@ -12,17 +12,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from bench.measure.cases import Case, Effort, SweepSummary, record_skip
+from bench.measure.cases import Case, Effort, Kind, SweepSummary, record_skip
 from bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
 from bench.measure.group import GroupRunner
-from bench.store.database import Store, configuration_hash
+from bench.store.database import Store
 from bench.store.results import configuration, timings
+from bench.store.schema import configuration_hash
 from cpu_backend.core.threads import thread_count
 from model.core.errors import SceneError
 from model.core.memory import available_bytes, readable
+from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene, load_scene
 
 Shape = tuple[int, int]  # rows, columns, in masses
@@ -33,8 +36,6 @@ QUICK_OTHERS: tuple[Shape, ...] = ((32, 128), (128, 32), (100, 100))
 QUICK_DRAWN = tuple((n, n) for n in QUICK_SQUARES[:-1])  # the others without graphics
 ODD: tuple[Shape, ...] = ((100, 100), (1000, 37), (37, 1000), (1023, 1025), (3001, 2999))
 STRETCHED = (64, 256, 1024, 4096)  # squares that are also measured at 4:1 and 1:4
-
-
 THREADS = ("1x", "2x", "4x")
 QUICK = Effort(3, 0.02, 3.0, 75.0)
 FULL = Effort(5, 0.1, 30.0, None)
@@ -100,10 +101,9 @@ def choose_effort(
     """The preset, with what was asked for instead. Raises SceneError for what is no positive number."""
     for name, value in (
         ("--max-seconds", max_seconds), ("--total-seconds", total_seconds), ("--repeats", repeats),
-        ("--min-ms", min_seconds and 1e3 * min_seconds),
+        ("min_seconds", min_seconds),
     ):  # fmt: skip
-        if value is not None and not 0 < value < float("inf"):
-            raise SceneError(name, value, "must be greater than 0 and finite")
+        check_positive(name, value)
     preset = QUICK if quick else FULL
     return Effort(
         repeats or preset.repeats,
@@ -114,48 +114,64 @@ def choose_effort(
     )
 
 
-def run_sweep(
-    store: Store,
-    *,
-    quick: bool = False,
-    scene: Scene | str = "lab-grid",
-    backends: Sequence[str] | None = None,
-    sizes: Iterable[int | Shape] | None = None,
-    threads: Sequence[str | int] = THREADS,
-    precisions: Sequence[str] = ("float32", "float64"),
-    graphics: bool = True,
-    max_seconds: float | None = None,
-    total_seconds: float | None = None,
-    repeats: int | None = None,
-    min_seconds: float | None = None,
-    again: bool = True,
-    progress: bool = True,
-    command: str = "softlab sweep",
-) -> SweepSummary:
-    """Measure what the store lacks of the sweep, and say what was done.
+def check_positive(name: str, value: float | None) -> None:
+    """Refuse what was typed as `name` unless it is nothing, or a number over 0. Raises SceneError."""
+    if value is not None and not 0 < value < float("inf"):
+        raise SceneError(name, value, "must be greater than 0 and finite")
 
-    `scene` gives everything but the grid's size. `max_seconds` [s]: the most that one configuration may take; one that
-    is estimated to take longer is not started. `total_seconds` [s]: after it nothing new is started (None: no end;
-    quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. `again`: sample once more what other programs
-    disturbed. Ctrl-C ends cleanly (`interrupted`).
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a sweep. `scene` gives everything but the grid's size; `sizes`: as of `shapes`. `max_seconds` [s]: the
+    most that one configuration may take; one that is estimated to take longer is not started. `total_seconds` [s]: after it
+    nothing new is started (None: no end; quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. `again`:
+    sample once more what other programs disturbed."""
+
+    quick: bool = False
+    scene: Scene | str = "lab-grid"
+    backends: Sequence[str] | None = None
+    sizes: Iterable[int | Shape] | None = None
+    precisions: Sequence[str] = tuple(PRECISIONS)
+    max_seconds: float | None = None
+    total_seconds: float | None = None
+    repeats: int | None = None
+    min_seconds: float | None = None
+    again: bool = True
+    progress: bool = True
+    command: str = "softlab sweep"
+
+    def effort(self) -> Effort:
+        """Raises SceneError for what is no positive number."""
+        return choose_effort(
+            self.quick, self.max_seconds, self.total_seconds, self.repeats, self.min_seconds, self.again
+        )
+
+    def grids(self, usual: Iterable[int] | None = None) -> list[Scene]:
+        """The scene in every size, smallest first; `usual`: the squares where none were asked for, None: as of `shapes`."""
+        base = self.scene if isinstance(self.scene, Scene) else load_scene(self.scene)
+        planned = shapes(self.quick, self.sizes if self.sizes is not None else usual)
+        return [base.replace({"grid.rows": rows, "grid.columns": columns}) for rows, columns in planned]
+
+
+def run_sweep(
+    store: Store, *, threads: Sequence[str | int] = THREADS, graphics: bool = True, **how: Any
+) -> SweepSummary:
+    """Measure what the store lacks of the sweep, and say what was done. `how`: as of Asked. Ctrl-C ends cleanly
+    (`interrupted`).
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
     """
-    base = scene if isinstance(scene, Scene) else load_scene(scene)
-    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again)
-    chosen_backends, chosen_shapes = backends_here(backends), shapes(quick, sizes)
+    asked = Asked(**how)
+    effort, here, grids = asked.effort(), backends_here(asked.backends), asked.grids()
     for word in threads:
         thread_count(word)  # refuse an impossible word before anything is measured
-    sweep = Sweep(GroupRunner(store, effort, SweepSummary.begun(store, "sweep"), chosen_backends, {}))
-    grids = []
-    for rows, columns in chosen_shapes:
-        sized = base.replace({"grid.rows": rows, "grid.columns": columns})
-        if quick and sizes is None:
-            grids.append(_quick_cases(sized, chosen_backends, threads, precisions, graphics))
-        else:
-            drawn = (False, True) if graphics else (False,)
-            grids.append(cases_of(sized, chosen_backends, threads, precisions, drawn))
-    return sweep.run(grids, progress, command)
+    sweep = Sweep(GroupRunner(store, effort, SweepSummary.begun(store, "sweep"), here, {}))
+    drawn = (False, True) if graphics else (False,)
+    if asked.quick and asked.sizes is None:
+        cases = [_quick_cases(scene, here, threads, asked.precisions, graphics) for scene in grids]
+    else:
+        cases = [cases_of(scene, here, threads, asked.precisions, drawn) for scene in grids]
+    return sweep.run(cases, asked.progress, asked.command)
 
 
 class Sweep:
@@ -239,7 +255,7 @@ class Sweep:
         """Cases that are interleaved: all, as far as their simulations fit into half of the free memory together."""
         free = available_bytes()
         groups: list[list[Case]] = []
-        used, opened = 0, set[tuple[Any, ...]]()
+        used, opened = 0, set[Kind]()
         for case in cases:
             needed = 0 if case.simulation_kind in opened else case.host_bytes
             if case.host_bytes > 0.8 * free:

@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
-from bench.measure.case_timing import Case, Measured, Summary, Timing, check_precisions, make_case
-from bench.measure.experiment import backends_here
+from bench.measure.case_timing import Case, RatePoint, Rates, make_case
 from bench.store.database import Store
-from bench.store.results import Measure, by_configuration, measures
+from bench.store.results import Measure, measures
+from bench.store.tables import print_table
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.shape_matching.spare import counts
@@ -40,7 +38,6 @@ REGIONS = (1, 2, 4)
 CUBES, QUICK_CUBES, LARGE_CUBES = (16, 32), (16,), (64,)  # particles along each side
 FRAME = 1 / 60  # s
 MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing in a substep
-REPEATS, QUICK_REPEATS = 7, 3
 
 
 def bodies(count: int, rigid: bool) -> Scene:
@@ -90,8 +87,15 @@ def kind_of(scene: Scene) -> str:
     return "rigid" if all(scene.kinds[name] == "rigid_body" for name in scene.bodies) else "soft"
 
 
-def groups(backends: Sequence[str], quick: bool, kinds: Iterable[str], precisions: Sequence[str]) -> list[list[Case]]:
-    """What is timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend."""
+def groups(
+    backends: Sequence[str], quick: bool, precisions: Sequence[str], kinds: Sequence[str] | None = None
+) -> list[list[Case]]:
+    """What is timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend. `kinds`: of KINDS
+    (None: all, or QUICK_KINDS). `quick`: fifty bodies and the smallest grid. Raises SceneError for another kind."""
+    kinds = kinds or (QUICK_KINDS if quick else KINDS)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise SceneError("--kind", kind, f"must be one of {', '.join(KINDS)}")
     found, wanted = [], set(kinds)
     for backend in backends:
         for count in QUICK if quick else ON_CPU if backend == "cpu" else tuple(BLOCKS):
@@ -109,38 +113,12 @@ def groups(backends: Sequence[str], quick: bool, kinds: Iterable[str], precision
     return [group for group in found if group]
 
 
-def measured(case: Case, step: float, kernel: str) -> Measured:
-    """What is told of a case whose step took so many seconds."""
-    method = case.scene.method
-    yield STEP, step, "s", "the median"
-    yield KERNEL, None, "", kernel
-    yield KIND, None, "", kind_of(case.scene)
-    yield RATE, counts(case.scene).particles * method.substeps * method.iterations / step, "1/s", None
+def particle_steps(scene: Scene) -> int:
+    """Particles x substeps x iterations of a step."""
+    return counts(scene).particles * scene.method.substeps * scene.method.iterations
 
 
-def run_throughput(
-    store: Store,
-    *,
-    quick: bool = False,
-    backends: Sequence[str] | None = None,
-    kinds: Sequence[str] | None = None,
-    precisions: Sequence[str] = ("float32",),
-    progress: bool = True,
-    command: str = "softlab throughput",
-) -> Summary:
-    """Time what the store lacks of the cases, and say what was done. Ctrl-C ends cleanly.
-
-    `kinds`: of KINDS; None: all, or QUICK_KINDS. `quick`: fifty bodies and the smallest grid. Raises SceneError (a kind or
-    precision that there is not), BackendUnavailable, InputError (the store).
-    """
-    kinds = kinds or (QUICK_KINDS if quick else KINDS)
-    for kind in kinds:
-        if kind not in KINDS:
-            raise SceneError("--kind", kind, f"must be one of {', '.join(KINDS)}")
-    check_precisions(precisions)
-    timing = Timing(STAGE, QUICK_REPEATS if quick else REPEATS, measured, RATE)
-    cases = groups(backends_here(backends), quick, kinds, precisions)
-    return timing.run(store, cases, progress=progress, command=command)
+RATES = run_throughput = Rates("throughput", STAGE, STEP, RATE, KERNEL, particle_steps, groups, words={KIND: kind_of})
 
 
 # ---------------------------------------------------------------------- what the store says
@@ -148,34 +126,23 @@ def run_throughput(
 
 def print_throughput(console: Console, store: Store, machine: str) -> None:
     """A table of what was timed on a machine."""
-    table = Table("kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s", box=None)
-    for p in points(measures(store)):
-        if p.machine == machine:
-            axes = 3 if p.kind == "lattice" else 2
-            width = " x ".join([str(2 * p.region + 1)] * axes) if p.region else ""
-            table.add_row(
-                p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel, f"{1e6 * p.step:.1f}",
-                f"{p.rate / 1e6:.1f}",
-            )  # fmt: skip
-    console.print(table)
-    console.print("million / s: particles times substeps; softlab figures draws them")
+    rows = []
+    for p in points(measures(store, machine=machine)):
+        width = " x ".join([str(2 * p.region + 1)] * (3 if p.kind == "lattice" else 2)) if p.region else ""
+        row = p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel
+        rows.append((*row, f"{1e6 * p.step:.1f}", f"{p.rate / 1e6:.1f}"))
+    heads = "kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s"
+    print_table(console, heads, rows, "million / s: particles times substeps; softlab figures draws them")
 
 
 @dataclass(frozen=True)
-class ThroughputPoint:
-    """One timed configuration: `step` [s], `rate` [1/s], particles, bodies (0: a grid) and the half-width of a
-    grid's or a lattice's clusters, else 0."""
+class ThroughputPoint(RatePoint):
+    """Of a `kind`: its particles, bodies (0: a grid) and the half-width of a grid's or a lattice's clusters, else 0."""
 
-    machine: str
-    backend: str
-    precision: str
-    kernel: str
     kind: str
     particles: int
     bodies: int
     region: int
-    step: float
-    rate: float
 
 
 def region_of(scene: Scene) -> int:
@@ -187,18 +154,13 @@ def region_of(scene: Scene) -> int:
 def points(held: Iterable[Measure]) -> list[ThroughputPoint]:
     """What the measures tell of the cases, smallest first."""
     found = []
-    for told in by_configuration(measure for measure in held if measure.name in (STEP, RATE, KERNEL, KIND)):
-        if not {STEP, RATE, KIND} <= set(told):
-            continue
-        description: dict[str, Any] = told[RATE].description
-        scene, step, rate = Scene.stored(description["scene"]), told[STEP].value or 0.0, told[RATE].value or 0.0
-        method = scene.method
+    for told, scene, point in RATES.told(held):
+        method, bodies_ = scene.method, scene.bodies.values()
+        particles = round(point.rate * point.step / method.substeps / method.iterations)
         found.append(
             ThroughputPoint(
-                told[RATE].machine, description["backend"], description["precision"],
-                (told[KERNEL].reason if KERNEL in told else None) or "", told[KIND].reason or "",
-                round(rate * step / method.substeps / method.iterations), sum(b.count for b in scene.bodies.values()),
-                region_of(scene), step, rate,
+                **vars(point), kind=told[KIND].reason or "", particles=particles, region=region_of(scene),
+                bodies=sum(body.count for body in bodies_),
             )
         )  # fmt: skip
     return sorted(found, key=lambda p: (p.particles, p.backend, p.kind, p.region))

@@ -4,22 +4,25 @@ bench/measure/timing.py."""
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
 from app.driver import open_simulation
 from bench.measure import experiment
-from bench.measure.experiment import Tell, host_of, resume, source_hash, stored_samples
-from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import Tell, backends_here, host_of, resume, source_hash
+from bench.measure.samples import in_turns
+from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
-from bench.store.results import configuration
+from bench.store.results import Measure, by_configuration, configuration
 from model.core.errors import Diverged, SceneError
 from model.core.simulation import PRECISIONS, Simulation
 from model.scene.scene import Scene
 
 SAMPLE_SECONDS, MAX_SAMPLE = 0.05, 3.0
+REPEATS, QUICK_REPEATS = 7, 3
 FINDINGS = "findings"  # stage of the samples behind findings
 
 
@@ -55,12 +58,8 @@ def make_case(scene: Scene, backend: str, precision: str, label: str) -> Case:
 
 
 def ready(stack: ExitStack, case: Case, seconds: float, most: float) -> Subject:
-    """The case, opened as long as the stack is, warmed up, its steps chosen for samples of `seconds` [s], at `most` [s].
-    Raises Diverged."""
-    subject = Subject(stack.enter_context(case.open()), case)
-    warm_up(subject)
-    choose_steps(subject, seconds, most)
-    return subject
+    """The case, opened as long as the stack is, `prepare`d for samples of `seconds` [s], at `most` [s]. Raises Diverged."""
+    return prepare(Subject(stack.enter_context(case.open()), case), seconds, most)
 
 
 @dataclass
@@ -74,40 +73,70 @@ class Summary(experiment.Summary):
         return "\n  ".join(told) + self.ending("\n  ")
 
 
-Measured = Iterable[tuple[str, float | None, str, str | None]]  # name, value, unit, reason
+@dataclass(frozen=True)
+class RatePoint:
+    """One timed configuration: `step` [s], `rate` [1/s]."""
+
+    machine: str
+    backend: str
+    precision: str
+    kernel: str
+    step: float
+    rate: float
 
 
 @dataclass(frozen=True)
-class Timing:
-    """A kind of timing: its `name`, also that of its samples' stage in the store; how often a case is timed; what is told of
-    a case, whose step took so many seconds by a kernel (`measured`), and the one of those measures that every case has
-    (`told`)."""
+class Rates:
+    """An experiment that tells how much work cases do a second. `name`: also of its command; `stage`: of its samples;
+    `step`, `rate`, `kernel`: names of its measures, the median step [s], `work` of the scene in a step over it [1/s], and
+    the kernel that ran; `words`: further measures, which hold a word on the scene; `groups(backends, quick, precisions,
+    ...)`: what is timed in turn."""
 
     name: str
-    repeats: int
-    measured: Callable[[Case, float, str], Measured]
-    told: str
+    stage: str
+    step: str
+    rate: str
+    kernel: str
+    work: Callable[[Scene], float]
+    groups: Callable[..., Sequence[Sequence[Case]]]
+    words: Mapping[str, Callable[[Scene], str]] = field(default_factory=dict)
 
-    def run(self, store: Store, groups: Sequence[Sequence[Case]], *, progress: bool, command: str) -> Summary:
-        """Time what the store lacks of the cases, those of a group in turn. Ctrl-C ends cleanly. Raises BackendUnavailable,
-        InputError (the store)."""
+    def __call__(
+        self,
+        store: Store,
+        *,
+        quick: bool = False,
+        backends: Sequence[str] | None = None,
+        precisions: Sequence[str] = ("float32",),
+        progress: bool = True,
+        command: str = "",
+        **chosen: Any,
+    ) -> Summary:
+        """Time what the store lacks of the cases, those of a group in turn, and say what was done. `quick`: fewer cases and
+        repeats; `chosen`: what `groups` takes besides. Ctrl-C ends cleanly.
+
+        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
+        """
+        here, repeats = backends_here(backends), QUICK_REPEATS if quick else REPEATS
+        for precision in precisions:
+            if precision not in PRECISIONS:
+                raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
+        groups = self.groups(here, quick, precisions, **chosen)
         summary = Summary.begun(store, self.name)
 
         def measure(group: Sequence[Case], tell: Tell) -> None:
             tell(str(group[0]), 0)
-            self._time(store, summary, group)
+            self._time(store, summary, group, repeats)
             tell(str(group[0]), len(group))
 
         def held(case: Case) -> bool:
-            return self._held(store, case, summary.machine)
+            key = case.description, summary.machine, case.sources
+            return store.has_measure(*key, self.rate) and store.sample_count(*key, self.stage) >= repeats
 
+        command = command or f"softlab {self.name}"
         return resume(store, summary, groups, held, measure, progress=progress, command=command)
 
-    def _held(self, store: Store, case: Case, machine: str) -> bool:
-        key = case.description, machine, case.sources
-        return store.has_measure(*key, self.told) and store.sample_count(*key, self.name) >= self.repeats
-
-    def _time(self, store: Store, summary: Summary, group: Sequence[Case]) -> None:
+    def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         """Time one group in turn, and store its samples and measures."""
         with ExitStack() as stack:
             subjects = []
@@ -116,17 +145,31 @@ class Timing:
                     subjects.append(ready(stack, case, SAMPLE_SECONDS, MAX_SAMPLE))
                 except Diverged as error:
                     summary.skipped.append(f"{case}: {error}")
-            taken: dict[int, list[float]] = {}
-            samples = interleaved(subjects, [self.repeats] * len(subjects), Neighbours())
-            for subject, sample in stored_samples(store, summary.run, self.name, samples):
-                case = subject.name
-                times = taken.setdefault(id(subject), [])
-                times.append(sample.seconds / sample.steps)
-                if len(times) == self.repeats:
-                    found = self.measured(case, statistics.median(times), subject.simulation.kernel)
-                    for name, value, unit, reason in found:
-                        store.add_measure(summary.run, case.description, case.sources, name, value, unit, reason)
-                    summary.measured += 1
+            for subject, samples in in_turns(store, summary.run, self.stage, subjects, repeats):
+                case, step = subject.name, statistics.median(s.seconds / s.steps for s in samples)
+                numbers = self.numbers(case.scene, step, subject.simulation.kernel)
+                experiment.keep(store, summary.run, case.description, case.sources, numbers)
+                summary.measured += 1
+
+    def numbers(self, scene: Scene, step: float, kernel: str) -> Measures:
+        """The measures of a case whose step took so many seconds; the rate last: then all is there."""
+        words = {self.kernel: kernel} | {name: word(scene) for name, word in self.words.items()}
+        return {
+            self.step: (step, "s", "the median"),
+            **{name: (None, "", word) for name, word in words.items()},
+            self.rate: (self.work(scene) / step, "1/s", None),
+        }
+
+    def told(self, held: Iterable[Measure]) -> Iterator[tuple[dict[str, Measure], Scene, RatePoint]]:
+        """Of every case that was timed: its measures, its scene, and what any such experiment tells of it."""
+        needed = {self.step, self.rate, *self.words}
+        for found in by_configuration(measure for measure in held if measure.name in {*needed, self.kernel}):
+            if needed <= set(found):
+                step, rate = found[self.step], found[self.rate]
+                kernel = (found[self.kernel].reason if self.kernel in found else None) or ""
+                precision = rate.description["precision"]
+                point = RatePoint(rate.machine, rate.backend, precision, kernel, step.value or 0.0, rate.value or 0.0)
+                yield found, Scene.stored(rate.description["scene"]), point
 
 
 @dataclass(frozen=True)
@@ -154,13 +197,4 @@ class StepTimes:
         """Sample the group into the store."""
         with ExitStack() as stack:
             subjects = [ready(stack, case, *((0.02, 0.5) if self.quick else (0.1, 3.0))) for case in self.group]
-            samples = interleaved(subjects, [self.repeats] * len(subjects), Neighbours())
-            for _ in stored_samples(store, run, FINDINGS, samples):
-                pass
-
-
-def check_precisions(precisions: Iterable[str]) -> None:
-    """Raise SceneError for one that there is not."""
-    for precision in precisions:
-        if precision not in PRECISIONS:
-            raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
+            list(in_turns(store, run, FINDINGS, subjects, self.repeats))

@@ -15,7 +15,8 @@ from model.scene.scene import Scene
 
 LADDER = ("stages", "launch", "graph", "one-block", "resident", "tiles", "fused", "tiled", "team")  # plainest first
 
-Costs = dict[tuple[Any, ...], tuple[int, float, float]]  # kind of case -> (particles, seconds a step, to restore)
+Kind = tuple[Any, ...]  # what cases have in common
+Costs = dict[Kind, tuple[int, float, float]]  # kind of case -> (particles, seconds a step, to restore)
 
 
 @dataclass(frozen=True)
@@ -80,12 +81,12 @@ class Case:
         return DRAW_EVERY if self.graphics else 1
 
     @property
-    def simulation_kind(self) -> tuple[Any, ...]:
+    def simulation_kind(self) -> Kind:
         """What the cases that can share one opened simulation have in common."""
         return (self.backend, self.threads, self.precision, self.kernel)
 
     @property
-    def kind(self) -> tuple[Any, ...]:
+    def kind(self) -> Kind:
         """What the cases have in common whose costs tell of each other: backend, threads, precision, kernel, graphics."""
         return (*self.simulation_kind, self.graphics)
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.measure.machine import gpu_simulated
-from bench.measure.timing import Neighbours, Subject, interleaved
+from bench.measure.samples import in_turns
+from bench.measure.timing import Sample, Subject
 from bench.store.database import Store
 
 STAGE = "costs"  # of the samples in the store
@@ -31,6 +31,14 @@ QUICK, FULL = Effort(3, 0.02, 0.5), Effort(9, 0.2, 3.0)
 
 
 @dataclass(frozen=True)
+class Way:
+    """One way to do the steps: its description, and the hash of what it depends on."""
+
+    description: dict[str, Any]
+    sources: str
+
+
+@dataclass(frozen=True)
 class Record:
     """Where samples go: a run of a store, under the hash of the sources."""
 
@@ -38,31 +46,25 @@ class Record:
     run: str
     sources: str
 
+    def way(self, description: dict[str, Any]) -> Way:
+        return Way(description, self.sources)
+
 
 def in_turn(record: Record, subjects: Sequence[Subject], repeats: int) -> list[Measures]:
     """Sample the subjects A B C A B C ..., whose names are their descriptions, and say what each takes over the first.
 
     A ratio is of two samples that were taken one after the other: the median over the repeats, the least and the most.
     """
-    taken: list[list[float]] = [[] for _ in subjects]
-    marks: list[list[str]] = [[] for _ in subjects]
-    place = {id(subject): k for k, subject in enumerate(subjects)}
-    for subject, sample in interleaved(subjects, [repeats] * len(subjects), Neighbours()):
-        description: dict[str, Any] = subject.name
-        simulated = "CUDA simulator, no GPU" if description["backend"] == "gpu" and gpu_simulated() else None
-        suspect = "; ".join(filter(None, (sample.suspect, simulated))) or None
-        record.store.add_sample(
-            record.run, description, record.sources, sample.seconds, sample.steps, stage=STAGE, suspect=suspect
-        )
-        taken[place[id(subject)]].append(sample.seconds / sample.steps)
-        marks[place[id(subject)]] += [suspect] if suspect else []
-    return [
-        _over(taken[0], times, list(dict.fromkeys(marks[0] + mine))) for times, mine in zip(taken, marks, strict=True)
-    ]
+    sampled = in_turns(record.store, record.run, STAGE, subjects, repeats, record.way)
+    taken = {id(subject): samples for subject, samples in sampled}
+    first = taken[id(subjects[0])]
+    return [_over(first, taken[id(subject)]) for subject in subjects]
 
 
-def _over(base: Sequence[float], times: Sequence[float], marks: Sequence[str]) -> Measures:
-    ratios = [mine / first for mine, first in zip(times, base, strict=True)]
+def _over(base: Sequence[Sample], samples: Sequence[Sample]) -> Measures:
+    times = [sample.seconds / sample.steps for sample in samples]
+    ratios = [mine / (first.seconds / first.steps) for mine, first in zip(times, base, strict=True)]
+    marks = dict.fromkeys(sample.suspect for sample in (*base, *samples) if sample.suspect)
     reason = "; ".join([f"of {len(ratios)} pairs", *marks])
     return {
         SECONDS: (statistics.median(times), "s", reason),

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from bench.measure.gpu import nvml
 from bench.measure.timing import Subject
 
 Counter = Callable[[], float]  # joules since some beginning
@@ -55,37 +56,21 @@ def energy_counter(backend: str) -> Counter | None:
 
 def nvml_counter() -> Counter | None:
     """The total-energy counter of the GPU in use; None without nvidia-ml-py, or where the GPU has none."""
-    try:
-        import pynvml
-
-        pynvml.nvmlInit()
-        handle = _nvml_handle(pynvml)
-        pynvml.nvmlDeviceGetTotalEnergyConsumption(handle)
-    except Exception:  # the library is optional, and fails in as many ways as drivers do
-        return None
-    return lambda: 1e-3 * pynvml.nvmlDeviceGetTotalEnergyConsumption(handle)
+    library, handle = nvml()
+    with suppress(Exception):  # it fails in as many ways as drivers do
+        library.nvmlDeviceGetTotalEnergyConsumption(handle)
+        return lambda: 1e-3 * library.nvmlDeviceGetTotalEnergyConsumption(handle)
+    return None
 
 
 def power_limit(backend: str) -> float | None:
     """What the GPU may take [W]; None for a CPU, or where the driver does not tell."""
     if backend != "gpu":
         return None
-    try:
-        import pynvml
-
-        pynvml.nvmlInit()
-        return 1e-3 * pynvml.nvmlDeviceGetEnforcedPowerLimit(_nvml_handle(pynvml))
-    except Exception:  # as in nvml_counter
-        return None
-
-
-def _nvml_handle(pynvml: Any) -> Any:
-    """NVML's handle of the device that numba uses: the only one, or the one of its name."""
-    if pynvml.nvmlDeviceGetCount() == 1:
-        return pynvml.nvmlDeviceGetHandleByIndex(0)
-    from numba import cuda
-
-    return pynvml.nvmlDeviceGetHandleByUUID(cuda.get_current_device().uuid)
+    library, handle = nvml()
+    with suppress(Exception):  # as in nvml_counter
+        return 1e-3 * library.nvmlDeviceGetEnforcedPowerLimit(handle)
+    return None
 
 
 def rapl_counter(folder: Path = RAPL) -> Counter | None:

@@ -1,24 +1,25 @@
 """The frame of every experiment: by what the store knows a configuration, how what it lacks is measured, and what was done.
 
 An experiment is groups of cases (what of a group is sampled in turn), and a function that measures a group. `resume` owns the
-rest: what the store holds already, the run, the bar, Ctrl-C. Samples go into the store through `stored_samples`, numbers
-through `keep`.
+rest: what the store holds already, the run, the bar, Ctrl-C. Numbers go into the store through `keep`, samples through
+bench/measure/samples.py.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
 from bench.measure import costs_timing
 from bench.measure.costs_timing import RATIO, Measures, Record
-from bench.measure.machine import enter_machine, gpu_or_reason, gpu_simulated
+from bench.measure.gpu import gpu_or_reason, gpu_simulated
+from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
-from bench.measure.timing import MEASUREMENT, Sample, Subject
+from bench.measure.timing import MEASUREMENT
 from bench.store.database import Store
 from bench.store.results import configuration
 from bench.store.versions import code_version, digest_of
@@ -28,7 +29,6 @@ from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
 
 COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
-SIMULATED = "CUDA simulator, no GPU"  # a mark of a sample
 
 
 # ---------------------------------------------------------------------- what is measured, and where
@@ -83,15 +83,6 @@ def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str,
     return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how
 
 
-class Case(Protocol):
-    """One configuration: its description and the hash of what it depends on, by which the store knows it."""
-
-    @property
-    def description(self) -> dict[str, Any]: ...
-    @property
-    def sources(self) -> str: ...
-
-
 # ---------------------------------------------------------------------- what was done
 
 
@@ -132,8 +123,6 @@ class Summary:
     def __str__(self) -> str:
         return f"{self.name}: {self.counts()}{self.ending()}"
 
-
-FindingsSummary = Summary  # what files call it whose text is a part of a resume key
 
 One = TypeVar("One")
 Made = TypeVar("Made", bound=Summary)
@@ -202,28 +191,6 @@ def keep(
             store.add_measure(run, description, sources, name, value, unit, reason)
 
 
-def stored_samples(
-    store: Store,
-    run: str,
-    stage: str,
-    samples: Iterable[tuple[Subject, Sample]],
-    case_of: Callable[[Any], Case] = lambda name: name,
-    warning: Callable[[Any], str | None] = lambda name: None,
-) -> Iterator[tuple[Subject, Sample]]:
-    """The samples as they are taken, each in the store with all its marks before the next one is.
-
-    `case_of`, `warning`: the case of a subject's name, and what its samples are marked with besides.
-    """
-    for subject, sample in samples:
-        case = case_of(subject.name)
-        simulated = SIMULATED if case.description["backend"] == "gpu" and gpu_simulated() else None
-        suspect = "; ".join(filter(None, (sample.suspect, warning(subject.name), simulated))) or None
-        store.add_sample(
-            run, case.description, case.sources, sample.seconds, sample.steps, stage=stage, suspect=suspect
-        )
-        yield subject, replace(sample, suspect=suspect)
-
-
 # ---------------------------------------------------------------------- experiments of single items
 
 
@@ -236,31 +203,13 @@ class Item(Protocol):
     def run(self, store: Store, run: str) -> None: ...
 
 
-def measure_items(
-    store: Store, summary: Summary, items: Sequence[Item], progress: bool, command: str, doing: str = ""
-) -> Summary:
-    """Measure what the store lacks of the items, one after another; `doing`: what the bar says before each."""
-
-    def measure(group: Sequence[Item], tell: Tell) -> None:
-        for item in group:
-            tell(f"{doing}{item}", 0)
-            item.run(store, summary.run)
-            summary.measured += 1
-            tell(f"{doing}{item}", item.worth)
-
-    return resume(
-        store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
-        progress=progress, command=command, worth=lambda item: item.worth,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True)
 class Items:
-    """An experiment of single items. `of(store, backends, quick)`: all of them, or fewer, or measured in less time; `doing`:
-    what the bar says before each; `command`: that measures them."""
+    """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
+    `doing`: what the bar says before each; `command`: that measures them."""
 
     name: str
-    of: Callable[[Store, Sequence[str], bool], Sequence[Item]]
+    of: Callable[..., Sequence[Item]]
     command: str
     doing: str = ""
 
@@ -272,14 +221,27 @@ class Items:
         backends: Sequence[str] | None = None,
         progress: bool = True,
         command: str = "",
+        **chosen: Any,
     ) -> Summary:
-        """Measure what the store lacks. `backends`: None: all that are here. Ctrl-C ends cleanly.
+        """Measure what the store lacks, one after another. `backends`: None: all that are here; `chosen`: what `of` takes
+        besides. Ctrl-C ends cleanly.
 
-        Raises SceneError (an unknown backend), BackendUnavailable, InputError (the store).
+        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
         """
-        here, summary = backends_here(backends), Summary.begun(store, self.name)
-        items = self.of(store, here, quick)
-        return measure_items(store, summary, items, progress, command or self.command, self.doing)
+        items = self.of(store, backends_here(backends), quick, **chosen)
+        summary = Summary.begun(store, self.name)
+
+        def measure(group: Sequence[Item], tell: Tell) -> None:
+            for item in group:
+                tell(f"{self.doing}{item}", 0)
+                item.run(store, summary.run)
+                summary.measured += 1
+                tell(f"{self.doing}{item}", item.worth)
+
+        return resume(
+            store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
+            progress=progress, command=command or self.command, worth=lambda item: item.worth,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -331,9 +293,3 @@ def cost_sources(backend: str, *files: str) -> str:
     """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
     paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
     return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"
-
-
-def measure_groups(store: Store, what: str, everything: Sequence[Group], show: bool, command: str) -> Summary:
-    """Measure what the store lacks of the groups, one after another, and say what was done. `what` they are called;
-    `show`: a progress bar. Ctrl-C ends cleanly."""
-    return measure_items(store, Summary.begun(store, what), everything, show, command, f"{what}: ")

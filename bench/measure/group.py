@@ -11,13 +11,14 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_other, against_reference
-from bench.measure.cases import Case, Costs, Effort, SweepSummary, record_skip
-from bench.measure.experiment import stored_samples
-from bench.measure.machine import gpu_or_reason, gpu_simulated
+from bench.measure.cases import Case, Costs, Effort, Kind, SweepSummary, record_skip
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import keep
+from bench.measure.gpu import gpu_or_reason, gpu_simulated
+from bench.measure.samples import stored_samples
 from bench.measure.timing import Neighbours, Renderer, Sample, Subject, choose_steps, interleaved, warm_up
 from bench.store.database import Store
 from cpu_backend.core.threads import thread_count
@@ -48,13 +49,13 @@ class GroupRunner:
         self.store, self.effort, self.summary = store, effort, summary
         self.backends, self.costs, self.tell = backends, costs, tell
         self._neighbours = Neighbours()
-        self._compiled: set[tuple[Any, ...]] = set()
+        self._compiled: set[Kind] = set()
 
     def measure(self, group: Sequence[Case]) -> None:
         """Check and time the cases of one group, all of one grid."""
         with ExitStack() as stack:
-            simulations: dict[tuple[Any, ...], Simulation] = {}
-            refused: dict[tuple[Any, ...], str] = {}
+            simulations: dict[Kind, Simulation] = {}
+            refused: dict[Kind, str] = {}
             for case in group:
                 kind = case.simulation_kind
                 if kind not in simulations and kind not in refused:
@@ -106,18 +107,17 @@ class GroupRunner:
     def _diverged(self, case: Case, error: BaseException) -> None:
         """A configuration that breaks has an error, too: an infinite one."""
         if isinstance(error, Diverged):
-            self.store.add_measure(
-                self.summary.run, case.description, case.sources, "error", math.inf, "spacing", str(error)
-            )
+            self._keep(case, {"error": (math.inf, "spacing", str(error))})
+
+    def _keep(self, case: Case, numbers: Measures) -> None:
+        keep(self.store, self.summary.run, case.description, case.sources, numbers)
 
     # ------------------------------------------------------------------ checking
 
-    def _check(
-        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation]
-    ) -> dict[tuple[Any, ...], str]:
+    def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
         """Store the errors of every case; what its samples must be marked with, by kind of simulation."""
         machine = self.summary.machine
-        warnings: dict[tuple[Any, ...], str] = {}
+        warnings: dict[Kind, str] = {}
         for kind, simulation in simulations.items():
             mine = [case for case in cases if case.simulation_kind == kind]
             held = all(self.store.has_measure(c.description, machine, c.sources, "difference") for c in mine)
@@ -133,9 +133,7 @@ class GroupRunner:
                     self.summary.wrong.append((str(mine[0]), warnings[kind]))
         return warnings
 
-    def _other_check(
-        self, case: Case, simulation: Simulation, simulations: dict[tuple[Any, ...], Simulation]
-    ) -> Check | str:
+    def _other_check(self, case: Case, simulation: Simulation, simulations: dict[Kind, Simulation]) -> Check | str:
         """The check against the other backend at the same size, or why there is none."""
         name = "gpu" if case.backend == "cpu" else "cpu"
         if name not in self.backends:
@@ -157,22 +155,18 @@ class GroupRunner:
             return f"the {name} cannot run this size: {error}"
 
     def _store_checks(self, case: Case, kernel: str, reference: Check, other: Check | str | None) -> None:
-        run, store = self.summary.run, self.store
-        with store.transaction():
-            store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
-            for name, check in (("error", reference), ("difference", other)):
-                if isinstance(check, Check):
-                    values = ((name, check.error), (f"{name}_largest", check.largest))
-                    for label, value in values:
-                        store.add_measure(run, case.description, case.sources, label, value, "spacing", check.note)
-                elif check is not None:
-                    store.add_measure(run, case.description, case.sources, name, None, "spacing", check)
+        numbers: Measures = {"kernel": (None, "", kernel)}
+        for name, check in (("error", reference), ("difference", other)):
+            if isinstance(check, Check):
+                numbers[name] = check.error, "spacing", check.note
+                numbers[f"{name}_largest"] = check.largest, "spacing", check.note
+            elif check is not None:
+                numbers[name] = None, "spacing", check
+        self._keep(case, numbers)
 
     # ------------------------------------------------------------------ timing
 
-    def _subjects(
-        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation], stack: ExitStack
-    ) -> list[Subject]:
+    def _subjects(self, cases: Sequence[Case], simulations: dict[Kind, Simulation], stack: ExitStack) -> list[Subject]:
         """What can be timed, warmed up, with the steps of a sample chosen."""
         renderer: Renderer | str | None = None
         subjects = []
@@ -208,8 +202,7 @@ class GroupRunner:
     def _tell_drawing(self, case: Case, drawn: Renderer) -> None:
         """Who drew, how large, and how the state came there."""
         who, way = (getattr(drawn, name, "unknown") for name in ("renderer", "way"))
-        by = f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}"
-        self.store.add_measure(self.summary.run, case.description, case.sources, DRAWN_BY, None, "", by)
+        self._keep(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {way}")})
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
         """One renderer for the group (two off-screen contexts do not live together), or why there is none."""
@@ -223,7 +216,7 @@ class GroupRunner:
     def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
         return interleaved(subjects, wanted, self._neighbours, self.effort.again)
 
-    def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
+    def _sample(self, subjects: Sequence[Subject], warnings: dict[Kind, str]) -> None:
         """Sample the subjects in turn; each sample is on disk before the next one starts."""
         summary, store = self.summary, self.store
         wanted = [

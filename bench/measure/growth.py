@@ -20,7 +20,6 @@ import numpy as np
 
 from bench.reference import cache
 from bench.reference.mass_spring import pinned_mask, simulate, start
-from model.core.disk_cache import read_arrays, write_arrays
 from model.core.integrators import fastest_damping, frequency_bound, spring_damping_bound
 from model.scene.scene import Scene
 
@@ -48,9 +47,9 @@ class Growth:
         """Whether the error of a trajectory is to be refused at the end (also where the twins left the finite world)."""
         return not self.factor <= MAX_GROWTH
 
-    def safe_time(self, most: float = MAX_GROWTH) -> float | None:
-        """The last time [s] looked at before the factor first passes `most`; None where it does from the first on."""
-        over = np.flatnonzero(~(self.factors <= most))
+    def safe_time(self) -> float | None:
+        """The last time [s] looked at before the factor first passes MAX_GROWTH; None where it does from the first on."""
+        over = np.flatnonzero(~(self.factors <= MAX_GROWTH))
         last = (over[0] if len(over) else len(self.times)) - 1
         return float(self.times[last]) if last >= 0 else None
 
@@ -113,15 +112,9 @@ def kept_growth(
 ) -> Growth:
     """`measure_growth`, kept in `folder` as references are (None: nothing is kept)."""
     file = folder / f"growth-{cache.key(scene, time, 1.0, DISTURBANCE)}.npz" if folder else None
-    held = read_arrays(file) if file else None
-    if held and held.keys() >= {"times", "factors"}:
-        found = Growth(held["times"], held["factors"])
-        if found.times.shape == found.factors.shape == (LOOKS,):
-            return found
-    made = measure_growth(scene, time, integrator, per_radian)
-    if file:
-        write_arrays(file, times=made.times, factors=made.factors)
-    return made
+    shapes = {"times": (LOOKS,), "factors": (LOOKS,)}
+    found = cache.kept_arrays(file, shapes, lambda: vars(measure_growth(scene, time, integrator, per_radian)))
+    return Growth(found["times"], found["factors"])
 
 
 def growth_words(growth: float) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.checks import OWN_SIZE_STEPS, Check, against_reference, compare, displaced
-from bench.measure.cases import Case, record_skip
+from bench.measure.cases import Case, Kind, record_skip
 from bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
 from bench.measure.group import GroupRunner
 from bench.measure.timing import Sample, Subject
@@ -30,9 +30,9 @@ class KernelRunner(GroupRunner):
 
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
-        self._references: dict[tuple[Any, ...], Check] = {}  # one check at the small size serves every size
-        self._defaults: dict[tuple[Any, ...], str | None] = {}
-        self._opened: dict[tuple[Any, ...], Simulation] = {}  # as the backend likes, until its kernel's turn comes
+        self._references: dict[Kind, Check] = {}  # one check at the small size serves every size
+        self._defaults: dict[Kind, str | None] = {}
+        self._opened: dict[Kind, Simulation] = {}  # as the backend likes, until its kernel's turn comes
         self._counters: dict[str, Counter | None] = {}
 
     def measure(self, group: Sequence[Case]) -> None:
@@ -84,11 +84,9 @@ class KernelRunner(GroupRunner):
 
     # ------------------------------------------------------------------ checking
 
-    def _check(
-        self, cases: Sequence[Case], simulations: dict[tuple[Any, ...], Simulation]
-    ) -> dict[tuple[Any, ...], str]:
+    def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
         """Each kernel against NumPy at the small size, and against the plainest one at its own."""
-        warnings: dict[tuple[Any, ...], str] = {}
+        warnings: dict[Kind, str] = {}
         witnesses: dict[str, tuple[str, State, Any]] = {}
         for case in cases:
             kind = case.simulation_kind
@@ -130,10 +128,7 @@ class KernelRunner(GroupRunner):
     def _store_default(self, case: Case) -> None:
         name = self._defaults.get((case.scene.canonical(), case.backend, case.threads, case.precision))
         if name is not None:
-            chosen = float(name == case.kernel)
-            self.store.add_measure(
-                self.summary.run, case.description, case.sources, "default", chosen, "", f"the backend's choice: {name}"
-            )
+            self._keep(case, {"default": (float(name == case.kernel), "", f"the backend's choice: {name}")})
 
     def _fail(self, case: Case, error: Exception) -> None:
         self._diverged(case, error)
@@ -158,7 +153,7 @@ class KernelRunner(GroupRunner):
                 else:
                     yield subject, sample
 
-    def _sample(self, subjects: Sequence[Subject], warnings: dict[tuple[Any, ...], str]) -> None:
+    def _sample(self, subjects: Sequence[Subject], warnings: dict[Kind, str]) -> None:
         super()._sample(subjects, warnings)
         for subject in subjects:
             if self.effort.energy_seconds and subject.name.energy:
@@ -180,7 +175,7 @@ class KernelRunner(GroupRunner):
         except Exception as error:  # the times, which stand, have marks of their own
             reason = f"{type(error).__name__}: {error}"
         if found is None:
-            self.store.add_measure(run, case.description, case.sources, NO_JOULES, None, "J", reason)
+            self._keep(case, {NO_JOULES: (None, "J", reason)})
             return
         self.store.add_sample(
             run, case.description, case.sources, found.seconds, found.steps, stage=STAGE, joules=found.joules,

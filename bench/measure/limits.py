@@ -14,7 +14,8 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-from bench.measure.machine import gpu_or_reason, gpu_simulated, machine_label, machine_record
+from bench.measure.gpu import gpu_or_reason, gpu_simulated
+from bench.measure.machine import machine_label, machine_record
 from bench.store.database import Store
 from cpu_backend.core.threads import core_count
 from model.core.digest import ROOT

@@ -7,7 +7,6 @@ caches, on all cores. Facts are had in milliseconds, the measured limits in abou
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 import re
 import sys
@@ -22,7 +21,9 @@ from typing import Any
 import numpy as np
 import psutil
 
-from bench.store.database import Store, canonical
+from bench.measure.gpu import gpu_facts, gpu_or_reason, gpu_simulated
+from bench.store.database import Store
+from bench.store.schema import canonical
 from cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
 from model.core.memory import available_bytes
 
@@ -57,7 +58,7 @@ def machine_record() -> dict[str, Any]:
             record[package.replace("-", "_")] = metadata.version(package)
         except metadata.PackageNotFoundError:
             record[package.replace("-", "_")] = None
-    return record | _gpu_facts()
+    return record | gpu_facts()
 
 
 def machine_key(record: dict[str, Any]) -> str:
@@ -217,68 +218,6 @@ def _memory_gib() -> int:
 
 
 # ---------------------------------------------------------------------- the GPU
-
-
-def gpu_or_reason() -> tuple[bool, str]:
-    """(True, the device's name), or (False, why there is none and what to do)."""
-    try:
-        from gpu_backend.core.device import gpu_available
-    except ImportError as error:
-        return False, f"the GPU backend cannot be loaded ({error})"
-    return gpu_available()
-
-
-def gpu_simulated() -> bool:
-    """Whether numba's CUDA simulator stands in: good for checks, never for times."""
-    return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
-
-
-def _gpu_facts() -> dict[str, Any]:
-    facts: dict[str, Any] = dict.fromkeys(
-        (
-            "gpu",
-            "gpu_count",
-            "gpu_memory_gib",
-            "gpu_compute_capability",
-            "gpu_multiprocessors",
-            "gpu_l2_bytes",
-            "gpu_driver",
-        )
-    )
-    available, name = gpu_or_reason()
-    if not available:
-        return facts
-    facts["gpu"] = name
-    if gpu_simulated():
-        return facts
-    from numba import cuda
-
-    device = cuda.get_current_device()
-    facts["gpu_count"] = len(cuda.gpus)
-    facts["gpu_memory_gib"] = round(cuda.current_context().get_memory_info()[1] / 2**30)
-    facts["gpu_compute_capability"] = ".".join(map(str, device.compute_capability))
-    facts["gpu_multiprocessors"] = int(device.MULTIPROCESSOR_COUNT)
-    facts["gpu_l2_bytes"] = int(device.L2_CACHE_SIZE)
-    facts["gpu_driver"] = _gpu_driver()
-    return facts
-
-
-def _gpu_driver() -> str | None:
-    """The driver's own version, or that of the CUDA it speaks, as far as either is told."""
-    try:
-        import pynvml
-
-        pynvml.nvmlInit()
-        version = pynvml.nvmlSystemGetDriverVersion()
-        return version.decode() if isinstance(version, bytes) else str(version)
-    except Exception:  # the library is optional, and fails in as many ways as drivers do
-        pass
-    try:
-        text = Path("/proc/driver/nvidia/version").read_text()
-        found = re.search(r"\b(\d{3}\.\d+(\.\d+)?)\b", text)
-        return found.group(1) if found else None
-    except OSError:
-        return None
 
 
 def _gpu_limits() -> dict[str, Any]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -214,6 +214,24 @@ def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
     return subject.steps
 
 
+def prepare(subject: Subject, seconds: float, most_seconds: float) -> Subject:
+    """The subject, warmed up, its steps chosen for samples of `seconds` [s], at `most_seconds` [s]. Raises Diverged."""
+    warm_up(subject)
+    choose_steps(subject, seconds, most_seconds)
+    return subject
+
+
+def prepare_run(subject: Subject, steps: int, seconds: float, most_seconds: float) -> Subject:
+    """As `prepare`, a subject that has run so many `steps`: over its limit, where a longer run might break, a sample has
+    these."""
+    warm_up(subject)
+    if subject.simulation.scene.method.dt > subject.simulation.limit:
+        subject.steps = steps
+    else:
+        choose_steps(subject, seconds, most_seconds)
+    return subject
+
+
 def steps_together(simulation: Any) -> int:
     """Steps that a kernel does in one pass over memory: the CPU's `tiled` several; a peer says it itself."""
     if getattr(simulation, "kernel", None) == "tiled":
@@ -245,29 +263,3 @@ def interleaved(
                 sample = subject.sample(watch)
                 left[k] -= DISTURBED not in (sample.suspect or "")
                 yield subject, sample
-
-
-def time_simulations(
-    simulations: Sequence[Simulation],
-    repeats: int = 5,
-    min_seconds: float = 0.1,
-    *,
-    max_seconds: float = 30.0,
-    renderer: Renderer | None = None,
-    on_sample: Callable[[int, Sample], None] | None = None,
-) -> list[list[Sample]]:
-    """Time opened simulations side by side, from the state each holds now: a list of samples for each.
-
-    `min_seconds`, `max_seconds` [s]: the least of a sample, the most of one simulation's repeats together. `renderer`:
-    draw every DRAW_EVERY steps. `on_sample(index, sample)` is called for every finished sample. Raises Diverged.
-    """
-    subjects = [Subject(s, index, renderer, start=s.state()) for index, s in enumerate(simulations)]
-    for subject in subjects:
-        warm_up(subject)
-        choose_steps(subject, min_seconds, max_seconds / max(repeats, 1))
-    samples: list[list[Sample]] = [[] for _ in subjects]
-    for subject, sample in interleaved(subjects, [repeats] * len(subjects)):
-        samples[subject.name].append(sample)
-        if on_sample:
-            on_sample(subject.name, sample)
-    return samples

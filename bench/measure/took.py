@@ -15,7 +15,8 @@ from typer import Exit
 from typer.core import TyperCommand
 
 from app.command.command_line import errors
-from bench.store.database import Store, canonical
+from bench.store.database import Store
+from bench.store.schema import canonical
 from model.core.errors import SoftlabError
 
 TABLE = """CREATE TABLE IF NOT EXISTS took (

@@ -18,8 +18,8 @@ from app.render import cuda_vertices, sheet_view, vertices
 from app.render.sheet_view import SheetView
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, cost_sources, described
-from bench.measure.machine import gpu_simulated
-from bench.measure.timing import Subject, choose_steps, warm_up
+from bench.measure.gpu import gpu_simulated
+from bench.measure.timing import Subject, prepare
 from model.core.simulation import PRECISIONS
 from model.scene.scene import load_scene
 
@@ -123,7 +123,6 @@ def _frame_costs(record: Record, subjects: list[Frames], effort: Effort) -> list
     shown = straight.view.vertices.way
     ways = subjects if shown == cuda_vertices.STRAIGHT else [host]
     for subject in ways:
-        warm_up(subject)
-        choose_steps(subject, effort.seconds, effort.most)
+        prepare(subject, effort.seconds, effort.most)
     found = in_turn(record, ways, effort.repeats)
     return found if straight in ways else [*found, {RATIO: (None, "", shown)}]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,16 +53,29 @@ def kept(
 ) -> Converged:
     """The converged reference, from `folder` where it lies there, else made and put there (None: nothing is kept).
 
-    `per_radian`: the steps to begin with, which the tolerance makes finer. A file that cannot be read or written costs the
-    time to make it again, nothing else. Raises what `converged` raises.
+    `per_radian`: the steps to begin with, which the tolerance makes finer. Raises what `converged` raises.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
+    how: dict[str, Any] = {"inertia": inertia, "tolerance": tolerance, "per_radian": per_radian}
+    return kept_state(file, scene, lambda: Converged(*converged(scene, time, **how)))
+
+
+def kept_state(file: Path | None, scene: Scene, make: Callable[[], Converged]) -> Converged:
+    """A reference of the scene, kept in the file as `kept_arrays` are."""
+    shape = scene.grid.particle_count, scene.dimensions
+    found = kept_arrays(file, {"position": shape, "velocity": shape, "estimate": ()}, lambda: vars(make()))
+    return Converged(found["position"], found["velocity"], float(found["estimate"]))
+
+
+def kept_arrays(
+    file: Path | None, shapes: Mapping[str, tuple[int, ...]], make: Callable[[], Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """Arrays of these `shapes` by name, from the file where it holds them, else made and put there (None: nothing is kept). A
+    file that cannot be read or written costs the time to make them again, nothing else."""
     held = read_arrays(file) if file else None
-    if held and held.keys() >= {"position", "velocity", "estimate"}:
-        found = Converged(held["position"], held["velocity"], float(held["estimate"]))
-        if found.position.shape == found.velocity.shape == (scene.grid.particle_count, scene.dimensions):
-            return found
-    made = Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance, per_radian=per_radian))
+    if held and all(name in held and held[name].shape == shape for name, shape in shapes.items()):
+        return held
+    made = make()
     if file:
-        write_arrays(file, position=made.position, velocity=made.velocity, estimate=made.estimate)
+        write_arrays(file, **made)
     return made

@@ -41,7 +41,7 @@ class Solution:
     first: np.ndarray | None = None
 
 
-def system(scene: Scene, position: np.ndarray, clamped: bool = True) -> np.ndarray:
+def system(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(3 particles, 3 particles): the matrix over the mass at positions (rows, columns, 3) [m], pinned masses held."""
     h = scene.method.dt
     shape = position.shape[:2]
@@ -59,9 +59,7 @@ def system(scene: Scene, position: np.ndarray, clamped: bool = True) -> np.ndarr
             n = np.divide(d, length[:, :, 0], out=np.zeros_like(d), where=length[:, :, 0] > 0)
             along = n[:, :, None] * n[:, None, :]
             rest = scene.grid.spacing * np.hypot(*way)
-            across = 1 - np.divide(rest, length, out=np.zeros_like(length), where=length > 0)
-            if clamped:
-                across = np.maximum(across, 0.0)
+            across = np.maximum(1 - np.divide(rest, length, out=np.zeros_like(length), where=length > 0), 0.0)
             stiff = h * h * springs.stiffness * (along + across * (np.eye(3) - along)) + h * springs.damping * along
             for a, b, sign in ((first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1)):
                 place: Any = (a, slice(None), b, slice(None))

@@ -13,7 +13,6 @@ begins, and lives through its iterations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
@@ -33,8 +32,6 @@ ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged
 # end is the upper one, of two in a row the left one; the way (1, -1) is the diagonal from (i, j + 1) to (i + 1, j). All ways
 # from even rows to odd ones come first, then those from odd rows to even ones: rows meet two at a time.
 WAYS = {(1, 0): (0, 3), (1, 1): (1, 4), (1, -1): (2, 5), (0, 1): (6, 7), (2, 0): (8, 9), (0, 2): (10, 11)}
-
-Accelerate = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -98,8 +95,7 @@ def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constrai
         values = (common.rest_length, common.compliance, common.damping, np.where(along // stride % 2, *colours[::-1]))
         found.append([np.ravel(a) for a in (first, second, *(np.broadcast_to(a, first.shape) for a in values))])
     if not found:
-        nothing = np.zeros(0)
-        return Constraints(np.zeros(0, int), np.zeros(0, int), nothing, nothing, nothing, np.zeros(0, int))
+        found = [[np.zeros(0, kind) for kind in (int, int, float, float, float, int)]]
     first, second, rest_length, compliance, damping, colour = (np.concatenate(a) for a in zip(*found, strict=True))
     return Constraints(first, second, rest_length, compliance, damping, colour)
 
@@ -237,29 +233,6 @@ def residuals(
     return float(first.max(initial=0.0)), float(np.abs(balance[free]).max(initial=0.0))
 
 
-def step(
-    constraints: Constraints,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    accelerate: Accelerate,
-    inverse_mass: np.ndarray,
-    dt: float,
-    substeps: int,
-    iterations: int,
-    ordering: str = "gauss-seidel",
-    drag: np.ndarray | float = 0.0,
-    settle: Callable[[int], Settle] = lambda number: lambda before, p, v: (p, v),
-) -> Substep:
-    """The last of `substeps` substeps of dt / substeps [s]; `accelerate(p, v, substep)` is asked at each one's beginning,
-    `settle(substep)` are its colliders."""
-    h = dt / substeps
-    for number in range(substeps):
-        a = accelerate(position, velocity, number)
-        state = substep(constraints, position, velocity, a, inverse_mass, h, iterations, ordering, drag, settle(number))
-        position, velocity = state.position, state.velocity
-    return state
-
-
 def accelerations(
     scene: Scene, p: np.ndarray, v: np.ndarray, time: float, frame: int, poke: Poke | None, mass: np.ndarray
 ) -> np.ndarray:
@@ -307,25 +280,20 @@ def simulate(
     mass = np.full(len(p), scene.grid.mass) if masses is None else np.asarray(masses, dtype=np.float64)
     inverse_mass = np.where(pinned_mask(scene).ravel(), 0.0, 1 / mass)
     drag = (scene.damping.coefficient if scene.damping else 0.0) / mass[:, None]
-    constraints, dt = of_scene(scene, inextensible), scene.method.dt
-    fine = scene.replace({"method.dt": dt / substeps})
-    shape = (scene.grid.rows, scene.grid.columns, scene.dimensions)
-    for frame in range(first_step, first_step + steps):
+    constraints, h = of_scene(scene, inextensible), scene.method.dt / substeps
+    fine, shape = scene.replace({"method.dt": h}), (scene.grid.rows, scene.grid.columns, scene.dimensions)
 
-        def accelerate(p: np.ndarray, v: np.ndarray, number: int, frame: int = frame) -> np.ndarray:
-            time = (frame * substeps + number) * (dt / substeps)
-            return accelerations(scene, p, v, time, frame, poke, mass)
+    def collided(number: int) -> Settle:
+        def settle(before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            if not scene.colliders:
+                return p, v
+            p, v = cloth.collide(fine, before.reshape(shape), p.reshape(shape), v.reshape(shape), number)
+            return p.reshape(-1, 3), v.reshape(-1, 3)
 
-        def settle(number: int, frame: int = frame) -> Settle:
-            def collide(before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-                if not scene.colliders:
-                    return p, v
-                sheets = before.reshape(shape), p.reshape(shape), v.reshape(shape)
-                p, v = cloth.collide(fine, *sheets, frame * substeps + number)
-                return p.reshape(-1, 3), v.reshape(-1, 3)
+        return settle
 
-            return collide
-
-        state = step(constraints, p, v, accelerate, inverse_mass, dt, substeps, iterations, ordering, drag, settle)
+    for number in range(first_step * substeps, (first_step + steps) * substeps):
+        a = accelerations(scene, p, v, number * h, number // substeps, poke, mass)
+        state = substep(constraints, p, v, a, inverse_mass, h, iterations, ordering, drag, collided(number))
         p, v = state.position, state.velocity
     return p, v

@@ -1,22 +1,11 @@
 """The SQLite store: what was measured, on which machine, in which run, of which configuration.
 
 Raw repeats only; every summary is a query (bench/store/results.py). A finished sample is committed at once, so that Ctrl-C or
-`kill -9` loses none. Tables, all keyed by text, so that two stores merge without renumbering:
-
-    machine        key, label, record (JSON)
-    run            key, machine, commit_hash, started (UTC, ISO 8601), command
-    configuration  hash (of `description`), description (canonical JSON)
-    sample         configuration, run, sources, stage, repeat, seconds, steps, joules, suspect
-    measure        configuration, run, sources, name, value, unit, reason
-    schema_version version
-
-`sources` is a hash of the code that was measured: configuration + machine + sources is the key by which a sweep
-resumes. `steps` are the steps in one sample, so that the time of a step is a query; 0 for a stage without (compile).
+`kill -9` loses none. Its tables: bench/store/schema.py.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
@@ -28,51 +17,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from model.core.errors import InputError, shown
+from bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
+from model.core.errors import InputError
 from model.core.files import check_source
 
 DEFAULT_PATH = Path("softlab-results") / "results.sqlite"
-SCHEMA_VERSION = 1
 BUSY_SECONDS = 5.0  # how long to wait for another process's write
-
-TABLES = {  # table -> its columns, in the order of the text export
-    "machine": ("key", "label", "record"),
-    "run": ("key", "machine", "commit_hash", "started", "command"),
-    "configuration": ("hash", "description"),
-    "sample": ("configuration", "run", "sources", "stage", "repeat", "seconds", "steps", "joules", "suspect"),
-    "measure": ("configuration", "run", "sources", "name", "value", "unit", "reason"),
-}
-TYPES = {  # of the columns that are no texts, as SQLite names them
-    "repeat": "'integer'", "seconds": "'real', 'integer'", "steps": "'integer'", "joules": "'real', 'integer', 'null'",
-    "value": "'real', 'integer', 'null'", **dict.fromkeys(("commit_hash", "suspect", "reason"), "'text', 'null'"),
-}  # fmt: skip
-SCHEMA = f"""
-CREATE TABLE schema_version (version INTEGER NOT NULL);
-INSERT INTO schema_version VALUES ({SCHEMA_VERSION});
-CREATE TABLE machine (key TEXT PRIMARY KEY, label TEXT NOT NULL, record TEXT NOT NULL);
-CREATE TABLE run (
-    key TEXT PRIMARY KEY, machine TEXT NOT NULL REFERENCES machine, commit_hash TEXT, started TEXT NOT NULL,
-    command TEXT NOT NULL);
-CREATE TABLE configuration (hash TEXT PRIMARY KEY, description TEXT NOT NULL);
-CREATE TABLE sample (
-    configuration TEXT NOT NULL REFERENCES configuration, run TEXT NOT NULL REFERENCES run, sources TEXT NOT NULL,
-    stage TEXT NOT NULL, repeat INTEGER NOT NULL, seconds REAL NOT NULL, steps INTEGER NOT NULL, joules REAL,
-    suspect TEXT, PRIMARY KEY (configuration, run, sources, stage, repeat));
-CREATE TABLE measure (
-    configuration TEXT NOT NULL REFERENCES configuration, run TEXT NOT NULL REFERENCES run, sources TEXT NOT NULL,
-    name TEXT NOT NULL, value REAL, unit TEXT NOT NULL, reason TEXT,
-    PRIMARY KEY (configuration, run, sources, name));
-"""
-
-
-def canonical(description: Mapping[str, Any]) -> str:
-    """Canonical JSON: equal texts mean equal descriptions."""
-    return json.dumps(description, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-
-
-def configuration_hash(description: Mapping[str, Any]) -> str:
-    """The 16 hexadecimal digits that name a configuration."""
-    return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
 
 
 class Store:
@@ -153,7 +103,7 @@ class Store:
             connection.execute("BEGIN IMMEDIATE")
             try:  # another process may have made them since
                 if not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-                    for statement in SCHEMA.split(";\n"):
+                    for statement in SCHEMA:
                         connection.execute(statement)
                 connection.execute("COMMIT")
             except BaseException:
@@ -169,30 +119,10 @@ class Store:
         if finding != "ok":
             raise sqlite3.DatabaseError(finding)
         if not memory:
-            self._check_rows(connection)
+            check_rows(connection, self.path)
         if not self.readonly and not memory:
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = NORMAL")  # safe under kill -9, if not a power cut
-
-    def _check_rows(self, connection: sqlite3.Connection) -> None:
-        """Refuse rows that no lab wrote: SQLite takes any type in any column."""
-        damaged = "this lab wrote no such row; restore a copy, or merge its last export into another store"
-        for table, columns in TABLES.items():
-            for column in columns:
-                types = TYPES.get(column, "'text'")
-                found = connection.execute(
-                    f"SELECT rowid, {column} FROM {table} WHERE typeof({column}) NOT IN ({types}) LIMIT 1"
-                ).fetchone()
-                if found:
-                    raise InputError(f"{self.path}: {table}.{column} = {shown(found[1])} in row {found[0]}: {damaged}")
-        for table, column in (("machine", "record"), ("configuration", "description")):
-            for row, text in connection.execute(f"SELECT rowid, {column} FROM {table}"):
-                try:
-                    good = isinstance(json.loads(text), dict)
-                except (ValueError, RecursionError):
-                    good = False
-                if not good:
-                    raise InputError(f"{self.path}: {table}.{column} = {shown(text)} in row {row}: {damaged}")
 
     @contextmanager
     def _explained(self) -> Iterator[None]:

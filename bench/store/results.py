@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from bench.experiments.accuracy.methods import name_of
-from bench.store.database import DEFAULT_PATH, Store, canonical
+from bench.store.database import DEFAULT_PATH, Store
+from bench.store.schema import canonical, configuration_hash, tables_by_kind
 from model.core.errors import SoftlabError
 from model.core.families import scene_plan
 from model.scene.scene import Scene
@@ -177,6 +178,12 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
     return list(newest.values())
 
 
+def measures_of(store: Store, machine: str, descriptions: Iterable[Mapping[str, Any]]) -> list[Measure]:
+    """The measures of these configurations on a machine."""
+    wanted = set(map(configuration_hash, descriptions))
+    return [measure for measure in measures(store, machine=machine) if measure.configuration in wanted]
+
+
 def by_configuration(found: Iterable[Measure]) -> list[dict[str, Measure]]:
     """The measures of each configuration on each machine, by name."""
     named: dict[tuple[str, str], dict[str, Measure]] = {}
@@ -282,7 +289,7 @@ def _thread_word(threads: int | None, cores: int | None) -> str | None:
 def _facts(scene_text: str, precision: str) -> tuple[dict[str, Any], dict[str, Any], int | None]:
     """The grid, the method and the bytes a particle and step, of a scene as the store holds it."""
     data = json.loads(scene_text)
-    kinds = {table.get("kind", name): table for name, table in data.items()}
+    kinds = tables_by_kind(data)
     grid = {"rows": 0, "columns": 0} | kinds.get("grid", {})
     method = {"integrator": "", "dt": 0.0} | kinds.get("method", {})
     try:

@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from bench.measure.cases import LADDER, SweepSummary
 from bench.store.database import Store
 from bench.store.results import timings
+
+
+def print_table(
+    console: Console,
+    heads: Iterable[Column | str],
+    rows: Iterable[Iterable[str]],
+    below: str = "",
+    title: str | None = None,
+) -> None:
+    """A table without borders, and what is said of it `below`."""
+    table = Table(*heads, box=None, title=title, title_justify="left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+    if below:
+        console.print(below, soft_wrap=True)
+
+
+def columns(words: Iterable[str], numbers: Iterable[str]) -> list[Column]:
+    """Heads of columns: of words that are never broken, then of numbers, flush right."""
+    return [*(Column(name, no_wrap=True) for name in words), *(Column(name, justify="right") for name in numbers)]
 
 
 def print_sweep(console: Console, summary: SweepSummary) -> None:

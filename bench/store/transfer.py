@@ -26,7 +26,8 @@ from math import isfinite
 from pathlib import Path
 from typing import IO, Any
 
-from bench.store.database import TABLES, Store, canonical, configuration_hash
+from bench.store.database import Store
+from bench.store.schema import COLUMNS, TABLES, canonical, configuration_hash
 from model.core.errors import InputError, shortened
 from model.core.files import check_source, check_target, replacing
 
@@ -198,9 +199,8 @@ def is_text(file: str | Path) -> bool:
 
 
 def _opened(file: Path) -> IO[str]:
-    if file.suffix.lower() == ".gz":
-        return gzip.open(file, "rt", encoding="utf-8", newline="")
-    return file.open(encoding="utf-8", newline="")
+    opening = gzip.open if file.suffix.lower() == ".gz" else open
+    return opening(file, "rt", encoding="utf-8", newline="")
 
 
 def _is_text_export(file: Path) -> bool:
@@ -268,46 +268,32 @@ def _parse(reader: Any, file: Path) -> Rows:
             rows[table].append((key, canonical(description)))
         elif table == "sample":
             rows[table] += _samples(row)
-        elif table == "measure":
-            value = float(row["value"]) if row["value"] else None
-            rows[table].append(
-                (
-                    row["configuration"],
-                    row["run"],
-                    row["sources"],
-                    row["name"],
-                    value,
-                    row["unit"],
-                    row["reason"] or None,
-                )
-            )
         else:
-            rows[table].append(tuple(row[k] or (None if k == "commit_hash" else "") for k in TABLES[table]))
+            rows[table].append(_row(table, row))
     rows["machine"] = [(key, label, canonical(_unflatten(cells))) for (key, label), cells in records.items()]
     return rows
 
 
+def _row(table: str, cells: Mapping[str, str]) -> tuple[Any, ...]:
+    """A row of a table from its cells, by column."""
+    return tuple(_read(declared, cells[column]) for column, declared in COLUMNS[table].items())
+
+
+def _read(declared: str, cell: str) -> Any:
+    """A cell as its column declares it; an empty one is none where it may be."""
+    kind, _, rule = declared.partition(" ")
+    if not cell and not rule:
+        return None
+    return {"REAL": float, "INTEGER": int}.get(kind, str)(cell)
+
+
 def _samples(row: Mapping[str, str]) -> list[tuple[Any, ...]]:
     repeats, seconds = row["repeats"].split(), row["seconds"].split()
-    joules = row["joules"].split() or ["-"] * len(repeats)
+    joules = ["" if joule == "-" else joule for joule in row["joules"].split()] or [""] * len(repeats)
+    for text in seconds:
+        if not (isfinite(float(text)) and float(text) >= 0):
+            raise ValueError(f"a sample took {shortened(text, 40)} s")
     return [
-        (
-            row["configuration"],
-            row["run"],
-            row["sources"],
-            row["stage"],
-            int(repeat),
-            _seconds(second),
-            int(row["steps"]),
-            None if joule == "-" else float(joule),
-            row["suspect"] or None,
-        )
+        _row("sample", {**row, "repeat": repeat, "seconds": second, "joules": joule})
         for repeat, second, joule in zip(repeats, seconds, joules, strict=True)
     ]
-
-
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not (isfinite(seconds) and seconds >= 0):
-        raise ValueError(f"a sample took {shortened(text, 40)} s")
-    return seconds

@@ -76,7 +76,7 @@ def spins(trial: Trial) -> list[Check]:
     substeps each, of the way. Beside the law, how far the body is from where Newton has it: two whole turns, which is where
     it was."""
     scene = trial.scene
-    state = _after(trial, body_laws.SECONDS[SPIN])
+    state = trial.run(None, body_laws.SECONDS[SPIN])
     m, at, n = masses(scene)[:, 0], scene.body_set.position, scene.method.substeps
     before = angular_momentum(at, scene.body_set.velocity, m)
     left = float(np.linalg.norm(angular_momentum(*_moving(state), m)) / np.linalg.norm(before))
@@ -105,7 +105,7 @@ def flies(trial: Trial) -> list[Check]:
     """A8: a soft body is thrown, spinning. Masses that are split among clusters keep linear momentum to rounding: places of
     up to 20 m. Of the angular one its law takes w^2 h t at most, as of a rigid body (1 - 1 / sqrt(1 + 2 w^2 h t) is less)."""
     scene, seconds = trial.scene, body_laws.SECONDS[body_laws.FLIGHT]
-    state = _after(trial, seconds)
+    state = trial.run(None, seconds)
     m, h = masses(scene)[:, 0], substep(scene)
     at, velocity = _moving(state)
     fallen = np.array([0.0, GRAVITY * seconds, 0.0])
@@ -117,12 +117,6 @@ def flies(trial: Trial) -> list[Check]:
         Check("speed, off what gravity gives", float(off), "m/s", "<", steps * of_a_place(trial, 20.0) / h),
         Check("angular momentum lost", lost, "", "<", body_laws.SPEED**2 * h * seconds),
     ]
-
-
-def _after(trial: Trial, seconds: float) -> State:
-    with trial.open() as simulation:
-        trial.advance(simulation, trial.steps(seconds))
-        return trial.look(simulation)
 
 
 def _moving(state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -144,12 +138,9 @@ def finds_its_shape(how: str) -> Law:
         begin = changed(scene, CHANGED[how])
         given = scene.body_set.clusters.energy(begin.position) + masses(scene).sum() * SEPARATION**2 / 2
         most = 0.0
-        with trial.open(begin) as simulation:
-            for _ in range(LOOKS):
-                trial.advance(simulation, 1)
-                most = max(most, kinetic(scene, trial.look(simulation).velocity))
-            trial.advance(simulation, LAST - LOOKS)
-            state = trial.look(simulation)
+        for state in trial.watch((*range(1, LOOKS + 1), LAST), begin):
+            if state.step <= LOOKS:
+                most = max(most, kinetic(scene, state.velocity))
         at, velocity = _moving(state)
         drift = float(np.abs(centre(scene, velocity)).max())
         rounded = LAST * scene.method.substeps * of_a_place(trial) / substep(scene)
@@ -168,14 +159,11 @@ def is_whole_at_once(trial: Trial) -> list[Check]:
     scene, worst, fastest, moved = trial.scene, 0.0, 0.0, 0.0
     at_rest = centre(scene, scene.body_set.position)
     for change in CHANGED.values():
-        with trial.open(changed(scene, change)) as simulation:
-            for steps in (1, 2):
-                trial.advance(simulation, steps)
-                state = trial.look(simulation)
-                at, velocity = _moving(state)
-                worst = max(worst, out_of_shape(scene, at))
-            fastest = max(fastest, float(np.abs(velocity).max()))
-            moved = max(moved, float(np.abs(centre(scene, at) - at_rest).max()))
+        for state in trial.watch((1, 3), changed(scene, change)):
+            at, velocity = _moving(state)
+            worst = max(worst, out_of_shape(scene, at))
+        fastest = max(fastest, float(np.abs(velocity).max()))
+        moved = max(moved, float(np.abs(centre(scene, at) - at_rest).max()))
     goal = GOALS * ULP[trial.precision]
     return [
         Check(f"out of shape, worst of {len(CHANGED)} ways", worst, "m", "<", goal),
@@ -194,18 +182,13 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
     scene, lowest, peak = trial.scene, np.inf, 0.0
     energy = kinetic(scene, scene.body_set.velocity)
     reach = next(part for part in scene.parts.values() if isinstance(part, Plane)).thickness
-    with trial.open() as simulation:
-        for _ in range(FLYING):
-            trial.advance(simulation, 1)
-            state = trial.look(simulation)
+    for state in trial.watch((*range(1, FLYING + 1), FLYING + LAST)):
+        lowest = min(lowest, float(state.position[:, 1].min()))
+        if state.step <= FLYING:
             peak = max(peak, kinetic(scene, state.velocity))
-            lowest = min(lowest, float(state.position[:, 1].min()))
-        trial.advance(simulation, LAST)
-        state = trial.look(simulation)
-    deepest = reach - min(lowest, float(state.position[:, 1].min()))
     bent = out_of_shape(scene, _moving(state)[0]) / scene.body_set.spacing
     return [
-        Check("deepest under the plane's reach", deepest, "m", "<", 4 * ULP[trial.precision]),
+        Check("deepest under the plane's reach", reach - lowest, "m", "<", 4 * ULP[trial.precision]),
         Check("kinetic energy over the shot's", peak / energy, "", "<", 1 + of_a_place(trial)),
         Check("out of shape over the spacing, 10 s later", bent, "", "<", 0.1),
     ]
@@ -216,16 +199,10 @@ def is_stopped_by_a_box(trial: Trial) -> list[Check]:
     a substep, and takes energy away."""
     scene = trial.scene
     box = next(part for part in scene.parts.values() if isinstance(part, Box))
-    top, way = (
-        box.center[1] + box.half_size[1] + box.thickness,
-        float(np.abs(scene.body_set.velocity).max()) * substep(scene),
-    )
+    top, way = box.center[1] + box.half_size[1] + box.thickness, np.abs(scene.body_set.velocity).max() * substep(scene)
     lowest = np.inf
-    with trial.open() as simulation:
-        for _ in range(FLYING):
-            trial.advance(simulation, 1)
-            state = trial.look(simulation)
-            lowest = min(lowest, float(state.position[:, 1].min()))
+    for state in trial.watch(range(1, FLYING + 1)):
+        lowest = min(lowest, float(state.position[:, 1].min()))
     energy = kinetic(scene, state.velocity) / kinetic(scene, scene.body_set.velocity)
     return [
         Check("deepest under the reach of its upper side", top - lowest, "m", "<", 4 * ULP[trial.precision]),
@@ -240,13 +217,10 @@ def is_stopped_by_a_body(trial: Trial) -> list[Check]:
     tenth of it at least."""
     scene, steps = trial.scene, round(0.04 / trial.dt)
     energy, most, least = kinetic(scene, scene.body_set.velocity), 0.0, np.inf
-    with trial.open() as simulation:
-        for _ in range(FLYING):
-            trial.advance(simulation, steps // FLYING)
-            state = trial.look(simulation)
-            at, velocity = _moving(state)
-            most = max(most, kinetic(scene, velocity))
-            least = min(least, float(centre(scene, at, 1)[1] - centre(scene, at, 0)[1]))
+    for look in trial.watch(range(steps // FLYING, steps + 1, steps // FLYING)):
+        at, velocity = _moving(look)
+        most = max(most, kinetic(scene, velocity))
+        least = min(least, float(centre(scene, at, 1)[1] - centre(scene, at, 0)[1]))
     names = [copy.name for copy in scene.body_set.copies]
     keep = (getattr(scene.parts[names[1]], "particle_spacing") + RIGID_SPACING) / 2  # noqa: B009 - of either kind
     change = np.abs(centre(scene, velocity - scene.body_set.velocity)).max()
@@ -269,15 +243,12 @@ def is_let_go_slowly(trial: Trial) -> list[Check]:
     of 2 mu v^2, mu = m M / (m + M): of bodies alike m v^2 / 2 a particle, as the row asks."""
     scene, parting, most = trial.scene, 0.0, 0.0
     m, M = (masses(scene)[scene.body_set.body == body].sum() for body in (0, 1))
-    with trial.open() as simulation:
-        for _ in range(60):
-            trial.advance(simulation, 1)
-            velocity = _moving(trial.look(simulation))[1]
+    for state in trial.watch((*range(1, 61), 100)):
+        at, velocity = _moving(state)
+        if state.step <= 60:
             most = max(most, kinetic(scene, velocity))
             apart = centre(scene, velocity, 0) - centre(scene, velocity, 1)
             parting = max(parting, float(np.linalg.norm(apart)))
-        trial.advance(simulation, 40)
-        at = _moving(trial.look(simulation))[0]
     allowed = 2 * m * M / (m + M) * SEPARATION**2
     return [
         Check("energy gained over what parting allows", most / allowed, "", "<", 1.0),
@@ -303,12 +274,10 @@ def is_pushed_out_in_place(trial: Trial) -> list[Check]:
     depths = np.maximum(reach - np.linalg.norm(scene.body_set.position - middle, axis=1), 0)
     given = clusters.stiffness[0] / 2 * float((clusters.mass * depths**2).sum())
     most, deepest = 0.0, -np.inf
-    with trial.open() as simulation:
-        for _ in range(100):
-            trial.advance(simulation, 1)
-            at, velocity = _moving(trial.look(simulation))
-            deepest = max(deepest, reach - float(np.linalg.norm(at - middle, axis=1).min()))
-            most = max(most, kinetic(scene, velocity) + clusters.energy(at))
+    for state in trial.watch(range(1, 101)):
+        at, velocity = _moving(state)
+        deepest = max(deepest, reach - float(np.linalg.norm(at - middle, axis=1).min()))
+        most = max(most, kinetic(scene, velocity) + clusters.energy(at))
     return [
         Check("energy over what its ways out bend it by", most / given, "", "<", 1.0),
         Check("deepest particle inside the ball", deepest, "m", "<", of_a_place(trial)),

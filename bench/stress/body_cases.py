@@ -23,18 +23,7 @@ from bench.experiments.body_scenes import (
     thrown_at_a_box,
     thrown_at_a_plane,
 )
-from bench.stress.bodies import (
-    finds_its_shape,
-    flies,
-    is_let_go_slowly,
-    is_pushed_out_in_place,
-    is_stopped_by_a_body,
-    is_stopped_by_a_box,
-    is_stopped_by_a_plane,
-    is_whole_at_once,
-    parts,
-    spins,
-)
+from bench.stress import bodies
 from bench.stress.case import BODIES, HardCase
 from bench.stress.piles import bears, heaps_up, lies_still, stands
 from bench.stress.rotations import finds_rotations, goals_are_exact
@@ -63,28 +52,30 @@ def _case(name: str, title: str, scene: Any, law: Any, basis: str) -> HardCase:
 BODY_CASES = (
     *(
         _case(f"S7 {substeps}", f"spin, {substeps} substep{'s' * (substeps > 1)} a frame",
-              partial(law_scene, SPIN, substeps), spins, OF_THE_TURN)
+              partial(law_scene, SPIN, substeps), bodies.spins, OF_THE_TURN)
         for substeps in (1, 4, 16)
     ),
-    _case("A8 flight", "thrown and spinning", partial(law_scene, FLIGHT, 4), flies, OF_A_STEP),
+    _case("A8 flight", "thrown and spinning", partial(law_scene, FLIGHT, 4), bodies.flies, OF_A_STEP),
     *(
-        _case(name, title, partial(meeting, body=SOFT), finds_its_shape(how), OF_SHAPES)
+        _case(name, title, partial(meeting, body=SOFT), bodies.finds_its_shape(how), OF_SHAPES)
         for name, (how, title) in SHAPES.items()
     ),
-    _case("A10 rigid", "all of it done to a rigid body", partial(meeting, body=BRICK), is_whole_at_once,
+    _case("A10 rigid", "all of it done to a rigid body", partial(meeting, body=BRICK), bodies.is_whole_at_once,
           "goals of half a metre, some 60 operations"),
-    _case("B16 jelly", "a jelly shot at a plane at 100 m/s", partial(thrown_at_a_plane, SOFT), is_stopped_by_a_plane,
+    _case("B16 jelly", "a jelly shot at a plane at 100 m/s", partial(thrown_at_a_plane, SOFT), bodies.is_stopped_by_a_plane,
           OF_A_PUSH),
-    _case("B16 brick", "a rigid brick", partial(thrown_at_a_plane, BRICK), is_stopped_by_a_plane, OF_A_PUSH),
-    _case("B16 box", "at a box", thrown_at_a_box, is_stopped_by_a_box, OF_A_PUSH),
-    _case("B16 body", "at a body", partial(shot, 0.125, BRICK, 25.0, 0.03), is_stopped_by_a_body,
+    _case("B16 brick", "a rigid brick", partial(thrown_at_a_plane, BRICK), bodies.is_stopped_by_a_plane, OF_A_PUSH),
+    _case("B16 box", "at a box", thrown_at_a_box, bodies.is_stopped_by_a_box, OF_A_PUSH),
+    _case("B16 body", "at a body", partial(shot, 0.125, BRICK, 25.0, 0.03), bodies.is_stopped_by_a_body,
           "a layer of the other's particles"),
-    _case("B17 jellies", "two jellies in each other", partial(inside_each_other, SOFT, SOFT, ASIDE), parts, OF_PARTING),
-    _case("B17 bricks", "two rigid bricks", partial(inside_each_other, BRICK, BRICK, ASIDE), parts, OF_PARTING),
-    _case("B17 deep", "deep in each other", partial(inside_each_other, SOFT, SOFT, DEEP), is_let_go_slowly, OF_PARTING),
+    _case("B17 jellies", "two jellies in each other", partial(inside_each_other, SOFT, SOFT, ASIDE), bodies.parts,
+          OF_PARTING),
+    _case("B17 bricks", "two rigid bricks", partial(inside_each_other, BRICK, BRICK, ASIDE), bodies.parts, OF_PARTING),
+    _case("B17 deep", "deep in each other", partial(inside_each_other, SOFT, SOFT, DEEP),
+          bodies.is_let_go_slowly, OF_PARTING),
     _case("B17 heavy", "one a hundred times as heavy", partial(inside_each_other, BRICK, HEAVY, DEEP),
-          is_let_go_slowly, OF_PARTING),
-    _case("B17 ball", "a ball in a jelly", ball_in_a_body, is_pushed_out_in_place,
+          bodies.is_let_go_slowly, OF_PARTING),
+    _case("B17 ball", "a ball in a jelly", ball_in_a_body, bodies.is_pushed_out_in_place,
           "what the ways out bend the clusters by, w² m d² / 2 each"),
     _case("B18 stack", "ten bricks, 10 s", partial(stack, 4), stands,
           "the weight above over what a projection moves"),

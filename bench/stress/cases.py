@@ -1,40 +1,18 @@
 """The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
 
 Those that concern the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law of
-bench/stress/laws.py, stress/stiff.py or stress/cloth.py; those of bodies are in bench/stress/body_cases.py. What waits for
-other solvers is NOT_YET. docs/method.md names the rows.
+bench/stress/laws.py, numbers.py, stiff.py or cloth.py there; those of bodies are in bench/stress/body_cases.py. What waits
+for other solvers is NOT_YET. docs/method.md names the rows.
 """
 
 from __future__ import annotations
 
+from bench.stress import laws, numbers
 from bench.stress.body_cases import BODY_CASES
 from bench.stress.case import ANY, FORCES, POSITIONS, SEIDEL, HardCase
-from bench.stress.cloth import ball_inside, fast_ball
-from bench.stress.contacts import comes_to_rest_in_layers
-from bench.stress.laws import (
-    beside_the_limit,
-    coincident,
-    comes_to_rest,
-    denormals,
-    empty,
-    far_away,
-    flipped,
-    folded_line,
-    like_the_reference,
-    long_chain,
-    mirrored,
-    one_pin,
-    scattered,
-    ten_times_too_large,
-    to_a_disturbed_line,
-    to_a_point,
-    toggled,
-    violent,
-)
+from bench.stress.cloth import ball_inside, comes_to_rest_in_layers, fast_ball
 from bench.stress.stiff import stiff_chain_hangs, too_stiff
 from bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
-
-__all__ = ["CASES", "FORCES", "NOT_YET", "POSITIONS", "HardCase"]
 
 LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
 FAR_KNOWN = {("lab", ANY): LAB_FAR}
@@ -58,48 +36,49 @@ CASES = (
              methods=POSITIONS),
     HardCase("B2", "mass ratio 1:1000", "hard/b2", heavy_end, methods=POSITIONS),
     HardCase("B3", "mass ratio 1:1e5", "hard/b3", small_steps_rope, methods=POSITIONS),
-    HardCase("B4", "two masses in one place", "hard/b4", coincident, methods=FORCES + POSITIONS),
-    HardCase("B4 zero", "the same, no rest length", "hard/b4", coincident, {"springs.rest_length": 0.0},
+    HardCase("B4", "two masses in one place", "hard/b4", laws.coincident, methods=FORCES + POSITIONS),
+    HardCase("B4 zero", "the same, no rest length", "hard/b4", laws.coincident, {"springs.rest_length": 0.0},
              methods=FORCES + POSITIONS),
-    HardCase("B5 line", "collapsed to a line", "hard/b5", folded_line),
-    HardCase("B5 disturbed", "the same, disturbed", "hard/b5", comes_to_rest(to_a_disturbed_line), known=REST_KNOWN),
-    HardCase("B5 point", "collapsed to a point", "hard/b5", comes_to_rest(to_a_point), known=REST_KNOWN),
-    HardCase("B6", "turned upward, disturbed", "hard/b6", flipped, known=REST_KNOWN),
-    HardCase("B7 mirrored", "mirrored in x", "hard/b7", comes_to_rest(mirrored), known=REST_KNOWN),
-    HardCase("B7 random", "scattered in a box", "hard/b7", comes_to_rest(scattered), known=REST_KNOWN),
-    HardCase("B8", "ten times the step size", "hard/b8", ten_times_too_large, expect="refused", own_step=False),
+    HardCase("B5 line", "collapsed to a line", "hard/b5", laws.folded_line),
+    HardCase("B5 disturbed", "the same, disturbed", "hard/b5", laws.comes_to_rest(laws.to_a_disturbed_line),
+             known=REST_KNOWN),
+    HardCase("B5 point", "collapsed to a point", "hard/b5", laws.comes_to_rest(laws.to_a_point), known=REST_KNOWN),
+    HardCase("B6", "turned upward, disturbed", "hard/b6", laws.flipped, known=REST_KNOWN),
+    HardCase("B7 mirrored", "mirrored in x", "hard/b7", laws.comes_to_rest(laws.mirrored), known=REST_KNOWN),
+    HardCase("B7 random", "scattered in a box", "hard/b7", laws.comes_to_rest(laws.scattered), known=REST_KNOWN),
+    HardCase("B8", "ten times the step size", "hard/b8", laws.ten_times_too_large, expect="refused", own_step=False),
     HardCase("B8 implicit", "the same, by constraints", "hard/b8", bounded, {"method.iterations": 60},
              methods=POSITIONS),
-    HardCase("B9 below", "0.99 of the limit", "hard/b9", beside_the_limit(0.99)),
-    HardCase("B9 above", "1.01 of the limit", "hard/b9", beside_the_limit(1.01)),
-    HardCase("B10 100", "poke of 100 m/s", "hard/b10", violent(speed=100.0), known=REST_KNOWN),
-    HardCase("B10 1000", "poke of 1000 m/s", "hard/b10", violent(speed=1000.0), known=REST_KNOWN),
-    HardCase("B10 drag", "corner let go 707 m away", "hard/b10", violent(drag=500.0), known=REST_KNOWN),
-    HardCase("B11", "gravity toggled each step", "hard/b11", toggled, own_step=False),
-    HardCase("B12", "hung by one corner", "hard/b12", one_pin),
-    HardCase("B13", "chain of 4096 links", "hard/b13", long_chain, known={("lab", "float32"): LAB_FAR}),
+    HardCase("B9 below", "0.99 of the limit", "hard/b9", laws.beside_the_limit(0.99)),
+    HardCase("B9 above", "1.01 of the limit", "hard/b9", laws.beside_the_limit(1.01)),
+    HardCase("B10 100", "poke of 100 m/s", "hard/b10", laws.violent(speed=100.0), known=REST_KNOWN),
+    HardCase("B10 1000", "poke of 1000 m/s", "hard/b10", laws.violent(speed=1000.0), known=REST_KNOWN),
+    HardCase("B10 drag", "corner let go 707 m away", "hard/b10", laws.violent(drag=500.0), known=REST_KNOWN),
+    HardCase("B11", "gravity toggled each step", "hard/b11", laws.toggled, own_step=False),
+    HardCase("B12", "hung by one corner", "hard/b12", laws.one_pin),
+    HardCase("B13", "chain of 4096 links", "hard/b13", numbers.long_chain, known={("lab", "float32"): LAB_FAR}),
     HardCase("B13 inextensible", "the same without give, tethered", "hard/b13", tethered_chain,
              {"springs.compliance": 0.0, "attachments.anchors": 1}, methods=POSITIONS),
     *(
-        HardCase(f"B14 {offset:.0e}".replace("e+0", "e"), f"chain {offset:g} m away", "hard/b14", far_away(offset, False),
-                 own_step=False, known=FAR_KNOWN)
+        HardCase(f"B14 {offset:.0e}".replace("e+0", "e"), f"chain {offset:g} m away", "hard/b14",
+                 numbers.far_away(offset, False), own_step=False, known=FAR_KNOWN)
         for offset in FAR
     ),
-    HardCase("B14 swinging", "the same, swinging", "hard/b14", far_away(1e5, True), own_step=False,
+    HardCase("B14 swinging", "the same, swinging", "hard/b14", numbers.far_away(1e5, True), own_step=False,
              known=FAR_KNOWN),
-    HardCase("B15", "denormal numbers", "hard/b15", denormals),
+    HardCase("B15", "denormal numbers", "hard/b15", numbers.denormals),
     HardCase("B16", "a fast ball through a cloth", "hard/b16", fast_ball, own_step=False),
     HardCase("B17", "a ball inside a cloth", "hard/b17", ball_inside, own_step=False),
     HardCase("B18", "eight layers fall on a floor", "hard/b18", comes_to_rest_in_layers, own_step=False, methods=SEIDEL),
     HardCase("B19", "two layers in one place", "hard/b19", comes_to_rest_in_layers, own_step=False, methods=SEIDEL),
     HardCase("B23", "a poke, and one iteration", "hard/b10", one_iteration, methods=POSITIONS),
-    HardCase("B24 one", "1 x 1 masses", "hard/b24", like_the_reference, methods=FORCES + POSITIONS),
-    HardCase("B24 row", "1 x 7 masses", "hard/b24", like_the_reference, {"grid.columns": 7}, methods=FORCES + POSITIONS),
-    HardCase("B24 column", "7 x 1 masses", "hard/b24", like_the_reference, {"grid.rows": 7, "grid.pinned": "top"},
+    HardCase("B24 one", "1 x 1 masses", "hard/b24", laws.like_the_reference, methods=FORCES + POSITIONS),
+    HardCase("B24 row", "1 x 7 masses", "hard/b24", laws.like_the_reference, {"grid.columns": 7}, methods=FORCES + POSITIONS),
+    HardCase("B24 column", "7 x 1 masses", "hard/b24", laws.like_the_reference, {"grid.rows": 7, "grid.pinned": "top"},
              methods=FORCES + POSITIONS),
-    HardCase("B24 pinned", "every mass pinned", "hard/b24", like_the_reference,
+    HardCase("B24 pinned", "every mass pinned", "hard/b24", laws.like_the_reference,
              {"grid.rows": 2, "grid.columns": 3, "grid.pinned": "edges"}, methods=FORCES + POSITIONS),
-    HardCase("B24 empty", "no masses", "hard/b24", empty, expect="refused", methods=FORCES + POSITIONS),
+    HardCase("B24 empty", "no masses", "hard/b24", laws.empty, expect="refused", methods=FORCES + POSITIONS),
     *BODY_CASES,
 )  # fmt: skip
 

@@ -1,5 +1,9 @@
-"""Hard cases B16 and B17: a cloth and a ball that is too fast for a step, or inside it from the start. bench/stress/laws.py
-tells what a law is; bench/stress/cases.py gives these their scenes."""
+"""Hard cases B16 to B19: a cloth and a ball that is too fast for a step, or inside it from the start; a pile of layers, and
+two layers in one place. bench/stress/laws.py tells what a law is; bench/stress/cases.py gives these their scenes.
+
+The row B18 asks for eight sheets; a scene has one, so that it is one strip folded into eight layers. B19's thickness is the
+sheet's spacing, the largest that a scene may have: near the fold each contact keeps no more than the flat sheet has there.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,16 @@ import numpy as np
 
 from bench.reference import mass_spring as reference
 from bench.stress.trial import Check, Trial
+from model.contact.penetration import measure
 from model.core.energy import energies
 from model.core.integrators import frequency_bound
 from model.core.simulation import State
 from model.scene.cloth import Sphere
 
 LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is looked at
+SECONDS = 10.0  # of layers
+STILL_SHARE = 1e-3  # of the largest kinetic energy
+GAP_SHARE = 0.8  # of the thickness
 SHOWN = 1  # steps after which B16 is drawn: the ball has just flown past, and later is out of sight
 
 
@@ -59,17 +67,14 @@ def fast_ball(trial: Trial) -> list[Check]:
     in_the_way = np.linalg.norm((begin - center)[:, :2], axis=1) < reach_of(ball)
     energy, most, deepest, known = _seen_energy(trial, begin, at_rest), 0.0, -np.inf, 0.0
     behind, shown = len(begin), None
-    with trial.open(trial.start(begin)) as simulation:
-        for look in LOOKS:
-            trial.advance(simulation, look - simulation.step)
-            state = trial.look(simulation)
-            if look == 1:
-                behind = int((state.position[in_the_way, 2] < ball_of(trial, state.time)[1][2]).sum())
-            if look == SHOWN:
-                shown = state
-            depth, rounded = _overlap(trial, state)
-            deepest, known = max(deepest, depth), max(known, rounded)
-            most = max(most, _seen_energy(trial, state.position, state.velocity))
+    for state in trial.watch(LOOKS, trial.start(begin)):
+        if state.step == 1:
+            behind = int((state.position[in_the_way, 2] < ball_of(trial, state.time)[1][2]).sum())
+        if state.step == SHOWN:
+            shown = state
+        depth, rounded = _overlap(trial, state)
+        deepest, known = max(deepest, depth), max(known, rounded)
+        most = max(most, _seen_energy(trial, state.position, state.velocity))
     trial.show(shown)
     return [
         Check(f"of {in_the_way.sum()} masses in its way passed by the ball", behind, "", "<", 1),
@@ -90,17 +95,36 @@ def ball_inside(trial: Trial) -> list[Check]:
     allowed = inside * min(stiffness * (2 * depths.max()) ** 2 / 2, mass * fastest**2 / 2)
     energy = energies(trial.scene, begin, at_rest)["conserved"]
     gained, speed, deepest, known = -np.inf, 0.0, -np.inf, 0.0
-    with trial.open(trial.start(begin)) as simulation:
-        for look in LOOKS:
-            trial.advance(simulation, look - simulation.step)
-            state = trial.look(simulation)
-            depth, rounded = _overlap(trial, state)
-            deepest, known = max(deepest, depth), max(known, rounded)
-            speed = max(speed, float(np.linalg.norm(state.velocity, axis=1).max()))
-            gained = max(gained, energies(trial.scene, state.position, state.velocity)["conserved"] - energy)
+    for state in trial.watch(LOOKS, trial.start(begin)):
+        depth, rounded = _overlap(trial, state)
+        deepest, known = max(deepest, depth), max(known, rounded)
+        speed = max(speed, float(np.linalg.norm(state.velocity, axis=1).max()))
+        gained = max(gained, energies(trial.scene, state.position, state.velocity)["conserved"] - energy)
     return [
         Check("energy gained", gained, "J", "<", allowed),
         Check("largest speed", speed, "m/s", "<", fastest),
         Check("deepest mass inside the ball", deepest, "m", "<", known),
         Check("deepest at the start", float(depths.max()), "m"),
+    ]
+
+
+def comes_to_rest_in_layers(trial: Trial) -> list[Check]:
+    """After 10 s the masses are nearly still, no two layers are much nearer than the thickness, and no edge goes through a
+    triangle. What contacts of masses with triangles do not see, edges that come near each other, is told."""
+    grid, part = trial.scene.grid, trial.scene.self_collision
+    assert part is not None
+    peak, energy = 0.0, 0.0
+    with trial.open(trial.start(reference.start(trial.scene)[0])) as simulation:
+        for _ in range(trial.steps(SECONDS)):
+            trial.advance(simulation, 1)
+            energy = grid.mass / 2 * float((simulation.read("velocity").astype(np.float64) ** 2).sum())
+            peak = max(peak, energy)
+        state = trial.look(simulation)
+    found = measure(grid.rows, grid.columns, grid.spacing, state.position, part.thickness)
+    return [
+        Check("kinetic energy over its peak", energy / peak, "", "<", STILL_SHARE),
+        Check("smallest gap over the thickness", found.min_gap / part.thickness, "", ">", GAP_SHARE),
+        Check("edges through triangles", found.crossings, "", "<", 1),
+        Check("pairs of edges that contacts miss", found.edge_misses, ""),
+        Check("smallest gap of edges over the thickness", found.min_edge_gap / part.thickness, ""),
     ]

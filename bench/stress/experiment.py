@@ -10,22 +10,25 @@ A kernel that never returns cannot be stopped from inside its process; everythin
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
+from bench.measure.costs_timing import Measures
 from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly, host_of, keep, resume, source_hash
 from bench.measure.progress import progress_bar
-from bench.store.database import Store, configuration_hash
-from bench.store.results import configuration, measures
-from bench.stress.cases import CASES, HardCase
-from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardRow, HardSummary, as_text, bodies_as_text, rows_of
+from bench.store.database import Store
+from bench.store.results import configuration, measures_of
+from bench.stress.case import HardCase
+from bench.stress.cases import CASES
+from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, as_text, bodies_as_text, rows_of
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
+from model.core.digest import source_digest
 from model.core.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.simulation import PRECISIONS
@@ -34,19 +37,14 @@ from model.scene.scene import Scene
 SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
 QUICK = ("lab", "velocity-verlet")
 QUICK_PRECISIONS = ("float64",)
-DRAWN = (
-    "lab",
-    "velocity-verlet",
-    "xpbd gauss-seidel",
-    MATCHING,
-)  # methods whose end states are drawn, besides all that failed
+# methods whose end states are drawn, besides all that failed
+DRAWN = ("lab", "velocity-verlet", "xpbd gauss-seidel", MATCHING)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """`verdict`: of bench.stress.results.CODES; `diagnosis`; `checks`; `end`: positions (particles, dimensions) [m] or
-    None, at
-    `time` [s]."""
+    """`verdict`: of bench.stress.results.CODES; `diagnosis`; `checks`; `end`: positions (particles, dimensions) [m] or None,
+    at `time` [s]."""
 
     verdict: str
     diagnosis: str
@@ -56,10 +54,11 @@ class Outcome:
 
 
 LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
-LAWS = ("cases", "cloth", "laws", "stiff", "trial", "xpbd")  # files of bench/stress by which a case is judged
+# files of bench/stress by which a case is judged
+LAWS = ("cases", "cloth", "laws", "numbers", "stiff", "trial", "xpbd")
 BODY_LAWS = (  # and of bench/experiments, one of bodies
     "../experiments/body_laws", "../experiments/body_scenes", "../experiments/clusters_by_hand", "bodies", "body_cases",
-    "piles", "rotations", "trial", "../experiments/rotations",
+    "piles", "rotations", "trial",
 )  # fmt: skip
 
 
@@ -130,30 +129,22 @@ class _Work:
         return f"{self.case.name} {self.method} {self.precision} {self.backend}"
 
 
-def _digest(case: HardCase) -> str:
-    """A hash of the laws of its kind: a case that judges otherwise is run anew."""
-    digest = hashlib.sha256()
-    for name in BODY_LAWS if case.of_bodies else LAWS:
-        digest.update((Path(__file__).parent / f"{name}.py").read_bytes())
-    return digest.hexdigest()[:16]
+def _digest(of_bodies: bool) -> str:
+    """A hash of the laws of a kind: a case that judges otherwise is run anew."""
+    return source_digest(*(Path(__file__).parent / f"{name}.py" for name in (BODY_LAWS if of_bodies else LAWS)))
 
 
 def _work(
     cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
     """All runs, those that share machine code one after another."""
-    laws, found = {case.of_bodies: _digest(case) for case in cases}, []
-    for backend in backends:
-        host, sources = host_of(backend), source_hash(backend)
-        for precision in precisions:
-            for method in methods:
-                for case in cases:
-                    if method not in case.methods:
-                        continue
-                    scene, _ = case_scene(case, method)
-                    description = configuration(scene, backend=backend, precision=precision, **host)
-                    entry = description | {"hard": case.name}
-                    found.append(_Work(case, method, backend, precision, entry, f"{sources}-{laws[case.of_bodies]}"))
+    found, laws = [], {of_bodies: _digest(of_bodies) for of_bodies in (False, True)}
+    for backend, precision, method, case in product(backends, precisions, methods, cases):
+        if method in case.methods:
+            scene, _ = case_scene(case, method)
+            description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
+            sources = f"{source_hash(backend)}-{laws[case.of_bodies]}"
+            found.append(_Work(case, method, backend, precision, description | {"hard": case.name}, sources))
     return found
 
 
@@ -197,7 +188,7 @@ def run_hard(
     with ending_cleanly(summary):
         if pictures and store.path != ":memory:" and not summary.interrupted:
             _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
-    summary.rows = _rows(store, summary.machine, everything)
+    summary.rows = rows_of(measures_of(store, summary.machine, (one.description for one in everything)))
     summary.stop()
     return summary
 
@@ -209,7 +200,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
         outcome.verdict in ("fail", "known")
         or (work.backend == first and work.precision == "float64" and work.method in DRAWN)
     )
-    numbers: dict[str, tuple[float | None, str, str | None]] = {
+    numbers: Measures = {
         f"{CHECK}{place:02d} {check.name}": (
             None if np.isnan(check.value) else check.value,
             check.unit,
@@ -252,10 +243,3 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             assert outcome.end is not None  # only such are drawn
             render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1
-
-
-def _rows(store: Store, machine: str, everything: Sequence[_Work]) -> list[HardRow]:
-    """What the store holds of these runs."""
-    wanted: set[str] = {configuration_hash(work.description) for work in everything}
-    keep: Callable[[Any], bool] = lambda measure: measure.configuration in wanted  # noqa: E731
-    return rows_of(filter(keep, measures(store, machine=machine)))

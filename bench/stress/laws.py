@@ -1,7 +1,7 @@
 """What the hard cases do to a scene and what must hold: starts that no scene can say, actions, and laws.
 
-A law runs a Trial and returns its checks, the telling one first. Rows B4 to B24 of the lab's collection of hard cases;
-B1's are in bench/stress/stiff.py. bench/stress/cases.py gives them their scenes.
+A law runs a Trial and returns its checks, the telling one first. Rows B4 to B24 of the lab's collection of hard cases; B1's
+are in bench/stress/stiff.py, B13's to B15's in numbers.py there. bench/stress/cases.py gives them their scenes.
 
 Where published values were found to be narrower than told, what was measured is judged.
 B5, point: said to return to the hanging grid; it ends in one of the net's many equilibria, which one depends on integrator,
@@ -9,14 +9,10 @@ step size and rounding, so rest is judged and the distance is told.
 B5, line: said to stay folded 8.0 m from it; that is `lab` at 10 ms. Others fold elsewhere, always a whole multiple of two
 rest lengths away.
 Rest within 60 s: one grid that began as a point has so soft a mode that it takes 120 s.
-B14: ten ulp hold for a chain let go along gravity; one that swings 100 km away was seen at 14 with rk4, so its bound is 20.
-The hand-out's step passes neither, in float64 either.
 """
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Callable
 from math import ceil, log, pi, sin, sqrt
 
@@ -35,7 +31,6 @@ Law = Callable[[Trial], list[Check]]
 
 DISTURBANCE = 1e-6  # m: breaks the symmetries that would hide an instability
 OVERFLOW_STEPS = 200  # within which a step size ten times too large must have been found out
-SLOW_DOWN = 1.5  # times: the most that denormal numbers may cost
 
 
 def disturbed(trial: Trial, position: np.ndarray) -> np.ndarray:
@@ -246,68 +241,7 @@ def one_pin(trial: Trial) -> list[Check]:
     ]
 
 
-# ---------------------------------------------------------------------- B13 to B15: sizes and numbers
-
-
-def long_chain(trial: Trial) -> list[Check]:
-    """B13: 4096 links let go. For 10 s the bottom mass knows nothing of the pin (the wave runs 32 links a second), so it
-    falls like one mass alone: the reference's. float32: an ulp of its depth each step."""
-    state = trial.run(trial.start(trial.rest()), 10.0)
-    alone = trial.scene.replace({"grid.rows": 1, "grid.pinned": "none"})
-    fall = reference.simulate(alone, state.step)[0][0, 1]
-    expected = trial.rest()[-1, 0, 1] + fall
-    ulp = float(np.spacing(np.float32(expected) if trial.single else np.float64(expected)))
-    error = abs(float(state.position[-1, 1]) - expected)
-    return [
-        Check("bottom mass from free fall", error, "m", "<", abs(ulp) * state.step),
-        Check("lowest point", float(state.position[:, 1].min()), "m"),
-    ]
-
-
-def far_away(offset: float, swinging: bool) -> Law:
-    """B14: a ten-link chain let go `offset` [m] from the origin, for 1 s, against itself at the origin in float64, in ulp
-    of the offset: along gravity (published bound: 10), or sideways, to swing (bound: 20)."""
-
-    def law(trial: Trial) -> list[Check]:
-        position = trial.rest()
-        if swinging:
-            position = position[..., ::-1] * (-1, 1)
-        away = np.array([0.0, offset])
-        exact = reference.simulate(trial.scene, trial.steps(1.0), position.reshape(-1, 2), None)[0]
-        state = trial.run(trial.start(position + away), 1.0)
-        ulp = np.spacing(np.float32(offset) if trial.single else np.float64(offset))
-        error = float(np.abs(state.position.astype(np.float64) - away - exact).max() / ulp)
-        return [Check("distance from the run at the origin", error, "ulp", "<", 20.0 if swinging else 10.0)]
-
-    return law
-
-
-def denormals(trial: Trial) -> list[Check]:
-    """B15: stretches and velocities below the smallest normal number: no NaN (the squared length underflows, 1/r is
-    guarded), nothing grows out of them. That steps take at most 1.5 times as long as with ordinary numbers is aimed at and
-    told; a verdict that hangs on a stopwatch would change from run to run."""
-    tiny = 1e-40 if trial.single else 1e-310
-    random = np.random.default_rng(3).standard_normal(trial.rest().shape)
-    random[0] = 0
-    small, ordinary = trial.start(tiny * random, tiny * random), trial.start(random, random)
-    times: dict[str, list[float]] = {"small": [], "ordinary": []}
-    with trial.open(small) as simulation:
-        trial.advance(simulation, 100)
-        state = trial.look(simulation)
-        for _ in range(9 if trial.timed else 0):
-            for name, initial in (("small", small), ("ordinary", ordinary)):
-                simulation.load(initial)
-                simulation.synchronize()
-                begin = time.perf_counter()
-                simulation.advance(100)
-                simulation.synchronize()
-                times[name].append(time.perf_counter() - begin)
-    largest = float(np.abs(state.position).max())
-    checks = [Check("largest coordinate over its start", largest / tiny, "", "<", 100.0)]
-    if trial.timed:
-        ratio = statistics.median(a / b for a, b in zip(times["small"], times["ordinary"], strict=True))
-        checks.append(Check("time over that of ordinary numbers", ratio, "", "aim <=", SLOW_DOWN))
-    return checks
+# ---------------------------------------------------------------------- B24: hardly a grid
 
 
 def like_the_reference(trial: Trial) -> list[Check]:

@@ -31,7 +31,7 @@ def stands(trial: Trial) -> list[Check]:
     times way, and in a substep k bricks of n particles need k n m g h^2: d = 2 k (n / C) g h^2, 4 k g h^2 of bricks of two
     layers. The plane moves but the lower particles, 2 N g h^2, and the brick's mean lies higher by g h^2 and half of it:
     (2 N - 1) g h^2. Then nothing leans, and nothing moves."""
-    scene, state = trial.scene, _at_rest(trial)
+    scene, state = trial.scene, trial.run(None, SECONDS)
     bricks = len(scene.body_set.copies)
     expected = np.array([2 * bricks - 1, *(4 * above for above in range(bricks - 1, 0, -1))])
     at = state.position.astype(np.float64)
@@ -49,7 +49,7 @@ def bears(trial: Trial) -> list[Check]:
     """Penetration under load: the upper brick, of mass r m a particle, on one of m. A contact of depth d moves masses by
     d / (w + W), w = 1 / m, W = 1 / (r m): C of them carry n r m g h^2, so that d = (n / C) (1 + r) g h^2, 2 (1 + r) g h^2 of
     bricks of two layers. The lower one has roundings of a load of 1 + r bricks."""
-    scene, state = trial.scene, _at_rest(trial)
+    scene, state = trial.scene, trial.run(None, SECONDS)
     m = masses(scene)[:, 0]
     ratio = float(m[scene.body_set.body == 1][0] / m[scene.body_set.body == 0][0])
     at = state.position.astype(np.float64)
@@ -85,7 +85,7 @@ def heaps_up(trial: Trial) -> list[Check]:
 
 def lies_still(trial: Trial) -> list[Check]:
     """Dropped from half a metre, a millionth of that energy is left after 10 s, and nothing is under the plane."""
-    scene, state = trial.scene, _at_rest(trial)
+    scene, state = trial.scene, trial.run(None, SECONDS)
     spacing = scene.body_set.spacing
     drop = masses(scene).sum() * GRAVITY * 0.5
     lowest = float(state.position[:, 1].min())
@@ -97,12 +97,6 @@ def lies_still(trial: Trial) -> list[Check]:
         apart = nearest(scene, state.position.astype(np.float64)) / spacing
         checks.append(Check("nearest particles over their distance", apart, "", ">", GAP_SHARE))
     return checks
-
-
-def _at_rest(trial: Trial) -> State:
-    with trial.open() as simulation:
-        trial.advance(simulation, trial.steps(SECONDS))
-        return trial.look(simulation)
 
 
 def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
@@ -19,6 +20,7 @@ from rich.table import Column, Table
 from bench.experiments.accuracy.methods import MATCHING, METHODS, name_of
 from bench.measure.experiment import Summary
 from bench.store.results import Measure
+from bench.store.schema import tables_by_kind
 from bench.stress.cases import CASES, NOT_YET
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
@@ -129,17 +131,17 @@ def _row(found: list[Measure]) -> HardRow | None:
         return None
     named = [m for m in found if m.sources == newest.sources]  # checks of earlier sources are another law's
     description = newest.description
-    kinds = {table.get("kind", name): table for name, table in description["scene"].items() if isinstance(table, dict)}
+    method = tables_by_kind(description["scene"])["method"]
     told = [Told(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
             for m in sorted(named, key=lambda m: m.name) if m.name.startswith(CHECK)]  # fmt: skip
     shape = next((m.reason for m in named if m.name == SHAPE and m.reason), None)
-    bodies = kinds["method"].get("solver") == MATCHING
+    bodies = method.get("solver") == MATCHING
     return HardRow(
         case=description["hard"],
-        integrator=name_of(kinds["method"]),
+        integrator=name_of(method),
         backend=description["backend"],
         precision=description["precision"],
-        dt=kinds["method"]["dt"],
+        dt=method["dt"],
         verdict=verdict,
         diagnosis=newest.reason or "",
         checks=tuple(told),
@@ -261,8 +263,6 @@ def print_hard(console: Console, summary: HardSummary) -> None:
 
 def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
     """Positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all, as `as_text` rounds."""
-    import numpy as np
-
     stride = -(-len(position) // most)
     near = _rounded(np.asarray(position, dtype=np.float64))
     return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
@@ -270,8 +270,6 @@ def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
 
 def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
     """Positions (particles, dimensions) as JSON, at most `most` rows and columns of them, to a thousandth of their extent."""
-    import numpy as np
-
     flat = np.asarray(position, dtype=np.float64)
     dimensions = flat.shape[-1]
     grid = flat.reshape(rows, columns, dimensions)
@@ -282,8 +280,6 @@ def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
 
 def _rounded(position: Any) -> Any:
     """Positions (..., dimensions) to a thousandth of their extent."""
-    import numpy as np
-
     extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
     unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3
     digits = max(0, round(-float(np.log10(unit))))

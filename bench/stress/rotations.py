@@ -2,20 +2,21 @@
 particles. bench/stress/trial.py tells what a law returns; bench/stress/body_cases.py gives these their scene.
 
 A cluster of six particles of mass 1/2 at the ends of three axes, moved to +-A e, has the matrix A, exactly and in any
-precision; so any matrix goes through the kernels that bodies use.
+precision; so any matrix goes through the kernels that bodies use. What its nearest rotation must be is found in NumPy
+float64, by the singular value decomposition; nothing of model/formulas is used for that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from functools import cache
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 
 from bench.experiments.body_scenes import ULP, start
 from bench.experiments.clusters_by_hand import by_hand, clusters_of, degenerate
-from bench.experiments.rotations import best_trace, matrices_of, off_rotation, quaternions, sets_of_matrices
 from bench.stress.laws import Law
 from bench.stress.trial import Check, Trial
 from model.core.simulation import State
@@ -33,7 +34,7 @@ TRACE = REACHED + SLACK + 16  # roundings of 2: |b| of what counts as reached, w
 def finds_rotations(count: int = COUNT, only: Sequence[str] | None = None) -> Law:
     """Whatever the matrix and the rotation before, R is proper, R'R = I and det R = +1 to PROPER, and the best there is:
     trace(R'A) = s1 + s2 + sign(det A) s3 to TRACE roundings of A's largest entry. So also of A times 1e-12 and 1e12. Of
-    `count` matrices of each set of bench/experiments/rotations.py, or of those that `only` names."""
+    `count` matrices of each set, or of those that `only` names."""
 
     def law(trial: Trial) -> list[Check]:
         sets = sets_of_matrices(count)
@@ -110,3 +111,61 @@ def _turned_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndarr
             mine = one.indices[ends[owner] : ends[owner + 1]]
             position[copy * particles + mine] = one.rest[ends[owner] : ends[owner + 1]] @ turn.T  # about the origin
     return clusters_of(np.concatenate([one.position] * len(turns)), *members), position
+
+
+# ---------------------------------------------------------------------- matrices, and their nearest rotations
+
+
+def quaternions(random: np.random.Generator, count: int) -> np.ndarray:
+    """(count, 4) unit quaternions (w, x, y, z), any turn as likely as any other."""
+    q = random.normal(size=(count, 4))
+    return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+def matrices_of(q: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) of unit quaternions, in float64: v + 2w (u x v) + 2u x (u x v) of each axis."""
+    w, u = q[:, :1, None].astype(float), q[:, 1:].astype(float)
+    cross = np.zeros((len(q), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        cross[:, i, j], cross[:, j, i] = -u[:, k], u[:, k]
+    return np.eye(3) + 2 * (w * cross + cross @ cross)
+
+
+def of_singular_values(random: np.random.Generator, values: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) of those, the last one negative for a reflection, turned anyhow on both sides."""
+    left, right = (matrices_of(quaternions(random, len(values))) for _ in range(2))
+    return left @ (values[:, :, None] * right)
+
+
+@cache
+def sets_of_matrices(count: int) -> dict[str, np.ndarray]:
+    """Wherever two eigenvalues of Davenport's matrix come together; about `count` of each (n, 3, 3)."""
+    random = np.random.default_rng(3)
+    one, zero, few = np.ones((count, 1)), np.zeros((count, 1)), np.ones((max(1, count // 10), 3))
+    small, sign = 10.0 ** random.uniform(-9, -1, (count, 3)), random.choice([-1.0, 1.0], (count, 3))
+    named = [np.diag(d) for d in product((-3.0, -1.0, 0.0, 1.0, 3.0), repeat=3)]
+    named += [np.diag([-3.0, -2.0, -1.0]), np.ones((3, 3)), np.eye(3)[[1, 2, 0]], np.eye(3)[[1, 0, 2]]]
+    values = {
+        "rigid": few,
+        "mirrored": few * [1, 1, -1],
+        "nearly mirrored": np.array([1, 1, -1]) + sign * small,
+        "flat": np.concatenate([random.uniform(0.1, 1, (count, 2)), zero], axis=1),
+        "on a line": few * [1, 0, 0],
+        "nearly on a line": np.concatenate([one, (sign * small)[:, 1:]], axis=1),
+        "two eigenvalues nearly one": np.concatenate([one, 0.5 * one, small[:, :1] - 0.5], axis=1),
+        "of any singular values": 10.0 ** random.uniform(-9, 0, (count, 3)) * sign,
+    }
+    sets = {name: of_singular_values(random, each) for name, each in values.items()}
+    return {"random, half of them mirrored": random.normal(size=(count, 3, 3)), "by name": np.stack(named)} | sets
+
+
+def best_trace(A: np.ndarray) -> np.ndarray:
+    """(n,): s1 + s2 + sign(det A) s3, the largest trace(R'A) of a rotation R."""
+    left, s, right = np.linalg.svd(A)
+    return s[:, 0] + s[:, 1] + np.linalg.det(left) * np.linalg.det(right) * s[:, 2]
+
+
+def off_rotation(R: np.ndarray) -> tuple[float, float]:
+    """(the largest entry of |R'R - I|, the largest |det R - 1|) of (n, 3, 3)."""
+    apart = np.abs(R.swapaxes(1, 2) @ R - np.eye(3)).max(initial=0)
+    return float(apart), float(np.abs(np.linalg.det(R) - 1).max(initial=0))

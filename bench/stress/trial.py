@@ -9,8 +9,9 @@ numbers that are not finite and say nothing (`SilentNaN`), or not end (`Endless`
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -180,8 +181,15 @@ class Trial:
             self._show_last(simulation)
             raise
 
-    def run(self, initial: State, seconds: float, *, allow_unstable: bool = False) -> State:
-        """The state after `seconds` [s]."""
+    def watch(self, looks: Iterable[int], initial: State | None = None, **how: Any) -> Iterator[State]:
+        """The states after so many steps each, of one run; `how`: of `open`. Raises what `advance` and `look` raise."""
+        with self.open(initial, **how) as simulation:
+            for step in looks:
+                self.advance(simulation, step - simulation.step)
+                yield self.look(simulation)
+
+    def run(self, initial: State | None, seconds: float, *, allow_unstable: bool = False) -> State:
+        """The state after `seconds` [s]; None: from the scene's own start."""
         with self.open(initial, allow_unstable=allow_unstable) as simulation:
             self.advance(simulation, self.steps(seconds))
             return self.look(simulation)

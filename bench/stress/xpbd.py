@@ -23,13 +23,8 @@ SWING = 2.0  # s: of B13
 
 def _lowest(trial: Trial, scene: Scene, seconds: float, first: int = 0) -> float:
     """The least y [m] of the last mass from the frame `first` on, until `seconds`; from the scene's own start."""
-    lowest = np.inf
-    with trial.open(scene=scene) as simulation:
-        for frame in range(1, round(seconds / scene.method.dt) + 1):
-            trial.advance(simulation, 1)
-            if frame >= first:
-                lowest = min(lowest, float(trial.look(simulation).position[-1, 1]))
-    return lowest
+    last = round(seconds / scene.method.dt)
+    return min(float(state.position[-1, 1]) for state in trial.watch(range(max(1, first), last + 1), scene=scene))
 
 
 def _length(scene: Scene) -> float:
@@ -70,11 +65,8 @@ def bounded(trial: Trial) -> list[Check]:
     """B8: at ten times the step size it stays finite, and energy is only taken away: converged, it is implicit Euler."""
     begin = trial.start(trial.rest())
     before, most = energies(trial.scene, begin.position, begin.velocity)["total"], -np.inf
-    with trial.open(begin) as simulation:
-        for _ in range(BOUNDED):
-            trial.advance(simulation, 1)
-            state = trial.look(simulation)
-            most = max(most, energies(trial.scene, state.position, state.velocity)["total"])
+    for state in trial.watch(range(1, BOUNDED + 1), begin):
+        most = max(most, energies(trial.scene, state.position, state.velocity)["total"])
     return [
         Check("energy gained since the start, at most", most - before, "J", "<", 0.0),
         Check("largest coordinate", float(np.abs(state.position).max()), "m"),
@@ -86,13 +78,10 @@ def tethered_chain(trial: Trial) -> list[Check]:
     no mass may be farther from the pin than the chain is long up to it. Known to eight ulp of the farthest coordinate."""
     position = trial.rest()[..., ::-1] * (-1, 1)
     reach = trial.scene.grid.spacing * np.arange(1, trial.scene.grid.rows)
-    farthest = -np.inf
-    with trial.open(trial.start(position)) as simulation:
-        for _ in range(4):
-            trial.advance(simulation, trial.steps(SWING / 4))
-            state = trial.look(simulation)
-            away = np.linalg.norm(state.position[1:].astype(np.float64) - state.position[0], axis=1)
-            farthest = max(farthest, float((away - reach).max()))
+    farthest, part = -np.inf, trial.steps(SWING / 4)
+    for state in trial.watch(range(part, 4 * part + 1, part), trial.start(position)):
+        away = np.linalg.norm(state.position[1:].astype(np.float64) - state.position[0], axis=1)
+        farthest = max(farthest, float((away - reach).max()))
     largest = np.float32(reach[-1]) if trial.single else np.float64(reach[-1])
     return [
         Check("farther from the pin than the chain reaches", farthest, "m", "<", 8 * float(np.spacing(largest))),

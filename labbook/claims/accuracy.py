@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bench.experiments.accuracy.equal_error import TARGETS
 from bench.experiments.accuracy.equal_error import equal_error as ways_to
 from bench.experiments.accuracy.points import SIZES
 from labbook import words
@@ -15,8 +14,6 @@ from plots.core.accuracy_points import SIDE, Point, observed_order, order_points
 from plots.core.apart import small
 from plots.core.data import Results, Source
 from plots.figures.work_precision import accurate_source
-
-__all__ = ["CLAIMS", "TARGETS"]
 
 NEAR = 0.25  # how far an observed order may be from the declared one to count as the same
 FAMILIES = ("explicit", "position-based", "implicit")
@@ -140,7 +137,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
 def equal_error(results: Results, target: float = 1e-3) -> Claim:
     """GPU against CPU at equal error, without and with the copy of the end state, by size."""
     labels = sorted((SCENE, *SIZES), key=lambda label: SIZES.get(label, (label, SIDE))[1])
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         rows = {label: ways_to(points(source, label), [target])[0] for label in labels}
         rows = {label: row for label, row in rows.items() if row.cpu is not None and row.gpu is not None}
         if rows:
@@ -175,7 +172,7 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
 def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim:
     """The soonest method of each family on a stiff cloth, at equal error: explicit, position-based, implicit."""
     at = f"An error of {number(target, 1)} spacings in {scene}"
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         able = reaching(points(source, scene), target)
         soonest: dict[str, Point] = {}
         for point in able:
@@ -212,7 +209,7 @@ def _machines(source: Source) -> str:
 def rope(results: Results, target: float = 1e-1) -> Claim:
     """GPU against CPU on a stiff rope, which no GPU can share out: at equal error."""
     masses = words.masses(load_scene("rope-stiff").grid.particle_count)
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         (row,) = ways_to(points(source, "S6"), [target])
         if row.speed_up is not None:
             told = _times_as_fast(row.speed_up)

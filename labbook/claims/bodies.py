@@ -1,5 +1,4 @@
-"""What the lab book may say about three solvers on one bar, and about laws of bodies (`softlab bar`); see
-labbook/claims/claim.py for the rules."""
+"""What the lab book may say about three solvers on one bar (`softlab bar`); see labbook/claims/claim.py for the rules."""
 
 from __future__ import annotations
 
@@ -22,10 +21,9 @@ from bench.experiments.bar_strip import (
     strip,
     verlet_frequency,
 )
-from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
 from labbook import words
 from labbook.claims.claim import Claim, Claims
-from labbook.words import number, percent, seconds
+from labbook.words import number, percent
 from plots.core.data import Results
 from plots.figures.bar import bars
 
@@ -33,13 +31,14 @@ NEAR = 1e-4  # what agrees with a closed form to so much follows it
 EQUAL = 1e-6  # relative: of numbers in exact math on two backends
 
 
-def _found(results: Results) -> list[Bar]:
+def measured_bars(results: Results) -> list[Bar]:
+    """The rows that are told of, of one backend."""
     found, _ = bars(results)
     return first_backend(found) if found else []
 
 
 def _strips(results: Results, solver: str, size: float = 1) -> list[Bar]:
-    return series(_found(results), solver, lambda bar: bar.fine, size=size)
+    return series(measured_bars(results), solver, lambda bar: bar.fine, size=size)
 
 
 def _one(found: list[Bar], fine: int, substeps: int) -> Bar | None:
@@ -97,7 +96,7 @@ def iterations(results: Results) -> Claim:
     }  # fmt: skip
     text = (
         f"With one iteration a substep XPBD sags by {words.times(numbers['few'])} what its springs say at "
-        f"{_substeps(worst)} a frame, and with iterations to spare by {number(numbers['converged'], 3)} times; at "
+        f"{substeps_of(worst)} a frame, and with iterations to spare by {number(numbers['converged'], 3)} times; at "
         f"{FINEST} substeps one iteration leaves it {percent(_sag(few, FINEST) - 1)} too soft with {SOME_LINKS} masses, "
         f"and {percent(numbers['fine'] - 1)} with {finest.fine}"
     )
@@ -106,7 +105,8 @@ def iterations(results: Results) -> Claim:
     return Claim(text + (told if grows else "."), numbers, grows)
 
 
-def _substeps(bar: Bar) -> str:
+def substeps_of(bar: Bar) -> str:
+    """`4 substeps`."""
     return f"{bar.substeps} substep{'' if bar.substeps == 1 else 's'}"
 
 
@@ -118,7 +118,9 @@ def _sag(found: list[Bar], substeps: int) -> float:
 
 def windows(results: Results) -> Claim:
     """The lattice of clusters is its own linear system; what windows at the ends and too few substeps do to it."""
-    found = [bar for bar in _found(results) if bar.solver == "shape-matching" and {SAG, FREQUENCY} <= set(bar.values)]
+    found = [
+        bar for bar in measured_bars(results) if bar.solver == "shape-matching" and {SAG, FREQUENCY} <= set(bar.values)
+    ]
     if not found:
         return Claim("A bar by shape matching was not measured.")
     sags, swings = [], []
@@ -138,7 +140,7 @@ def windows(results: Results) -> Claim:
         numbers["smallest"] = small.part(SAG) or 0.0
         text += (
             ". All windows are as stiff in a long, even stretch, but those that an end cuts off are softer: with "
-            f"{large.fine} masses and {_substeps(large)} windows of {_window(small)} sag by "
+            f"{large.fine} masses and {substeps_of(large)} windows of {_window(small)} sag by "
             f"{number(numbers['smallest'])} times what a rod does, of {_window(large)} by {number(numbers['largest'])}"
         )
     return Claim(text + ".", numbers, max(sags) < NEAR)
@@ -191,7 +193,7 @@ def losses(results: Results) -> Claim:
 
 def overlap(results: Results) -> Claim:
     """The jelly bar: what overlap and spacing make of a stiffness, and where clusters make one material."""
-    found = [bar for bar in _found(results) if bar.solver == JELLY and FREQUENCY in bar.values]
+    found = [bar for bar in measured_bars(results) if bar.solver == JELLY and FREQUENCY in bar.values]
     by_size = [b for b in found if (b.fine, b.substeps) == (SOME_LAYERS, FINEST)]
     if len(by_size) < 2:
         return Claim("A jelly bar was not measured at several overlaps.")
@@ -213,70 +215,18 @@ def overlap(results: Results) -> Claim:
 
 def jelly_substeps(results: Results) -> Claim:
     """The jelly bar against substeps."""
-    found = series(_found(results), JELLY, lambda b: b.substeps, fine=SOME_LAYERS, size=SOME_OVERLAP)
+    found = series(measured_bars(results), JELLY, lambda b: b.substeps, fine=SOME_LAYERS, size=SOME_OVERLAP)
     found = [bar for bar in found if {SAG, FREQUENCY} <= set(bar.values)]
     if len(found) < 2:
         return Claim("A jelly bar was not measured at several numbers of substeps.")
     few, many = found[0], found[-1]
     numbers = {"few": few.part(SAG) or 0.0, "many": many.part(SAG) or 0.0, "decay": many.values[DECAY]}
     return Claim(
-        f"The standing jelly bar is shortened by {number(numbers['few'])} times what a rod is at {_substeps(few)} a frame, "
-        f"by {number(numbers['many'])} at {_substeps(many)}; it swings at {percent(few.part(FREQUENCY) or 0.0)} and "
+        f"The standing jelly bar is shortened by {number(numbers['few'])} times what a rod is at {substeps_of(few)} a frame, "
+        f"by {number(numbers['many'])} at {substeps_of(many)}; it swings at {percent(few.part(FREQUENCY) or 0.0)} and "
         f"{percent(many.part(FREQUENCY) or 0.0)} of a rod's frequency.",
         numbers, abs(numbers["many"] - 1) < abs(numbers["few"] - 1),
     )  # fmt: skip
-
-
-def _laws(results: Results, law: str) -> list[Bar]:
-    """The rows of a law of its first precision, by substeps."""
-    found = [bar for bar in _found(results) if bar.law == law]
-    return sorted((b for b in found if b.precision == "float64"), key=lambda b: b.substeps)
-
-
-def spin(results: Results) -> Claim:
-    """S7 and A8: a rigid body loses spin by its law."""
-    found = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
-    if not found:
-        return Claim("The spin of a rigid body was not measured.")
-    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
-    parts = [f"{percent(bar.values[KEPT])} at {_substeps(bar)} a frame" for bar in found]
-    return Claim(
-        f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: by "
-        f"Newton's law it would keep all of it; this is what its own method's law says, to {number(off, 1)}.",
-        {"off": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
-    )  # fmt: skip
-
-
-def flight(results: Results) -> Claim:
-    """A thrown, spinning soft body: momenta."""
-    found = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
-    if not found:
-        return Claim("The momenta of a thrown soft body were not measured.")
-    off = max(bar.values[MOMENTUM] for bar in found)
-    parts = [f"{percent(1 - bar.values[KEPT])} at {_substeps(bar)} a frame" for bar in found]
-    return Claim(
-        f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity gives it; of its "
-        f"angular momentum it loses {words.listed(parts)} within {seconds(SECONDS[FLIGHT], 1)}, as "
-        "position-based solvers do.",
-        {"momentum": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
-    )  # fmt: skip
-
-
-def rest(results: Results) -> Claim:
-    """A dropped soft body lies still."""
-    found = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
-    if not found:
-        return Claim("Whether a dropped soft body comes to rest was not measured.")
-    parts = [f"{number(bar.values[ENERGY], 1)} at {_substeps(bar)} a frame" for bar in found]
-    still = [bar for bar in found if bar.values[ENERGY] < STILL]
-    text = (
-        f"The kinetic energy of a soft body that was dropped is, after {seconds(SECONDS[DROP], 2)}, {words.listed(parts)} of "
-        f"the drop's, where under {number(STILL, 1)} counts as rest"
-    )
-    if 0 < len(still) < len(found):
-        text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"
-    numbers = {str(bar.substeps): bar.values[ENERGY] for bar in found}
-    return Claim(text + ".", numbers, bool(still))
 
 
 def backends(results: Results) -> Claim:
@@ -311,8 +261,5 @@ CLAIMS: Claims = {
     "bar-losses": losses,
     "bar-overlap": overlap,
     "bar-jelly-substeps": jelly_substeps,
-    "body-spin": spin,
-    "body-flight": flight,
-    "body-rest": rest,
     "bar-backends": backends,
 }

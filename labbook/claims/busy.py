@@ -18,7 +18,7 @@ NAMES = {
 def busy(results: Results) -> Claim:
     """The worst scene in each company: its step on all threads over that on one."""
     found: list[BusyPoint] = []
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         found = found or points(source.measures)
     if not found:
         return Claim("What another program costs threads was not measured.")

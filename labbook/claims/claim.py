@@ -16,8 +16,8 @@ from labbook import words
 from labbook.words import masses, percent, seconds, times
 from plots.core.apart import apart
 from plots.core.bandwidth import copy_bandwidth, fraction
-from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, is_wrong
-from plots.core.pairs import float64_pairs
+from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
+from plots.core.pairs import at_one_size, float64_pairs
 
 FLAT = 1.5  # a time that grew by less counts as flat
 
@@ -45,7 +45,7 @@ def cpu_source(results: Results) -> Source | None:
 
 def on_gpu(source: Source) -> str:
     """`On the NVIDIA H200`, and that these are the committed measurements where they are not the reader's own."""
-    return f"On the {named(source, 'gpu')}"
+    return on(source, "gpu")
 
 
 def on(source: Source, backend: str) -> str:
@@ -55,14 +55,12 @@ def on(source: Source, backend: str) -> str:
 
 def named(source: Source, backend: str) -> str:
     """`NVIDIA H200 (committed measurements)`: the reader's machine and a committed one never share a label."""
-    name = source.gpu if backend == "gpu" else source.processor
-    return f"{name}{'' if source.own else ' (committed measurements)'}"
+    return f"{source.device(backend)}{'' if source.own else ' (committed measurements)'}"
 
 
 def where(backend: str, source: Source) -> str:
     """`the GPU (NVIDIA H200)`."""
-    name = source.gpu if backend == "gpu" else source.processor
-    return f"the {backend.upper()} ({name}{'' if source.own else ', committed measurements'})"
+    return f"the {backend.upper()} ({source.device(backend)}{'' if source.own else ', committed measurements'})"
 
 
 SUSPECT = " (from times that are marked as suspect)"
@@ -75,18 +73,12 @@ def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...
     return (clean, "") if clean else (list(found), SUSPECT if found else "")
 
 
-def sound(times_: list[Timing]) -> list[Timing]:
-    """Those whose answer was right."""
-    return [timing for timing in times_ if not is_wrong(timing)]
-
-
 # ---------------------------------------------------------------------- threads
 
 
 def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
     """(1x, `word`) timings of one size, smallest first."""
-    held = {(t.rows, t.columns): t for t in sound(source.select("cpu", "1x"))}
-    return [(held[t.rows, t.columns], t) for t in sound(source.select("cpu", word)) if (t.rows, t.columns) in held]
+    return at_one_size(sound(source.select("cpu", "1x")), sound(source.select("cpu", word)))
 
 
 def threads_at(results: Results, end: int) -> Claim:
@@ -145,7 +137,7 @@ def threads_best(results: Results) -> Claim:
 
 def region_cost(results: Results) -> Claim:
     """What starting and ending a parallel region costs with few and with many threads."""
-    source = next((s for s in (*results.featured, *results.background) if s.machine.record.get("region_seconds")), None)
+    source = results.first(lambda s: s.machine.record.get("region_seconds"))
     costs = (source.machine.record.get("region_seconds") if source else None) or {}
     cores = source.machine.record.get("cores") if source else None
     known = {int(threads): cost for threads, cost in costs.items()}
@@ -165,13 +157,12 @@ def region_cost(results: Results) -> Claim:
 
 def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
     """What share of the copy bandwidth a backend reaches at its largest grid."""
-    name = "GPU" if backend == "gpu" else "CPU"
     found, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
     largest = [t for (t,) in found][-1:]
     share = fraction(source, largest[0]) if source and largest else None
     limit = copy_bandwidth(source, backend) if source else None
     if source is None or share is None or limit is None:
-        return Claim(f"How much of the {name}'s copy bandwidth a step reaches was not measured.")
+        return Claim(f"How much of the {backend.upper()}'s copy bandwidth a step reaches was not measured.")
     beyond = (
         "; more than all of it is possible where the grid stays in a cache, or where a pass over memory does several steps"
         if share > 1
@@ -188,10 +179,9 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
 
 def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
     """float64 against float32 on a backend's largest grid."""
-    name = "GPU" if backend == "gpu" else "CPU"
     both, suspect = trusted(float64_pairs(source, backend, word)) if source else ([], "")
     if source is None or not both:
-        return Claim(f"What float64 costs on the {name} was not measured.")
+        return Claim(f"What float64 costs on the {backend.upper()} was not measured.")
     single, double = both[-1]
     ratio = double.median / single.median
     start = f"{on(source, backend)}, at"

@@ -88,7 +88,7 @@ def published(results: Results) -> Claim:
 
 def discretisation(results: Results) -> Claim:
     """What cutting a sheet along one diagonal, or along alternating ones, does to it."""
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         told = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
         found = {(m.description["diagonals"], m.name): m.value for m in reversed(told)}
         if {(way, name) for way in WAYS for name in (BIAS, RATIO)} <= set(found):

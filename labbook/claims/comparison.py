@@ -18,7 +18,7 @@ from plots.figures.graphics import drawing_costs, skipped_reason
 def compared(results: Results, graphics: bool = False) -> tuple[Source | None, list[Pair], str]:
     """The first machine that timed both backends with one version of the code, what it timed at one size (without suspect
     times, if it can be), and what must be said of it."""
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         found = pairs(source, graphics=graphics)
         clean = [pair for pair in found if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
         if found:

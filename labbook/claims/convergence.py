@@ -21,7 +21,7 @@ ORDERING_TARGETS = (1.0, 0.3, 0.1, 0.03, 0.01)  # spacings
 
 def _ways(results: Results, name: str, scene: str = SCENE) -> list[Point]:
     """The runs in float64 of an ordering, of the first source and backend that has any: an error hangs on no machine."""
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         for backend in ("cpu", "gpu"):
             mine = [
                 p for p in points(source, scene) if (p.integrator, p.precision, p.backend) == (name, "float64", backend)
@@ -84,7 +84,7 @@ def wrong_ordering(results: Results) -> Claim:
 def in_float32(results: Results) -> Claim:
     """Whether smaller substeps make position-based steps worse in float32: where it shows most."""
     worst: tuple[float, Point, Point, Point] | None = None
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         found = [
             p for p in points(source) if p.integrator in XPBD[:2] and not p.diverged and not p.refused and p.iterations
         ]
@@ -119,7 +119,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for scene in ("S1", "S2", "S4", "S5"):
-        for source in (*results.featured, *results.background):
+        for source in results.everyone:
             able = reaching(points(source, scene), target)
             ways = [next((p for p in able if (p.integrator in XPBD) is xpbd), None) for xpbd in (True, False)]
             if ways[0] is not None and ways[1] is not None:
@@ -138,7 +138,7 @@ def orderings(results: Results) -> Claim:
     """Jacobi against coloured Gauss-Seidel on a stiff cloth, at equal error, each by its soonest configuration."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         for backend in ("cpu", "gpu"):
             mine = [p for p in points(source, STIFF) if p.backend == backend]
             ratios: dict[float, float] = {}

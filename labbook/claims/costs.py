@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bench.experiments.findings_costs import LOOKS
 from bench.experiments.findings_determinism import DETERMINISM, RUNS
 from labbook import words
 from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import percent
+from plots.core.backends import on_backends
 from plots.core.data import Results, Source
-from plots.findings.points import Cost, costs, look_costs, source_of
+from plots.findings.points import Cost, costs, look_costs
 
 BOUND = 1.0  # per cent of the time: what looking for divergence may cost
 NAMES = {"cpu": "the CPU", "gpu": "the GPU"}
@@ -21,11 +21,7 @@ def _where(source: Source, backend: str) -> str:
 def looks_cost(results: Results) -> Claim:
     """The largest share of a look on each backend, and whether it is under the bound."""
     parts, numbers, busy = [], {}, False
-    for backend in NAMES:
-        source = source_of(results, LOOKS, backend)
-        found = look_costs(source, backend) if source else []
-        if source is None or not found:
-            continue
+    for backend, source, found in on_backends(results, look_costs):
         worst = max(found, key=lambda cost: cost.share or 0.0)
         share = numbers[backend] = worst.share or 0.0
         busy = busy or any(cost.suspect for cost in found)
@@ -46,14 +42,16 @@ def determinism_cost(results: Results) -> Claim:
     """Gather against scatter with atomics on the GPU, and against what it would otherwise be on the CPU; float32, the
     largest grid of each backend."""
     parts, numbers, supported = [], {}, False
-    gpu, cpu = (source_of(results, DETERMINISM, backend) for backend in ("gpu", "cpu"))
-    if gpu:
-        ways = _largest(costs(gpu, DETERMINISM, "gpu"))
+    held = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
+    of = {backend: (source, found) for backend, source, found in held}
+    if "gpu" in of:
+        gpu, found = of["gpu"]
+        ways = _largest(found)
         if "atomics" in ways:
             atomics = ways["atomics"]
             numbers["atomics"] = atomics.ratio
             supported = atomics.least > 1 or atomics.most < 1
-            every = [c for c in costs(gpu, DETERMINISM, "gpu") if c.way == "atomics" and c.different is not None]
+            every = [c for c in found if c.way == "atomics" and c.different is not None]
             other, runs = sum(c.different or 0 for c in every), len(every) * (RUNS - 1)
             numbers["different"] = other
             parts.append(
@@ -61,8 +59,8 @@ def determinism_cost(results: Results) -> Claim:
                 f"({words.masses(atomics.particles)}, float32), and {words.count(other)} of {words.count(runs)} repeated "
                 "runs ended in other bits than the first" + _coloured(ways, numbers)
             )
-    if cpu:
-        ways = _largest(costs(cpu, DETERMINISM, "cpu"))
+    if "cpu" in of:
+        ways = _largest(of["cpu"][1])
         told = [
             f"{text} {_compared(ways[way])} it takes"
             for way, text in (

@@ -17,8 +17,9 @@ from labbook.words import number, percent, seconds
 from model.core.integrators import INTEGRATORS, amplification_matrix
 from plots.core.accuracy_points import observed_order
 from plots.core.apart import apart
+from plots.core.backends import on_backends
 from plots.core.data import Results
-from plots.findings.points import Row, exact_pairs, of_finding, source_with
+from plots.findings.points import Row, exact_pairs, of_finding
 
 NOTHING = 1e-10  # 1/s: rounding of the measurement; rates of dissipation under it are called none
 # The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size it runs at [s],
@@ -158,14 +159,11 @@ def _changes(share: float) -> str:
 def exact_cost(results: Results) -> Claim:
     """Time of a step in exact over fast math, by backend, in float32 at the largest size."""
     parts, numbers, supported = [], {}, False
-    for backend, name in (("cpu", "CPU"), ("gpu", "GPU")):
-        source = source_with(results, lambda s, backend=backend: bool(exact_pairs(s, backend, "float32")))  # type: ignore[misc]
-        if source is None:
-            continue
-        fast, exact = exact_pairs(source, backend, "float32")[-1]
+    for backend, source, pairs in on_backends(results, exact_pairs):
+        fast, exact = pairs[-1]
         ratio = exact.median / fast.median
         numbers[backend] = ratio
-        where = f"the {name}" if backend == "cpu" else on_gpu(source).removeprefix("On ")
+        where = "the CPU" if backend == "cpu" else on_gpu(source).removeprefix("On ")
         if apart(exact, fast) > 0:
             supported = True
             parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")

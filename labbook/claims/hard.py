@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bench.stress.laws import SLOW_DOWN
+from bench.stress.numbers import SLOW_DOWN
 from bench.stress.results import CODES, HardRow, disagreements, rounding_differences
 from labbook import words
 from labbook.claims.claim import Claim, Claims
@@ -22,6 +22,7 @@ def found_rows(results: Results) -> list[HardRow]:
 
 
 def told(row: HardRow, name: str) -> float | None:
+    """A measured number of a run, by its name; None where the run has none of that name."""
     return next((check.value for check in row.checks if check.name == name), None)
 
 

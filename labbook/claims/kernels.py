@@ -7,16 +7,17 @@ from collections.abc import Callable
 
 from bench.measure.starts import COLD, WARM
 from labbook import words
-from labbook.claims.claim import Claim, Claims, on, sound, trusted
+from labbook.claims.claim import Claim, Claims, on, trusted
 from labbook.words import masses, number, percent, seconds, times
 from plots.core.apart import apart
+from plots.core.backends import on_backends
 from plots.core.bandwidth import from_memory
-from plots.core.data import Results, Source
+from plots.core.data import Results, Source, sound
 from plots.core.ladder import defaults, fastest, machine_of
-from plots.figures.joules import has_joules, joules, watts
+from plots.core.pairs import at_one_size
+from plots.figures.joules import counted_joules, watts
 from plots.figures.roofline import ceilings
 
-NAMES = {"cpu": "CPU", "gpu": "GPU"}
 BELOW = {  # each rung, its backend, and the rung that it is held against
     "launch": ("gpu", "stages"),
     "graph": ("gpu", "launch"),
@@ -35,13 +36,12 @@ def rung(results: Results, kernel: str) -> Claim:
     source = machine_of(results, backend)
     kernels = source.ladder(backend) if source else {}
     if source is None or kernel not in kernels:
-        return Claim(f"The {NAMES[backend]}'s kernel {kernel} was not timed.")
-    held = {t.particles: t for t in sound(kernels.get(below, []))}
-    both, suspect = trusted([(t, held[t.particles]) for t in sound(kernels[kernel]) if t.particles in held])
+        return Claim(f"The {backend.upper()}'s kernel {kernel} was not timed.")
+    both, suspect = trusted(at_one_size(sound(kernels.get(below, [])), sound(kernels[kernel])))
     if not both:
-        return Claim(f"The {NAMES[backend]}'s kernels {kernel} and {below} were not timed at one size.")
+        return Claim(f"The {backend.upper()}'s kernels {kernel} and {below} were not timed at one size.")
     where = on(source, backend)
-    gains = [(under.median / t.median, t, under) for t, under in both if apart(t, under) < 0]
+    gains = [(under.median / t.median, t, under) for under, t in both if apart(t, under) < 0]
     if not gains:
         text = f"{where}, {kernel} is at none of the {len(both)} sizes faster than {below} beyond the spread{suspect}."
         return Claim(text, {"sizes": len(both)}, False)
@@ -72,7 +72,7 @@ def choice(results: Results, backend: str) -> Claim:
     chosen = {t.particles: t for t in defaults(source, backend)} if source else {}
     best = [t for t in fastest(source, backend) if t.particles in chosen] if source else []
     if source is None or not best:
-        return Claim(f"Whether the {NAMES[backend]} chooses its fastest kernel was not measured.")
+        return Claim(f"Whether the {backend.upper()} chooses its fastest kernel was not measured.")
     pairs, suspect = trusted([(chosen[t.particles], t) for t in best])
     best = [t for _, t in pairs]
     slower = [(mine.median / t.median, t) for mine, t in pairs if apart(mine, t) > 0]
@@ -97,7 +97,7 @@ def roof(results: Results, backend: str) -> Claim:
     ranked, suspect = trusted(beyond)
     if source is None or found is None or not ranked:
         return Claim(
-            f"How the {NAMES[backend]}'s kernels stand against its ceilings beyond the caches was not measured."
+            f"How the {backend.upper()}'s kernels stand against its ceilings beyond the caches was not measured."
         )
     best = max((t for (t,) in ranked), key=found.share)
     share = found.share(best)
@@ -121,11 +121,7 @@ def energy(results: Results) -> Claim:
     """Joules of the thriftiest and of the most wasteful kernel at the largest size of each backend that counts them."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend in ("cpu", "gpu"):
-        source = machine_of(results, backend, lambda s, name=backend: has_joules(s, name))  # type: ignore[misc]
-        if source is None:
-            continue
-        counted = [(t, j) for ts in source.ladder(backend).values() for t in ts if (j := joules(source, t)) is not None]
+    for backend, source, counted in on_backends(results, counted_joules):
         size = max(t.particles for t, _ in counted)
         here = sorted(((j, t) for t, j in counted if t.particles == size), key=lambda found: found[0])
         (least, thrifty), (most, wasteful) = here[0], here[-1]
@@ -145,19 +141,20 @@ def energy(results: Results) -> Claim:
     return Claim(" ".join(parts), numbers, True)
 
 
+def _starts(source: Source, backend: str) -> list[float]:
+    """[cold, warm] [s], or nothing where one of them was not measured."""
+    held = {m.name: m.value for m in source.measures if m.backend == backend}
+    found = [value for name in (COLD, WARM) if (value := held.get(name)) is not None]
+    return found if len(found) == 2 else []
+
+
 def starts(results: Results) -> Claim:
     """What a first step takes, cold and warm, on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend in ("cpu", "gpu"):
-        for source in (*results.featured, *results.background):
-            mine = {m.name: m.value for m in source.measures if m.description["backend"] == backend}
-            cold, warm = mine.get(COLD), mine.get(WARM)
-            if cold is not None and warm is not None:
-                name = "GPU" if backend == "gpu" else "CPU"
-                parts.append(f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on the {name}")
-                numbers |= {f"{backend} cold": cold, f"{backend} warm": warm}
-                break
+    for backend, _, (cold, warm) in on_backends(results, _starts):
+        parts.append(f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on the {backend.upper()}")
+        numbers |= {f"{backend} cold": cold, f"{backend} warm": warm}
     if not parts:
         return Claim("How long a user waits for the first step was not measured.")
     text = f"The whole process of one step of the lab grid, from the command to its end, takes {'; '.join(parts)}."
@@ -173,11 +170,10 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     source = machine_of(results, "cpu")
     more = source.ladder("cpu", word="4x").get(kernel, []) if source else []
     other = source.ladder("cpu", word="4x" if against else "1x").get(against or kernel, []) if source else []
-    held = {t.particles: t for t in sound(other)}
-    both, suspect = trusted([(t, held[t.particles]) for t in sound(more) if t.particles in held])
+    both, suspect = trusted(at_one_size(sound(other), sound(more)))
     if source is None or not both:
         return Claim(f"The kernel {kernel} was not timed with more threads than cores.")
-    packed, base = both[0]
+    base, packed = both[0]
     name = f"{against} with 4x" if against else "with 1x"
     ratio = packed.median / base.median
     at = f"{on(source, 'cpu')}, at {masses(packed.particles)} and with 4x threads, a step of {kernel} takes"
@@ -191,8 +187,7 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
 
 def policies(results: Results) -> Claim:
     """What an empty region costs where idle threads spin, and where they sleep, with few threads and with many."""
-    everyone = (*results.featured, *results.background)
-    source = next((s for s in everyone if s.machine.record.get("region_policies")), None)
+    source = results.first(lambda s: s.machine.record.get("region_policies"))
     costs = (source.machine.record["region_policies"] if source else None) or {}
     spin, sleep = ({int(n): cost for n, cost in (costs.get(p) or {}).items()} for p in ("active", "passive"))
     cores = source.machine.record.get("cores") if source else None

@@ -77,7 +77,7 @@ def races(results: Results, most: int) -> list[Race]:
     """CPU against GPU at the smallest and at the largest grid of at most so many masses that both were timed at undisturbed,
     if at any; where no machine has timed both, few threads against more, at the largest. None where not even that was
     timed."""
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         found = [(pair.cpu, pair.gpu) for pair in pairs(source) if pair.gpu.particles <= most]
         if found:
             found = _trusted(found)

@@ -59,6 +59,7 @@ def reading_seconds(text: str) -> float:
 
 
 def shot_seconds(shot: Shot, lengths: Mapping[str, float]) -> float:
+    """How long [s] a shot is shown: its sentences with the pauses around them, by the `lengths` [s] of each."""
     spoken = sum(lengths[line.text] for line in shot.lines) + PAUSE * (len(shot.lines) - 1)
     return max(shot.least, LEAD + spoken + TAIL)
 

@@ -10,6 +10,7 @@ from typing import Any
 from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
 from bench.experiments.accuracy.points import CLOTHS, COPY, COST, SCENES, AccuracyPoint, method_words, point
 from bench.store.results import Measure, by_configuration
+from bench.store.schema import tables_by_kind
 from model.scene.scene import load_scene
 from plots.core.data import Source
 
@@ -46,8 +47,7 @@ def _points(source: Source) -> list[Point]:
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     description = named[ERROR].description
     tables: dict[str, Any] = description["scene"]
-    kinds = {table.get("kind", name): table for name, table in tables.items() if isinstance(table, dict)}
-    label = _label(tables, kinds) if "end" not in description else None  # `softlab advise` judges at times of its own
+    label = _label(tables) if "end" not in description else None  # `softlab advise` judges at times of its own
     found = point(label, description, named) if label else None
     if found is None:
         return None
@@ -59,11 +59,11 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     return Point(**vars(found) | times)
 
 
-def _label(tables: dict[str, Any], kinds: dict[str, Any]) -> str | None:
+def _label(tables: dict[str, Any]) -> str | None:
     """The scene's label, of a grid from its pins and size; None for a scene that is no accuracy scene."""
-    if "grid" not in kinds:
+    grid = tables_by_kind(tables).get("grid")
+    if grid is None:
         return next((label for label, known in CLOTH_SCENES.items() if _material(known) == _material(tables)), None)
-    grid = kinds["grid"]
     label, rows = LABELS.get(str(grid.get("pinned"))), grid.get("rows")
     if label is None or rows != grid.get("columns"):
         return None

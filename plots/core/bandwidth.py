@@ -13,12 +13,12 @@ def copy_bandwidth(source: Source, backend: str) -> float | None:
     return source.machine.record.get("gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth")
 
 
-def fraction(source: Source, timing: Timing, seconds: float | None = None) -> float | None:
+def fraction(source: Source, timing: Timing) -> float | None:
     """Bytes that one fused pass moves, over the time of a step, over the copy bandwidth; None where one is unknown."""
     bandwidth = copy_bandwidth(source, timing.backend)
     if not bandwidth or not timing.bytes_per_step:
         return None
-    return timing.bytes_per_step / (timing.median if seconds is None else seconds) / bandwidth
+    return timing.bytes_per_step / timing.median / bandwidth
 
 
 def from_memory(source: Source, timing: Timing) -> bool:

@@ -7,7 +7,7 @@ ones are `background`: drawn lightly, and labelled.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,10 @@ class Source:
     def gpu(self) -> str | None:
         """The GPU's name; None for a machine without."""
         return self.machine.record.get("gpu")
+
+    def device(self, backend: str) -> str | None:
+        """The name of what a backend runs on."""
+        return self.gpu if backend == "gpu" else self.processor
 
     @property
     def versions(self) -> list[Version]:
@@ -139,9 +143,18 @@ class Results:
     def background(self) -> tuple[Source, ...]:
         return tuple(source for source in self.sources if source not in self.featured)
 
+    @property
+    def everyone(self) -> tuple[Source, ...]:
+        """In the order in which they are asked: the featured ones first."""
+        return (*self.featured, *self.background)
+
+    def first(self, holds: Callable[[Source], object]) -> Source | None:
+        """The first source that `holds` something."""
+        return next((source for source in self.everyone if holds(source)), None)
+
     def with_gpu(self) -> Source | None:
-        """The first source that timed a GPU: a featured one, else a committed one."""
-        return next((s for s in (*self.featured, *self.background) if s.has_gpu_times), None)
+        """The first source that timed a GPU."""
+        return self.first(lambda source: source.has_gpu_times)
 
 
 def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[list[Measure], tuple[Source, ...]]:
@@ -152,7 +165,7 @@ def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[li
     """
     found: list[Measure] = []
     sources: list[Source] = []
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         held = {measure.description.get("backend") for measure in found}
         more = [m for m in source.measures if belongs(m) and m.description.get("backend") not in held]
         if more:
@@ -170,6 +183,11 @@ def is_wrong(timing: Timing) -> bool:
     """Whether the answer of a timed configuration failed its check: such a time wins nothing."""
     infinite = timing.error is not None and timing.error == float("inf")
     return infinite or any(reason.startswith(WRONG) for mark in timing.suspect for reason in mark.split("; "))
+
+
+def sound(timings: Iterable[Timing]) -> list[Timing]:
+    """Those whose answer was right."""
+    return [timing for timing in timings if not is_wrong(timing)]
 
 
 def is_suspect(timing: Timing) -> bool:

@@ -1,7 +1,8 @@
 """Every figure of the lab, drawn from the store: what `softlab figures` calls.
 
->>> from plots.core.draw import draw_all
->>> draw_all("softlab-results/results.sqlite", "figures", committed=["labbook/data/h200.csv"])
+>>> from plots.core.draw import draw_figures, figures_folder
+>>> from plots.core.read import load
+>>> draw_figures(load("softlab-results/results.sqlite"), figures_folder("figures"))
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import gc
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from model.core.errors import InputError
-from plots.core.data import Origin, Results
+from plots.core.data import Results
 from plots.core.files import SUFFIXES, save
-from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.figures import (
     ablation,
@@ -177,19 +177,6 @@ def _begin_helping(results: Results) -> None:
 def _help(name: str, *how: Any) -> FigureFiles:
     with settings():
         return _draw(_given[0], name, *how)
-
-
-def draw_all(
-    store_or_paths: Origin | Sequence[Origin] | None, out_dir: str | Path, committed: Iterable[str | Path] = ()
-) -> list[Path]:
-    """Every figure that the results hold, as .svg and .png in `out_dir`; the paths.
-
-    `store_or_paths`: the user's own store(s), open or as paths (.sqlite, .csv), None where there is none; `committed`:
-    text exports to draw lightly behind them (or as the main thing where there is no own store). `out_dir` is made where
-    its parent exists. Raises InputError.
-    """
-    results = load(store_or_paths, committed)
-    return [path for figure in draw_figures(results, figures_folder(out_dir)) for path in figure.paths]
 
 
 def figures_folder(out_dir: str | Path) -> Path:

@@ -8,10 +8,11 @@ from typing import Any
 
 from bench.measure.cases import LADDER
 from bench.store.results import Timing
+from plots.core.backends import name_of, on_backends
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from plots.core.data import Results, Source, is_wrong
-from plots.core.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, Curve, new_figure
+from plots.core.style import Curve, new_figure
 
-BACKENDS = ("cpu", "gpu")
 RUNGS = {
     "stages": Curve("stages", GREY, "v"),
     "launch": Curve("launch", PURPLE, "^"),
@@ -38,36 +39,27 @@ def in_order(kernels: dict[str, list[Timing]]) -> list[tuple[str, list[Timing]]]
 
 def machine_of(results: Results, backend: str, holds: Callable[[Source], bool] = lambda _: True) -> Source | None:
     """The machine whose kernels stand for a backend: a featured one, else a committed one."""
-    found = (s for s in (*results.featured, *results.background) if s.ladder(backend) and holds(s))
-    return next(found, None)
+    return results.first(lambda s: s.ladder(backend) and holds(s))
 
 
 def backend_panels(
-    results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, height: float = 3.8, share_y: bool = True
+    results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, share_y: bool = True
 ) -> tuple[Any, list[tuple[Any, str, Source]]]:
     """A panel for each backend whose kernels were timed; no figure (None) where none were."""
-    chosen = []
-    for backend in BACKENDS:
-        source = machine_of(results, backend, lambda s, name=backend: holds(s, name))  # type: ignore[misc]
-        if source is not None:
-            chosen.append((backend, source))
+    chosen = on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend))
     if not chosen:
         return None, []
-    figure, axes = new_figure(len(chosen), height, share_y)
-    for ax, (backend, source) in zip(axes, chosen, strict=True):
+    figure, axes = new_figure(len(chosen), 3.8, share_y)
+    panels = [(ax, backend, source) for ax, (backend, source, _) in zip(axes, chosen, strict=True)]
+    for ax, backend, source in panels:
         ax.set_title(title(source, backend), fontsize=8)
-    return figure, [(ax, backend, source) for ax, (backend, source) in zip(axes, chosen, strict=True)]
+    return figure, panels
 
 
 def title(source: Source, backend: str) -> str:
-    """`GPU: NVIDIA H200`."""
-    name = f"GPU: {source.gpu}" if backend == "gpu" else f"CPU: {source.processor}, 1x threads"
-    return name if source.own else f"{name} (committed)"
-
-
-def sources_of(chosen: list[tuple[Any, str, Source]]) -> tuple[Source, ...]:
-    """The machines of the panels, each once."""
-    return tuple({source.machine.key: source for *_, source in chosen}.values())
+    """`GPU: NVIDIA H200`, `CPU: Intel Xeon, 2 cores, 1x threads (committed)`."""
+    threads = "" if backend == "gpu" else ", 1x threads"
+    return f"{name_of(backend, source)}{threads}{'' if source.own else ' (committed)'}"
 
 
 def threading_words(chosen: list[tuple[Any, str, Source]]) -> str:
@@ -83,19 +75,19 @@ def defaults(source: Source, backend: str, precision: str = "float32") -> list[T
     return sorted(chosen, key=lambda t: t.particles)
 
 
-def fastest(source: Source, backend: str, precision: str = "float32") -> list[Timing]:
+def fastest(source: Source, backend: str) -> list[Timing]:
     """At every size the kernel with the least median, of those whose answer is right."""
     best: dict[int, Timing] = {}
-    for times in source.ladder(backend, precision).values():
+    for times in source.ladder(backend).values():
         for t in times:
             if not is_wrong(t) and (t.particles not in best or t.median < best[t.particles].median):
                 best[t.particles] = t
     return [best[n] for n in sorted(best)]
 
 
-def mark_switches(ax: Any, source: Source, backend: str, precision: str = "float32") -> bool:
+def mark_switches(ax: Any, source: Source, backend: str) -> bool:
     """A thin line between two sizes where the backend's own choice changes, named on both sides; whether there is one."""
-    found = defaults(source, backend, precision)
+    found = defaults(source, backend)
     for left, right in pairwise(found):
         if left.kernel != right.kernel:
             where = (left.particles * right.particles) ** 0.5

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from bench.store.results import Timing
-from plots.core.data import Source, is_wrong
+from plots.core.data import Source, sound
 
 
 def square_time(squares: Sequence[Timing], particles: int) -> float | None:
@@ -24,7 +24,7 @@ def square_time(squares: Sequence[Timing], particles: int) -> float | None:
 
 def shape_ratios(source: Source, backend: str, word: str | None) -> list[tuple[Timing, float]]:
     """(timing, seconds that a square of as many masses takes) of every grid that is no square of a power of two."""
-    everything = [t for t in source.select(backend, word, square=False) if not is_wrong(t)]
+    everything = sound(source.select(backend, word, square=False))
     squares = [t for t in everything if t.rows == t.columns and t.rows & (t.rows - 1) == 0]
     result = []
     for timing in everything:
@@ -35,8 +35,12 @@ def shape_ratios(source: Source, backend: str, word: str | None) -> list[tuple[T
     return result
 
 
+def at_one_size(ones: Iterable[Timing], others: Iterable[Timing]) -> list[tuple[Timing, Timing]]:
+    """(one, another) of every size that is among both, in the order of the others."""
+    held = {(t.rows, t.columns): t for t in ones}
+    return [(held[t.rows, t.columns], t) for t in others if (t.rows, t.columns) in held]
+
+
 def float64_pairs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:
     """(float32, float64) timings of one size, smallest first, where both gave right answers."""
-    single = {(t.rows, t.columns): t for t in source.select(backend, word) if not is_wrong(t)}
-    double = [t for t in source.select(backend, word, "float64") if not is_wrong(t)]
-    return [(single[t.rows, t.columns], t) for t in double if (t.rows, t.columns) in single]
+    return at_one_size(sound(source.select(backend, word)), sound(source.select(backend, word, "float64")))

@@ -15,8 +15,9 @@ from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
 from bench.measure.case_timing import FINDINGS
 from bench.measure.energy import STAGE as ENERGY_STAGE
 from bench.peers.results import ratios
-from bench.store.database import Store, canonical
+from bench.store.database import Store
 from bench.store.results import Timing, machines, measures, open_readonly, timings
+from bench.store.schema import canonical
 from bench.store.versions import of_one_version, read_version
 from plots.core.data import Origin, Results, Run, Source
 

@@ -1,5 +1,5 @@
-"""How every figure looks: colours that colour-blind readers tell apart (Okabe and Ito, 2008), a marker for each curve,
-sizes that stay legible in a column, and how a measured point is shown.
+"""How every figure looks: a colour and a marker for each curve, sizes that stay legible in a column, and how a measured point
+is shown.
 
 Filled markers: sound. Hollow: suspect (noisy, disturbed, or not checked). A black cross: the answer was wrong; it
 belongs to no curve. matplotlib is imported where it is used, with its object interface: no window, no global state.
@@ -15,12 +15,9 @@ from typing import Any
 import numpy as np
 
 from bench.store.results import Timing
-from plots.core.data import Results, Source, is_suspect, is_wrong
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from plots.core.data import Results, Source, is_suspect, is_wrong, sound
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
-GREY = "#8A8A8A"
 WIDTH = 6.3  # inch: the text's width on A4
 HEIGHT = 3.0  # inch
 MAX_PANELS = 3
@@ -127,14 +124,12 @@ def new_sheet(height: float) -> Any:
     return figure
 
 
-def panels(
-    results: Results, holds: Callable[[Source], bool], height: float = HEIGHT
-) -> tuple[Any, list[tuple[Any, Source]]]:
+def panels(results: Results, holds: Callable[[Source], bool]) -> tuple[Any, list[tuple[Any, Source]]]:
     """A panel for each featured source that `holds` what is drawn; no figure (None) where none does."""
     chosen = [source for source in results.featured if holds(source)][:MAX_PANELS]
     if not chosen:
         return None, []
-    figure, axes = new_figure(len(chosen), height)
+    figure, axes = new_figure(len(chosen))
     for ax, source in zip(axes, chosen, strict=True):
         if len(chosen) > 1:
             ax.set_title(source.machine.label.replace("; ", "\n"), fontsize=8)
@@ -153,31 +148,42 @@ def draw_times(
 
     `value(timing, seconds)` turns seconds per step into what the axis shows. `light`: a committed curve behind others.
     """
-    sound = [timing for timing in times if not is_wrong(timing)]
-    x = np.array([timing.particles for timing in sound], float)
-    y = np.array([value(timing, timing.median) for timing in sound])
+    right = sound(times)
+    x = np.array([timing.particles for timing in right], float)
+    y = np.array([value(timing, timing.median) for timing in right])
     if light:
         ax.plot(x, y, curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
         return
-    low = np.array([value(timing, timing.low) for timing in sound])
-    high = np.array([value(timing, timing.high) for timing in sound])
+    ends = np.array([[value(timing, timing.low), value(timing, timing.high)] for timing in right])
+    wrong = [(t.particles, value(t, t.median)) for t in times if is_wrong(t)]
+    draw_band(ax, (x, y, ends), curve, [is_suspect(timing) for timing in right], wrong)
+
+
+def draw_band(
+    ax: Any,
+    points: tuple[np.ndarray, np.ndarray, np.ndarray],
+    curve: Curve,
+    suspect: Sequence[bool],
+    wrong: Sequence[tuple[float, float]],
+) -> None:
+    """A line through `points` (x (n,), y (n,), both ends of each one's band (n, 2)), hollow where `suspect`; a cross at each
+    of the `wrong` (x, y)."""
+    x, y, ends = points
     if len(x):
-        ax.fill_between(x, np.minimum(low, high), np.maximum(low, high), color=curve.colour, alpha=0.18, linewidth=0)
+        low, high = ends.min(axis=1), ends.max(axis=1)
+        ax.fill_between(x, low, high, color=curve.colour, alpha=0.18, linewidth=0)
         ax.plot(x, y, curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
-    hollow = np.array([is_suspect(timing) for timing in sound], bool)
-    if hollow.any():
+    if any(suspect):
         face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
-        ax.plot(x[hollow], y[hollow], curve.marker, **face, zorder=4)
-    wrong = [timing for timing in times if is_wrong(timing)]
-    ax.plot([t.particles for t in wrong], [value(t, t.median) for t in wrong], "x", color=BLACK, zorder=5)
+        ax.plot(x[np.array(suspect)], y[np.array(suspect)], curve.marker, **face, zorder=4)
+    ax.plot([x for x, _ in wrong], [y for _, y in wrong], "x", color=BLACK, zorder=5)
 
 
-def log_axes(ax: Any, y_label: str | None = None, *, log_y: bool = True) -> None:
-    """Masses on a logarithmic x axis, and the label of the y axis."""
+def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> None:
+    """Both axes logarithmic, with their labels."""
     ax.set_xscale("log")
-    if log_y:
-        ax.set_yscale("log")
-    ax.set_xlabel("masses")
+    ax.set_yscale("log")
+    ax.set_xlabel(x_label)
     if y_label:
         ax.set_ylabel(y_label)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, Ablated, AblationRow, tables_of
+from plots.core.colours import BLUE, GREEN, GREY, SKY, VERMILLION
 from plots.core.data import Results, Source
-from plots.core.style import BLUE, GREEN, GREY, SKY, VERMILLION, Drawing, new_sheet
+from plots.core.style import Drawing, new_sheet
 
 TITLE = "What the scenes need"
 MOST = 4  # panels: scenes and backends, those measured last
@@ -17,7 +18,7 @@ SHOWN = {NEEDED: (VERMILLION, "o"), NOT_NEEDED: (GREEN, "s"), GAINS: (SKY, "D")}
 
 def told_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
     """The first source with ablations of motions that are not chaotic, and these: the last of each scene and backend."""
-    for source in (*results.featured, *results.background):
+    for source in results.everyone:
         newest = {
             (table.title, table.backend): table
             for table in tables_of(source.measures)

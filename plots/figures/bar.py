@@ -8,21 +8,9 @@ from typing import Any
 from bench.experiments.bar import FINEST, SOLVERS, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
 from bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
+from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
-from plots.core.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Drawing,
-    legend_below,
-    new_figure,
-    new_sheet,
-    plain_ticks,
-)
+from plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain_ticks
 
 TITLE = "Three solvers, one bar"
 CLUSTERS_TITLE = "A bar and the size of its clusters"

@@ -9,10 +9,11 @@ from bench.experiments.accuracy.methods import XPBD, name_of
 from bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
 from bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
 from bench.store.results import Measure, by_configuration
+from bench.store.schema import tables_by_kind
+from plots.core.colours import GREY
 from plots.core.data import Results, Source
-from plots.core.style import GREY, Drawing, legend_below, new_figure
+from plots.core.style import Drawing, legend_below, new_figure
 from plots.figures.work_precision import XPBD as CURVES
-from plots.findings.points import source_with
 
 TITLE = "Convergence of the orderings"
 LINES = ("-", "--", "-.", ":")  # of the sizes drawn, small first
@@ -49,12 +50,12 @@ def _entry(numbers: dict[str, Measure]) -> Converging | None:
     if not value.keys() >= {RESIDUAL, BEFORE, SECONDS, RATIO, LEAST, MOST}:
         return None
     description = numbers[RESIDUAL].description
-    tables = [table for table in description["scene"].values() if isinstance(table, dict)]
-    method = next(table for table in tables if "ordering" in table)
+    tables = tables_by_kind(description["scene"])
+    method = tables["method"]
     return Converging(
         name=name_of(method),
         backend=description["backend"],
-        side=next(table for table in tables if "rows" in table)["rows"],
+        side=next(table for table in tables.values() if "rows" in table)["rows"],
         iterations=method["iterations"],
         left=value[RESIDUAL] / value[BEFORE],
         seconds=value[SECONDS],
@@ -65,14 +66,9 @@ def _entry(numbers: dict[str, Measure]) -> Converging | None:
     )
 
 
-def source_of(results: Results, backend: str | None = None) -> Source | None:
-    """The first source that holds the experiment (on a backend), featured ones first."""
-    return source_with(results, lambda source: bool(converging(source, backend)))
-
-
 def draw(results: Results) -> Drawing | str:
     """The figure: by iterations, and by time on each backend; or why there is none."""
-    source = source_of(results, "gpu") or source_of(results)
+    source = results.first(lambda s: converging(s, "gpu")) or results.first(converging)
     if source is None:
         return "the orderings of position-based solvers were not timed"
     backends = [name for name in ("cpu", "gpu") if converging(source, name)]

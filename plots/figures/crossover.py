@@ -8,8 +8,9 @@ from itertools import pairwise
 
 from bench.store.results import Timing
 from plots.core.apart import apart
-from plots.core.data import Results, Source, is_suspect, is_wrong
-from plots.core.style import BLACK, GREEN, GREY, HEIGHT, PURPLE, Drawing, log_axes, new_figure, plain_ticks
+from plots.core.colours import BLACK, GREEN, GREY, PURPLE
+from plots.core.data import Results, Source, is_suspect, is_wrong, sound
+from plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
 
 TITLE = "Where the GPU overtakes"
 
@@ -50,7 +51,7 @@ def pairs(source: Source, precision: str = "float32", *, graphics: bool = False)
         if chosen and timing.rows == timing.columns and not is_wrong(timing):
             held = best.get(timing.particles)
             best[timing.particles] = timing if held is None or timing.median < held.median else held
-    on_gpu = [t for t in source.select("gpu", None, precision, graphics=graphics) if not is_wrong(t)]
+    on_gpu = sound(source.select("gpu", None, precision, graphics=graphics))
     return [Pair(best[t.particles], t) for t in on_gpu if t.particles in best]
 
 
@@ -66,7 +67,7 @@ def crossing(found: list[Pair]) -> float | None:
 
 def draw(results: Results) -> Drawing | str:
     """The figure, or why there is none."""
-    source = next((s for s in (*results.featured, *results.background) if pairs(s)), None)
+    source = results.first(pairs)
     if source is None:
         return "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"
     figure, (ax,) = new_figure(1, HEIGHT)

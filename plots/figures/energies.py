@@ -16,8 +16,9 @@ from model.core.energy import energies
 from model.core.errors import InputError, SceneError
 from model.core.files import read_archive
 from model.scene.scene import Scene
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE
 from plots.core.files import save
-from plots.core.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, legend_below, new_figure, settings
+from plots.core.style import Drawing, legend_below, new_figure, settings
 
 ARRAYS = {"time": 1, "step": 1, "position": 3, "velocity": 3}  # what a trajectory holds -> dimensions
 CURVES = (

@@ -5,17 +5,8 @@ from __future__ import annotations
 from bench.measure.timing import DRAW_EVERY
 from bench.store.results import Timing
 from plots.core.data import Results, Source
-from plots.core.style import (
-    GPU,
-    THREADS,
-    Curve,
-    Drawing,
-    draw_times,
-    legend_below,
-    log_axes,
-    panels,
-    time_ticks,
-)
+from plots.core.pairs import at_one_size
+from plots.core.style import GPU, THREADS, Curve, Drawing, draw_times, legend_below, log_axes, panels, time_ticks
 
 TITLE = "With against without graphics"
 
@@ -57,5 +48,4 @@ def skipped_reason(results: Results) -> str | None:
 
 def drawing_costs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:
     """Pairs (without, with) of one backend, smallest grid first."""
-    drawn = {(t.rows, t.columns): t for t in source.select(backend, word, graphics=True)}
-    return [(t, drawn[t.rows, t.columns]) for t in source.select(backend, word) if (t.rows, t.columns) in drawn]
+    return at_one_size(source.select(backend, word), source.select(backend, word, graphics=True))

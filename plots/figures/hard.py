@@ -9,8 +9,9 @@ import numpy as np
 
 from app.render.camera3d import Camera3D
 from bench.stress.results import BODIES, HardRow, rows_of, table_of
+from plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, Drawing, new_sheet
+from plots.core.style import Drawing, new_sheet
 
 STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from bench.stress.results import BODIES, HardRow, Told, rows_of
+from plots.core.colours import BLACK, BLUE, ORANGE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLACK, BLUE, ORANGE, SKY, VERMILLION, Drawing, legend_below, new_sheet
+from plots.core.style import Drawing, legend_below, new_sheet
 from plots.figures.hard import PANEL
 
 TITLE = "Bodies against their bounds"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from bench.store.results import Timing
+from plots.core.backends import sources_of
 from plots.core.data import Results, Source
-from plots.core.ladder import backend_panels, in_order, rung, sources_of
+from plots.core.ladder import backend_panels, in_order, rung
 from plots.core.style import Drawing, legend_below, log_axes, plain_ticks
 
 TITLE = "Energy of every kernel"
@@ -27,14 +28,15 @@ def watts(source: Source, timing: Timing) -> float | None:
     return sample.joules_per_step / sample.median
 
 
-def has_joules(source: Source, backend: str) -> bool:
-    """Whether any kernel of a backend has joules."""
-    return any(joules(source, t) is not None for times in source.ladder(backend).values() for t in times)
+def counted_joules(source: Source, backend: str) -> list[tuple[Timing, float]]:
+    """The timings of a backend's kernels that have joules, with these."""
+    every = (t for times in source.ladder(backend).values() for t in times)
+    return [(t, j) for t in every if (j := joules(source, t)) is not None]
 
 
 def draw(results: Results) -> Drawing | str:
     """The figure, or why there is none."""
-    figure, chosen = backend_panels(results, has_joules)
+    figure, chosen = backend_panels(results, lambda source, backend: bool(counted_joules(source, backend)))
     if figure is None:
         return (
             "no joules were counted: the machine has no energy counter that may be read, or the kernels were not timed"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from bench.store.results import Timing
+from plots.core.backends import sources_of
 from plots.core.bandwidth import copy_bandwidth
+from plots.core.colours import BLACK
 from plots.core.data import Results
-from plots.core.ladder import backend_panels, in_order, mark_switches, rung, sources_of, threading_words
-from plots.core.style import BLACK, Drawing, draw_times, legend_below, log_axes, time_ticks
+from plots.core.ladder import backend_panels, in_order, mark_switches, rung, threading_words
+from plots.core.style import Drawing, draw_times, legend_below, log_axes, time_ticks
 
 TITLE = "Every kernel"
 

@@ -6,8 +6,9 @@ from __future__ import annotations
 from typing import Any
 
 from plots.core.accuracy_points import Point, order_points, points
+from plots.core.colours import GREY, VERMILLION
 from plots.core.data import Results
-from plots.core.style import GREY, HEIGHT, VERMILLION, Drawing, legend_below, new_grid
+from plots.core.style import HEIGHT, Drawing, legend_below, log_axes, new_grid
 from plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
 ACROSS = 2  # panels in a row
@@ -52,22 +53,13 @@ def _draw_panel(ax: Any, found: list[Point]) -> None:
         ax.plot([p.dt for p in hollow], [p.error for p in hollow], marker, color=colour, markerfacecolor="white")
     halves = [p for p in order_points(found, "lab") if p.half]
     if halves:
-        x, y = [p.dt for p in halves], [p.half for p in halves]
-        ax.plot(
-            x,
-            y,
-            "--",
-            marker="*",
-            color=VERMILLION,
-            label="lab, against half the acceleration",
-        )
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+        x, y, label = [p.dt for p in halves], [p.half for p in halves], "lab, against half the acceleration"
+        ax.plot(x, y, "--", marker="*", color=VERMILLION, label=label)
+    log_axes(ax, x_label="step size / ms")
     steps = sorted({p.dt for p in found if not p.diverged})
     _draw_slopes(ax, found, steps)
     ax.set_xticks(steps, [f"{1000 * dt:g}" for dt in steps])
     ax.set_xticks([], minor=True)
-    ax.set_xlabel("step size / ms")
     ax.margins(y=0.1)
 
 

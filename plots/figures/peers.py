@@ -4,25 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from bench.peers.registry import PEERS, label
 from bench.peers.results import Ratio
+from plots.core.backends import name_of, on_backends
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from plots.core.data import Results, Source
-from plots.core.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Curve,
-    Drawing,
-    legend_below,
-    log_axes,
-    new_figure,
-    plain_ticks,
-)
+from plots.core.style import Curve, Drawing, draw_band, legend_below, log_axes, new_figure, plain_ticks
 
 TITLE = "Side by side with what could be used instead"
 PRECISION = "float32"
@@ -42,16 +31,12 @@ def square_ratios(source: Source, backend: str) -> list[Ratio]:
 
 def draw(results: Results) -> Drawing | str:
     """The figure, or why there is none. A panel a backend, each of the first machine that holds it, own ones first."""
-    chosen: list[tuple[str, Source]] = []
-    for backend in ("cpu", "gpu"):
-        holding = (s for s in (*results.featured, *results.background) if square_ratios(s, backend))
-        chosen += [(backend, source) for source in [next(holding, None)] if source is not None]
+    chosen = on_backends(results, square_ratios)
     if not chosen:
         return "nothing was timed beside peers (softlab sweep --peers)"
     figure, axes = new_figure(len(chosen), share_y=False)
     marks: set[str] = set()
-    for ax, (backend, source) in zip(axes, chosen, strict=True):
-        found = square_ratios(source, backend)
+    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
         for name in dict.fromkeys(r.peer for r in found):
             marks |= _draw_peer(
                 ax, [r for r in found if r.peer == name], CURVES.get(name) or Curve(label(name), GREY, ".")
@@ -68,27 +53,19 @@ def draw(results: Results) -> Drawing | str:
         "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
         "faster. Every state was first held against the lab's own in float64."
     )
-    return Drawing(figure, TITLE, caption, tuple(source for _, source in chosen))
+    return Drawing(figure, TITLE, caption, tuple(source for _, source, _ in chosen))
 
 
 def _title(backend: str, source: Source, found: list[Ratio]) -> str:
-    if backend == "gpu":
-        return f"GPU: {source.gpu}"
     threads = max(r.threads or 1 for r in found)
-    return f"CPU: {source.processor}\n{threads} threads where a peer has threads"
+    return name_of(backend, source) + ("" if backend == "gpu" else f"\n{threads} threads where a peer has threads")
 
 
 def _draw_peer(ax: Any, found: list[Ratio], curve: Curve) -> set[str]:
     """One line; which of the marks `suspect` and `wrong answer` it needed."""
-    sound = [r for r in found if not r.wrong]
-    x = [r.particles for r in sound]
-    ax.fill_between(x, [r.low for r in sound], [r.high for r in sound], color=curve.colour, alpha=0.18, linewidth=0)
-    ax.plot(
-        x, [r.ratio for r in sound], curve.line, color=curve.colour, marker=curve.marker, label=curve.label, zorder=3
-    )
-    hollow = [r for r in sound if r.suspect]
-    wrong = [r for r in found if r.wrong]
-    face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
-    ax.plot([r.particles for r in hollow], [r.ratio for r in hollow], curve.marker, **face, zorder=4)
-    ax.plot([r.particles for r in wrong], [r.ratio for r in wrong], "x", color=BLACK, zorder=5)
-    return {name for name, some in (("suspect", hollow), ("wrong answer", wrong)) if some}
+    sound, wrong = [r for r in found if not r.wrong], [r for r in found if r.wrong]
+    x, y, *ends = (np.array([getattr(r, name) for r in sound]) for name in ("particles", "ratio", "low", "high"))
+    points = x, y, np.stack(ends, axis=1)
+    suspect = [bool(r.suspect) for r in sound]
+    draw_band(ax, points, curve, suspect, [(r.particles, r.ratio) for r in wrong])
+    return {name for name, some in (("suspect", any(suspect)), ("wrong answer", wrong)) if some}

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
-from bench.experiments.projections import ProjectionPoint, points
+from bench.experiments.projections import points
+from plots.core.backends import draw_rates, name_of, on_backends, sources_of, timed
+from plots.core.colours import BLUE, GREEN, ORANGE, VERMILLION
 from plots.core.data import Results
-from plots.core.style import BLUE, GREEN, ORANGE, VERMILLION, Drawing, legend_below, log_axes, new_figure
-from plots.figures import backends
-from plots.figures.backends import name_of, sources_of
+from plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Projections a second"
 LOOKS = {
@@ -18,10 +17,11 @@ LOOKS = {
     ("jacobi", 4): ("Jacobi, 4 neighbours", ORANGE, "s"),
     ("jacobi", 12): ("Jacobi, 12 neighbours", VERMILLION, "^"),
 }
+SUBSTEPS = 10
 LINES = {10: "-", 1: "--"}  # by iterations a substep
 
 
-panels = partial(backends.panels, points=points)  # (backend, source, points) of the backends that were timed
+panels = partial(on_backends, found=timed(points))  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:
@@ -31,9 +31,8 @@ def draw(results: Results) -> Drawing | str:
         return "projections were not timed (softlab projections)"
     figure, axes = new_figure(len(chosen), 3.8, share_y=False)
     for ax, (backend, source, found) in zip(axes, chosen, strict=True):
-        for (ordering, neighbours), (label, colour, marker) in LOOKS.items():
-            for iterations, line in LINES.items():
-                _curve(ax, found, (ordering, neighbours, iterations), line, colour, marker, label)
+        squares = [p for p in found if p.rows == p.columns and p.substeps == SUBSTEPS]
+        draw_rates(ax, squares, LOOKS, LINES, lambda p: ((p.ordering, p.neighbours), p.iterations))
         log_axes(ax)
         ax.set_title(name_of(backend, source), fontsize=8)
     axes[0].set_ylabel("projections a second")
@@ -44,15 +43,3 @@ def draw(results: Results) -> Drawing | str:
         "The whole step is timed, prediction and velocities included."
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))
-
-
-def _curve(ax: Any, found: list[ProjectionPoint], key: tuple[str, int, int], line: str, *look: str) -> None:
-    """One line of squares, with a label where it is the solid one."""
-    colour, marker, label = look
-    mine = [p for p in found if (p.ordering, p.neighbours, p.iterations) == key and p.rows == p.columns]
-    mine = [p for p in mine if p.substeps == 10]
-    if mine:
-        name = label if line == "-" else None
-        ax.plot(
-            [p.rows * p.columns for p in mine], [p.rate for p in mine], line, color=colour, marker=marker, label=name
-        )

@@ -9,8 +9,9 @@ from typing import Any
 from bench.experiments.accuracy.equal_error import equal_error
 from bench.experiments.accuracy.points import SIZES
 from plots.core.accuracy_points import SIDE, Point, points
+from plots.core.colours import BLUE, GREEN, GREY
 from plots.core.data import Results, Source
-from plots.core.style import BLUE, GREEN, GREY, HEIGHT, Drawing, new_figure, plain_ticks
+from plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
 from plots.figures.work_precision import INTEGRATORS
 
 TITLE = "Who reaches an error soonest"
@@ -36,7 +37,7 @@ def targets(found: Sequence[Point]) -> list[float]:
 
 def draw(results: Results) -> Drawing | str:
     """The figure of the first machine that timed both processors at two sizes or more, or why there is none."""
-    source = next((s for s in (*results.featured, *results.background) if len(sizes(s)) > 1), None)
+    source = results.first(lambda s: len(sizes(s)) > 1)
     if source is None:
         return "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
     figure, (left, right) = new_figure(2, HEIGHT, share_y=False)
@@ -92,11 +93,8 @@ def _ratios(ax: Any, found: dict[int, list[Point]], target: float = 1e-2) -> Non
         if len(ratios) > 1:
             ax.plot(list(ratios), list(ratios.values()), marker=marker, color=colour, label=name)
     ax.axhline(1, color=GREY, linewidth=1, zorder=1)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    log_axes(ax, "CPU time / GPU time")
     ax.set_xticks(list(found), [str(masses) for masses in found])
     ax.minorticks_off()
     plain_ticks(ax.yaxis)
-    ax.set_xlabel("masses")
-    ax.set_ylabel("CPU time / GPU time")
     ax.legend(fontsize=6.5)

@@ -15,10 +15,12 @@ from bench.store.results import Timing
 from model.core.errors import SoftlabError
 from model.core.families import scene_plan
 from model.scene.scene import Scene
+from plots.core.backends import sources_of
 from plots.core.bandwidth import copy_bandwidth
+from plots.core.colours import BLACK, GREY
 from plots.core.data import Results, Source
-from plots.core.ladder import backend_panels, in_order, rung, sources_of
-from plots.core.style import BLACK, GREY, Drawing, draw_times, legend_below, log_axes, plain_ticks
+from plots.core.ladder import backend_panels, in_order, rung
+from plots.core.style import Drawing, draw_times, legend_below, log_axes, plain_ticks
 
 TITLE = "Roofline"
 
@@ -85,14 +87,15 @@ def draw(results: Results) -> Drawing | str:
             draw_times(ax, mine, rung(kernel), _percent(found))
             times += mine
         ax.axhline(100, color=GREY, linewidth=1.2, zorder=1, label="one step per pass")
-        name = "GPU" if backend == "gpu" else "CPU"
         if found.arithmetic_share and found.rate:
             ax.axhline(
                 100 * found.arithmetic_share, color=BLACK, linestyle="--", linewidth=1, zorder=1, label="arithmetic"
             )
-            words.append(f"{name} {found.bandwidth / 1e9:.0f} GB/s and {found.rate / 1e9:.0f} G operations/s")
+            words.append(
+                f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s and {found.rate / 1e9:.0f} G operations/s"
+            )
         else:
-            words.append(f"{name} {found.bandwidth / 1e9:.0f} GB/s (its arithmetic rate was not measured)")
+            words.append(f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s (its arithmetic rate was not measured)")
         log_axes(ax)
         operations, moved = found.operations, found.bytes
     plain_ticks(chosen[0][0].yaxis)

@@ -11,8 +11,9 @@ import numpy as np
 from bench.experiments.stability.points import DAMPING, NAMES, STIFFNESS, Edge, MapPoint, disagreements, stability_of
 from bench.experiments.stability.runs import END, OUTCOMES
 from model.core.integrators import INTEGRATORS
+from plots.core.colours import BLACK, ORANGE, SKY, YELLOW
 from plots.core.data import Results, Source, judgements
-from plots.core.style import BLACK, ORANGE, SKY, YELLOW, Drawing, new_sheet, plain_ticks
+from plots.core.style import Drawing, new_sheet, plain_ticks
 
 TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
 TITLE_DAMPING = "Where each integrator breaks: damping"

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from bench.store.results import Timing
-from plots.core.data import THREAD_WORDS, Results, Source, is_wrong
-from plots.core.style import GREY, THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
+from plots.core.colours import GREY
+from plots.core.data import THREAD_WORDS, Results, Source, sound
+from plots.core.style import THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
 
 TITLE = "Thread scaling"
 
 
-def baseline(source: Source, precision: str = "float32") -> str | None:
+def baseline(source: Source) -> str | None:
     """What thread counts are held against: one thread where it was timed, else 1x; None where neither was."""
-    return next((word for word in ("1", "1x") if source.select("cpu", word, precision)), None)
+    return next((word for word in ("1", "1x") if source.select("cpu", word)), None)
 
 
 def draw(results: Results) -> Drawing | str:
@@ -31,7 +32,7 @@ def draw(results: Results) -> Drawing | str:
     for ax, source in chosen:
         base = baseline(source) or "1x"
         words.add("one thread" if base == "1" else "1x threads")
-        held = {(t.rows, t.columns): t for t in source.select("cpu", base) if not is_wrong(t)}
+        held = {(t.rows, t.columns): t for t in sound(source.select("cpu", base))}
         for word in THREAD_WORDS:
             mine = [t for t in source.select("cpu", word) if (t.rows, t.columns) in held and word != base]
             if mine:

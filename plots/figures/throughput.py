@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 from bench.experiments.throughput import points
+from plots.core.backends import draw_rates, name_of, on_backends, sources_of, timed
+from plots.core.colours import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from plots.core.data import Results
-from plots.core.style import BLUE, GREEN, ORANGE, PURPLE, VERMILLION, Drawing, legend_below, log_axes, new_figure
-from plots.figures import backends
-from plots.figures.backends import name_of, sources_of
+from plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 TITLE = "Particles of bodies a second"
 LOOKS = {
@@ -21,7 +21,7 @@ LOOKS = {
 LINES = {0: "-", 1: "-", 2: "--", 4: ":"}  # by the half-width of a grid's or a cube's clusters
 
 
-panels = partial(backends.panels, points=points)  # (backend, source, points) of the backends that were timed
+panels = partial(on_backends, found=timed(points))  # (backend, source, points) of the backends that were timed
 
 
 def draw(results: Results) -> Drawing | str:
@@ -31,15 +31,8 @@ def draw(results: Results) -> Drawing | str:
         return "bodies were not timed (softlab throughput)"
     figure, axes = new_figure(len(chosen), 3.8, share_y=False)
     for ax, (backend, source, found) in zip(axes, chosen, strict=True):
-        for kind, (label, colour, marker) in LOOKS.items():
-            for region, line in LINES.items():
-                mine = [p for p in found if (p.kind, p.region) == (kind, region)]
-                if mine:
-                    name = label if line == "-" else None
-                    x, y = [p.particles for p in mine], [p.rate for p in mine]
-                    ax.plot(x, y, line, color=colour, marker=marker, label=name)
-        log_axes(ax)
-        ax.set_xlabel("particles")
+        draw_rates(ax, found, LOOKS, LINES, lambda p: (p.kind, p.region))
+        log_axes(ax, x_label="particles")
         ax.set_title(name_of(backend, source), fontsize=8)
     axes[0].set_ylabel("particles x substeps / s")
     legend_below(figure, axes, columns=2)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from plots.core.colours import GREY
 from plots.core.data import THREAD_WORDS, Results, Source
 from plots.core.style import (
     GPU,
-    GREY,
     THREADS,
     Curve,
     Drawing,

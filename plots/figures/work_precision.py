@@ -4,26 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.accuracy.experiment import pareto_front
+from bench.experiments.accuracy.points import pareto_front
 from model.core.simulation import PRECISIONS
 from plots.core.accuracy_points import Point, points
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from plots.core.data import Results, Source
-from plots.core.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Drawing,
-    legend_below,
-    new_grid,
-)
+from plots.core.style import Drawing, legend_below, new_grid
 
 TITLE = "Speed against error"
-BROWN, PINK, VIOLET, OLIVE = "#7A5230", "#B0305C", "#5E3C99", "#7F7F00"
+BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"
 SCENES = ("S1", "S2", "S4", "S5", "S6", "S6-still")
 PREFERRED = (
     "S1",
@@ -91,15 +80,13 @@ def draw(results: Results) -> Drawing | str:
 
 def accurate_source(results: Results) -> Source | None:
     """The first source that timed S1 with most of the methods, else the first with any accuracy runs; featured ones first."""
-    anybody = next((s for s in (*results.featured, *results.background) if points(s)), None)
-    return answering(results, "S1") or anybody
+    return answering(results, "S1") or results.first(points)
 
 
 def answering(results: Results, label: str) -> Source | None:
     """The first source that timed a scene with most of the methods that any source did, featured ones first: of few methods
     one is the soonest for want of others."""
-    everyone = (*results.featured, *results.background)
-    methods = [(source, {p.integrator for p in points(source, label) if p.seconds}) for source in everyone]
+    methods = [(source, {p.integrator for p in points(source, label) if p.seconds}) for source in results.everyone]
     most = max((len(timed) for _, timed in methods), default=0)
     return next((source for source, timed in methods if timed and len(timed) >= SHARE * most), None)
 

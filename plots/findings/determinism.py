@@ -5,20 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from bench.experiments.findings_determinism import DETERMINISM
-from plots.core.data import Results, Source
-from plots.core.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    VERMILLION,
-    Drawing,
-    legend_below,
-    log_axes,
-    new_figure,
-    plain_ticks,
-)
-from plots.findings.points import Cost, costs, source_of
+from plots.core.backends import on_backends, sources_of
+from plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from plots.core.data import Results
+from plots.core.style import Drawing, legend_below, log_axes, new_figure, plain_ticks
+from plots.findings.points import Cost, costs
 
 TITLE = "What determinism costs"
 WAYS = {  # backend, way: label, colour, marker
@@ -33,13 +24,12 @@ NAMES = {"cpu": "CPU, over the kernel fused", "gpu": "GPU, over the kernel graph
 
 def draw(results: Results) -> Drawing | str:
     """The figure, a panel a backend; or why there is none."""
-    held = {backend: source_of(results, DETERMINISM, backend) for backend in NAMES}
-    sources = {backend: source for backend, source in held.items() if source}
-    if not sources:
+    chosen = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
+    if not chosen:
         return "gather and scatter were not timed side by side"
-    figure, axes = new_figure(len(sources), 3.8, share_y=False)
-    for ax, (backend, source) in zip(axes, sources.items(), strict=True):
-        _panel(ax, backend, costs(source, DETERMINISM, backend))
+    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    for ax, (backend, _, found) in zip(axes, chosen, strict=True):
+        _panel(ax, backend, found)
     axes[0].set_ylabel("time / time of the lab's gather")
     legend_below(figure, axes, columns=2)
     caption = (
@@ -47,8 +37,7 @@ def draw(results: Results) -> Drawing | str:
         "its springs itself, over that of the lab's kernel of one pass a step, sampled in turn. Over 1: the lab's gather "
         "is faster. All but the atomic additions repeat bit for bit. Solid: float32, dashed: float64. Bars: extremes."
     )
-    found: tuple[Source, ...] = tuple({id(s): s for s in sources.values()}.values())
-    return Drawing(figure, TITLE, caption, found)
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
 def _panel(ax: Any, backend: str, found: list[Cost]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from bench.experiments.findings import AWAY, FLOOR
 from plots.core.data import Results
-from plots.core.style import Drawing, legend_below, new_figure
+from plots.core.style import Drawing, legend_below, log_axes, new_figure
 from plots.figures.work_precision import INTEGRATORS
 from plots.findings.points import Row, of_finding
 
@@ -39,13 +39,10 @@ def _draw_floor(ax: Any, found: list[Row]) -> None:
         mine = [row for row in found if (row.scheme, row.precision) == (scheme, precision)]
         ax.plot([r.dt for r in mine], [r.value for r in mine], LINES[precision], marker=marker, color=colour,
                 label=f"{scheme}, {precision}")  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    log_axes(ax, "error / spacings", "step size / ms")
     steps = sorted({row.dt for row in found})[::2]
     ax.set_xticks(steps, [f"{1000 * dt:.2g}" for dt in steps])
     ax.set_xticks([], minor=True)
-    ax.set_xlabel("step size / ms")
-    ax.set_ylabel("error / spacings")
     ax.set_title("at ever smaller steps")
 
 

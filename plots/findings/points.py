@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from bench.experiments.findings import ERROR, RATE
@@ -10,6 +9,7 @@ from bench.experiments.findings_costs import INTERVAL, LOOKS, SHARE
 from bench.experiments.findings_determinism import DIFFERENT, GATHER
 from bench.measure.costs_timing import LEAST, MOST, RATIO
 from bench.store.results import Measure, Timing, by_configuration
+from bench.store.schema import tables_by_kind
 from plots.core.data import Results, Source
 
 
@@ -38,10 +38,10 @@ def _row(measure: Measure) -> Row | None:
     description = measure.description
     if measure.value is None:
         return None
-    kinds = {table.get("kind", name): table for name, table in description["scene"].items() if isinstance(table, dict)}
+    method = tables_by_kind(description["scene"])["method"]
     return Row(
-        scheme=str(description.get("scheme", kinds["method"]["integrator"])),
-        dt=kinds["method"]["dt"],
+        scheme=str(description.get("scheme", method["integrator"])),
+        dt=method["dt"],
         precision=description["precision"],
         backend=description["backend"],
         offset=description.get("offset", 0.0),
@@ -49,19 +49,14 @@ def _row(measure: Measure) -> Row | None:
     )
 
 
-def source_with(results: Results, holds: Callable[[Source], bool]) -> Source | None:
-    """The first source that holds something, featured ones first."""
-    return next((s for s in (*results.featured, *results.background) if holds(s)), None)
-
-
 def of_finding(results: Results, finding: str) -> tuple[Source | None, list[Row]]:
     """The first source that has a finding, and its rows of the first backend that has them."""
-    source = source_with(results, lambda s: bool(rows(s, finding)))
+    source = results.first(lambda s: rows(s, finding))
     found = rows(source, finding) if source else []
     return source, [row for row in found if row.backend == found[0].backend]
 
 
-def exact_pairs(source: Source, backend: str, precision: str) -> list[tuple[Timing, Timing]]:
+def exact_pairs(source: Source, backend: str, precision: str = "float32") -> list[tuple[Timing, Timing]]:
     """(fast, exact) timings of one size, smallest first."""
     held = {(t.particles, t.math): t for t in source.findings if (t.backend, t.precision) == (backend, precision)}
     sizes = sorted({particles for particles, _ in held})
@@ -106,7 +101,7 @@ def _cost(numbers: dict[str, Measure]) -> Cost | None:
     way = description.get("sums", "")
     if way == GATHER or description.get("looks") is False:
         return None
-    grid = next(t for t in description["scene"].values() if isinstance(t, dict) and "rows" in t)
+    grid = next(table for table in tables_by_kind(description["scene"]).values() if "rows" in table)
     value = {name: measure.value for name, measure in numbers.items() if measure.value is not None}
     different = value.get(DIFFERENT)
     return Cost(
@@ -122,11 +117,6 @@ def _cost(numbers: dict[str, Measure]) -> Cost | None:
         different=None if different is None else int(different),
         suspect="; " in (numbers[RATIO].reason or ""),
     )
-
-
-def source_of(results: Results, finding: str, backend: str | None = None) -> Source | None:
-    """The first source that holds a finding (of a backend), featured ones first."""
-    return source_with(results, lambda source: bool(costs(source, finding, backend)))
 
 
 def look_costs(source: Source, backend: str | None = None) -> list[Cost]:

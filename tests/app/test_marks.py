@@ -13,7 +13,7 @@ import pytest
 from bench.experiments.accuracy import experiment as accuracy
 from bench.experiments.advise import ablate
 from bench.experiments.advise import search as advise_search
-from bench.measure import case_timing, costs_timing, experiment
+from bench.measure import case_timing, costs_timing, samples, timing
 from bench.measure import group as measure_group
 from bench.measure.timing import Sample
 from bench.peers import sweep as peer_sweep  # fmt: skip
@@ -80,8 +80,9 @@ def by_ablation(store: Store, run: str, backend: str) -> None:
 
 
 def by_cases(store: Store, run: str, backend: str) -> None:
-    timing = case_timing.Timing("step", 1, lambda *_: [], "told")
-    timing._time(store, SimpleNamespace(run=run, measured=0, skipped=[]), [case_of(backend)])  # type: ignore[arg-type]
+    rates = case_timing.Rates("cases", "step", "seconds", "rate", "kernel", lambda scene: 1.0, lambda *_: [])
+    summary = SimpleNamespace(run=run, measured=0, skipped=[])
+    rates._time(store, summary, [case_of(backend)], 1)  # type: ignore[arg-type]
 
 
 def by_findings(store: Store, run: str, backend: str) -> None:
@@ -106,13 +107,14 @@ def test_marks_reach_the_store(way: Any, backend: str, monkeypatch: pytest.Monke
     module = WAYS[way]
 
     def taken(subjects: Any, repeats: Any, _: Any = None, again: int = 0) -> Any:
-        for subject in subjects:
-            yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
+        for _ in range(max(repeats)):
+            for subject in subjects:
+                yield subject, Sample(1.0, 10, "load: other programs ran on the cores in use")
 
-    monkeypatch.setattr(module, "interleaved", taken)
-    for asking in (experiment, costs_timing):
-        monkeypatch.setattr(asking, "gpu_simulated", lambda: True)
-    for preparing in (module, case_timing):
+    for sampling in (module, samples):
+        monkeypatch.setattr(sampling, "interleaved", taken, raising=False)
+    monkeypatch.setattr(samples, "gpu_simulated", lambda: True)
+    for preparing in (module, timing):
         monkeypatch.setattr(preparing, "warm_up", NOTHING, raising=False)
         monkeypatch.setattr(preparing, "choose_steps", NOTHING, raising=False)
     with Store(":memory:") as store:
@@ -120,8 +122,8 @@ def test_marks_reach_the_store(way: Any, backend: str, monkeypatch: pytest.Monke
         way(store, store.start_run("m", "test"), backend)
         found = timings(store, stage=None)
         assert found
-        for timing in found:
-            reasons = [reason for mark in timing.suspect for reason in mark.split("; ")]
+        for one in found:
+            reasons = [reason for mark in one.suspect for reason in mark.split("; ")]
             assert "load: other programs ran on the cores in use" in reasons
             assert ("CUDA simulator, no GPU" in reasons) == (backend == "gpu" and module is not peer_sweep)
             assert ("wrong answer: 3 spacings off" in reasons) == (module in (measure_group, peer_sweep))

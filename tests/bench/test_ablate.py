@@ -15,6 +15,7 @@ from bench.experiments.advise import ablation
 from bench.experiments.advise.ablate import ablate
 from bench.experiments.advise.ablation import COARSER, FINER, FULL, INTEGRATOR, PART, Ablation, ablations
 from bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, UNTOLD, Ablated, AblationRow
+from bench.measure import samples, timing
 from bench.measure.growth import MAX_GROWTH
 from bench.measure.timing import Sample
 from bench.reference import cache
@@ -58,9 +59,9 @@ def clockwork(monkeypatch):
             for subject in subjects:
                 yield subject, Sample(100 * step_seconds(subject.simulation) * (1 + 0.01 * turn), 100, None)
 
-    monkeypatch.setattr(module, "interleaved", interleaved)
-    monkeypatch.setattr(module, "warm_up", lambda subject: (0.0, 0.0))
-    monkeypatch.setattr(module, "choose_steps", lambda subject, *_: 100)
+    monkeypatch.setattr(samples, "interleaved", interleaved)
+    monkeypatch.setattr(timing, "warm_up", lambda subject: (0.0, 0.0))
+    monkeypatch.setattr(timing, "choose_steps", lambda subject, *_: 100)
 
 
 def step_seconds(simulation) -> float:
@@ -234,8 +235,8 @@ def test_asked_again_nothing_is_run(store, clockwork, monkeypatch):
     """The store holds it; another time of judgement, or changed code, is another measurement."""
     monkeypatch.setattr(ablation, "ENTRIES", (ablation._arithmetic,))
     first = ablate(store, falling(), time=0.2, **QUIET)
-    samples = store.query("SELECT count(*) FROM sample")[0][0]
-    assert samples == 3 * module.REPEATS
+    held = store.query("SELECT count(*) FROM sample")[0][0]
+    assert held == 3 * module.REPEATS
     with monkeypatch.context() as patched:
         patched.setattr(module._Work, "measure", lambda *_: pytest.fail("run again"))
         again = ablate(store, falling(), time=0.2, **QUIET)
@@ -251,7 +252,7 @@ def test_asked_again_nothing_is_run(store, clockwork, monkeypatch):
 def test_interrupted_it_resumes(store, clockwork, monkeypatch):
     """Ctrl-C among the samples: what was had is kept, no table is made of halves, and the next call completes it."""
     monkeypatch.setattr(ablation, "ENTRIES", (ablation._arithmetic,))
-    whole = module.interleaved
+    whole = samples.interleaved
 
     def cut(subjects, repeats, watch):
         for turn, sample in enumerate(whole(subjects, repeats, watch)):
@@ -259,12 +260,12 @@ def test_interrupted_it_resumes(store, clockwork, monkeypatch):
                 raise KeyboardInterrupt
             yield sample
 
-    monkeypatch.setattr(module, "interleaved", cut)
+    monkeypatch.setattr(samples, "interleaved", cut)
     stopped = ablate(store, falling(), time=0.2, **QUIET)
     assert stopped.interrupted
     assert store.query("SELECT count(*) FROM sample")[0][0] == 4
     assert all(found.full.seconds is None for found in stopped.tables)
-    monkeypatch.setattr(module, "interleaved", whole)
+    monkeypatch.setattr(samples, "interleaved", whole)
     (found,) = ablate(store, falling(), time=0.2, **QUIET).tables
     assert found.full.seconds is not None
     assert len(found.rows) == 2

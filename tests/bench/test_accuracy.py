@@ -12,9 +12,9 @@ from app.command.scene_file import write_scene
 from bench.experiments.accuracy import cases as accuracy_cases
 from bench.experiments.accuracy import experiment as accuracy
 from bench.experiments.accuracy import points as accuracy_points
-from bench.experiments.accuracy.experiment import pareto_front, run_accuracy
+from bench.experiments.accuracy.experiment import run_accuracy
 from bench.experiments.accuracy.judge import distance
-from bench.experiments.accuracy.points import FAR
+from bench.experiments.accuracy.points import FAR, pareto_front
 from bench.reference import cache
 from bench.store.database import Store
 from bench.store.results import measures

@@ -12,10 +12,10 @@ import softlab
 from app.command.scene_file import scene_toml, write_scene
 from bench.experiments.accuracy.references import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
 from bench.experiments.advise import search as advise_search
+from bench.experiments.advise.bracket import TIGHT, next_steps
 from bench.experiments.advise.check import brute_force, grid_steps
 from bench.experiments.advise.experiment import advise
-from bench.experiments.advise.search import TIGHT, next_steps
-from bench.measure import case_timing
+from bench.measure import samples, timing
 from bench.measure.growth import MAX_GROWTH, kept_growth, measure_growth
 from bench.measure.timing import Sample
 from bench.reference import cache
@@ -45,9 +45,9 @@ def clockwork(monkeypatch):
                 method = subject.simulation.scene.method
                 yield subject, Sample(100 * (1e-5 + 1e-6 * INTEGRATORS[method.integrator].forces), 100, None)
 
-    monkeypatch.setattr(advise_search, "interleaved", interleaved)
-    monkeypatch.setattr(case_timing, "warm_up", lambda subject: (0.0, 0.0))
-    monkeypatch.setattr(case_timing, "choose_steps", lambda subject, *_: 100)
+    monkeypatch.setattr(samples, "interleaved", interleaved)
+    monkeypatch.setattr(timing, "warm_up", lambda subject: (0.0, 0.0))
+    monkeypatch.setattr(timing, "choose_steps", lambda subject, *_: 100)
 
 
 ASKED = {"backends": ["cpu"], "integrators": METHODS, "precisions": SINGLE, "progress": False}

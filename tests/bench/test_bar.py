@@ -53,13 +53,15 @@ from bench.experiments.body_laws import (
 )
 from bench.store.database import Store
 from bench.store.results import measures
-from labbook.claims.bodies import CLAIMS
+from labbook.claims import bodies, body_laws
 from model.core.errors import Diverged
 from model.shape_matching.clusters import matching_share
 from plots.core.data import Results
 from plots.core.read import load
 from plots.core.style import Drawing, settings
 from plots.figures.bar import bars, draw, draw_clusters
+
+CLAIMS = bodies.CLAIMS | body_laws.CLAIMS
 
 FEW = 8  # links
 
@@ -162,7 +164,7 @@ def test_what_is_refused_or_diverges_has_a_reason() -> None:
     def diverging():
         raise Diverged(3, 1, 0.01, 0.02)
 
-    assert value(told(diverging, SAG), SAG) == inf
+    assert value(told(SAG)(diverging)(), SAG) == inf
 
 
 # ---------------------------------------------------------------------- laws

@@ -59,9 +59,9 @@ def measured(tmp_path_factory):
                     seconds = SECONDS[method.name] * method.iterations
                     yield subject, Sample(10 * seconds * (1 + 0.001 * turn), 10, None)
 
-        patch.setattr("bench.measure.costs_timing.interleaved", interleaved)
-        patch.setattr(convergence, "warm_up", lambda subject: (0.0, 0.0))
-        patch.setattr(convergence, "choose_steps", lambda subject, *_: 10)
+        patch.setattr("bench.measure.samples.interleaved", interleaved)
+        patch.setattr("bench.measure.timing.warm_up", lambda subject: (0.0, 0.0))
+        patch.setattr("bench.measure.timing.choose_steps", lambda subject, *_: 10)
         patch.setattr(convergence, "SIZES", (16,))
         patch.setattr(convergence, "ITERATIONS", (1, 2, 8))
         with Store(tmp_path_factory.mktemp("convergence") / "results.sqlite") as store:

@@ -20,7 +20,6 @@ from bench.measure.timing import (
     Subject,
     choose_steps,
     interleaved,
-    time_simulations,
     warm_up,
 )
 from model.scene.scene import Scene
@@ -82,15 +81,6 @@ def test_what_is_disturbed_is_sampled_again() -> None:
     subjects: Any = [Made("A"), Made("B")]
     taken = [(s.name, sample.suspect) for s, sample in interleaved(subjects, [2, 2], Quiet(), again=3)]
     assert taken == [("A", None), ("B", None), ("A", None), ("B", DISTURBED), ("B", DISTURBED), ("B", None)]
-
-
-def test_time_simulations_gives_raw_repeats_for_each() -> None:
-    heard: list[tuple[int, Sample]] = []
-    with opened() as one, opened(precision="float64") as two:
-        samples = time_simulations([one, two], 3, 1e-4, on_sample=lambda k, sample: heard.append((k, sample)))
-    assert [len(of_one) for of_one in samples] == [3, 3]
-    assert [k for k, _ in heard] == [0, 1] * 3
-    assert all(sample.seconds > 0 and sample.steps >= 1 for of_one in samples for sample in of_one)
 
 
 def test_graphics_draws_every_tenth_step_inside_the_sample() -> None:

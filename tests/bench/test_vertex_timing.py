@@ -71,7 +71,7 @@ def samples(store: Store, descriptions: Any) -> list[list[float]]:
         "SELECT seconds / steps FROM sample JOIN configuration ON hash = configuration "
         "WHERE description = ? AND stage = ? ORDER BY repeat"
     )
-    from bench.store.database import canonical
+    from bench.store.schema import canonical
 
     return [[seconds for (seconds,) in store.query(query, (canonical(d), STAGE))] for d in descriptions]
 

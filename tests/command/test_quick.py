@@ -13,7 +13,6 @@ import pytest
 from bench.experiments import bar, projections, throughput
 from bench.experiments.bar_strip import FREQUENCY, SAG, SHARED, method_of, strip
 from bench.experiments.body_laws import DROP, law_scene
-from bench.measure.case_timing import Timing
 from bench.store.database import Store
 from bench.stress import experiment as hard
 from bench.stress.cases import CASES
@@ -55,7 +54,7 @@ def test_hard_has_every_case_of_forces_in_one_precision_and_eight_kernels(monkey
 
 def test_projections_have_two_sizes_two_orderings_and_four_kernels() -> None:
     quick, whole = (
-        [case for group in projections.groups(["cpu"], q, None, ("float32",)) for case in group] for q in (True, False)
+        [case for group in projections.groups(["cpu"], q, ("float32",)) for case in group] for q in (True, False)
     )
     assert {str(case.description) for case in quick} < {str(case.description) for case in whole}
     found = [case.scene for case in quick]
@@ -65,18 +64,14 @@ def test_projections_have_two_sizes_two_orderings_and_four_kernels() -> None:
     assert len({kernel_of(scene) for scene in found}) == 4
 
 
-def test_throughput_leaves_the_lattice_out_unless_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[set[str]] = []
-
-    def groups(backends: Any, quick: bool, kinds: Iterable[str], precisions: Any) -> list[Any]:
-        asked.append(set(kinds))
-        return []
-
-    monkeypatch.setattr(throughput, "groups", groups)
-    monkeypatch.setattr(Timing, "run", lambda self, store, cases, **_: None)
-    with Store(":memory:") as store:
-        for quick, kinds in ((True, None), (True, ["lattice"]), (False, None)):
-            throughput.run_throughput(store, quick=quick, kinds=kinds, backends=["cpu"])
+def test_throughput_leaves_the_lattice_out_unless_it_is_asked_for() -> None:
+    asked = [
+        {throughput.kind_of(case.scene) for group in groups for case in group}
+        for groups in (
+            throughput.groups(["cpu"], quick, ("float32",), kinds)
+            for quick, kinds in ((True, None), (True, ["lattice"]), (False, None))
+        )
+    ]
     assert asked == [{"soft", "rigid", "heap", "grid"}, {"lattice"}, set(throughput.KINDS)]
 
 

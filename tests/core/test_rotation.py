@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.experiments.rotations import (
+from bench.stress.rotations import (
     best_trace,
     matrices_of,
     of_singular_values,

@@ -8,7 +8,7 @@ FIGURES: tuple[Mistake, ...] = (
     *in_file(
         "plots/figures/lab_step.py", "test_figure_axes.py",
         {
-            "an axis in s with ticks in ms": ('ax.set_xlabel("step size / ms")', 'ax.set_xlabel("step size / s")'),
+            "an axis in s with ticks in ms": ('x_label="step size / ms"', 'x_label="step size / s"'),
             "ticks ten times too small": ('[f"{1000 * dt:g}" for dt in steps]', '[f"{100 * dt:g}" for dt in steps]'),
         },
     ),
@@ -44,11 +44,12 @@ FIGURES: tuple[Mistake, ...] = (
     ),
     *in_file(
         "plots/core/style.py", "test_figure_axes.py",
-        {"times in kiloseconds": ('EngFormatter(unit="s")', 'EngFormatter(unit="ks")'), "curves of the quickest repeat": ("y = np.array([value(timing, timing.median) for timing in sound])", "y = np.array([value(timing, timing.low) for timing in sound])")},
+        {"times in kiloseconds": ('EngFormatter(unit="s")', 'EngFormatter(unit="ks")'), "curves of the quickest repeat": ("y = np.array([value(timing, timing.median) for timing in right])", "y = np.array([value(timing, timing.low) for timing in right])")},
     ),
     *in_file(
         "plots/core/data.py", "test_figures.py test_claims_by_hand.py",
         {
+            "wrong answers take part": ("return [timing for timing in timings if not is_wrong(timing)]", "return list(timings)"),
             "an infinite error is right": ('infinite = timing.error is not None and timing.error == float("inf")', "infinite = False"),
             "curves of any precision": ("and timing.precision == precision\n            and timing.graphics == graphics", "and timing.graphics == graphics"),
         },
@@ -68,7 +69,6 @@ CLAIMS: tuple[Mistake, ...] = (
     *in_file(
         "labbook/claims/claim.py", HAND,
         {
-            "wrong answers take part": ("return [timing for timing in times_ if not is_wrong(timing)]", "return list(times_)"),
             "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
             "the bandwidth of the smallest grid": ("largest = [t for (t,) in found][-1:]", "largest = [t for (t,) in found][:1]"),
             "float64 told of the smallest grid": ("single, double = both[-1]", "single, double = both[0]"),
@@ -134,17 +134,17 @@ RESULTS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "bench/measure/experiment.py", "test_marks.py",
+        "bench/measure/samples.py", "test_marks.py",
         {"a sample's marks are dropped on the way to the store": ("(sample.suspect, warning(subject.name), simulated)", "(warning(subject.name), simulated)"),
          "a wrong answer's mark is dropped": ("(sample.suspect, warning(subject.name), simulated)", "(sample.suspect, simulated)")},
     ),
     *in_file(
         "bench/measure/costs_timing.py", "test_marks.py",
-        {"marks of ratios are dropped": ("marks[place[id(subject)]] += [suspect] if suspect else []", "marks[place[id(subject)]] += []")},
+        {"marks of ratios are dropped": ("for sample in (*base, *samples) if sample.suspect)", "for sample in () if sample.suspect)")},
     ),
     *in_file(
         "bench/experiments/accuracy/experiment.py", "test_marks.py",
-        {"samples of accuracy runs are not stored": ("in stored_samples(store, summary.run, STAGE, samples):", "in samples:")},
+        {"samples of accuracy runs are not stored": ("in in_turns(store, summary.run, STAGE, subjects, repeats):", "in ():")},
     ),
     *in_file(
         "bench/experiments/accuracy/judgement.py", "test_judgement.py",
@@ -183,11 +183,14 @@ EXITS: tuple[Mistake, ...] = (
         {"a backend that is not there is bad input": ("exit_status = 3", "exit_status = 2")},
     ),
     *in_file(
+        "bench/options.py", "test_exits.py",
+        {"what Ctrl-C ended is 1": ("raise typer.Exit(130)", "raise typer.Exit(1)")},
+    ),
+    *in_file(
         "bench/commands.py", "test_exits.py",
         {
             "hard cases that fail are done": ("if failed(summary):\n        raise typer.Exit(1)", "if failed(summary):\n        raise typer.Exit(0)"),
             "no advice is done": ("if advice.best is None:\n            raise typer.Exit(2)", "if advice.best is None:\n            raise typer.Exit(0)"),
-            "what Ctrl-C ended is 1": ("if summary.interrupted:\n        raise typer.Exit(130)\n\n\n@measuring.command(cls=Timed, epilog=\"Example: softlab sweep", "if summary.interrupted:\n        raise typer.Exit(1)\n\n\n@measuring.command(cls=Timed, epilog=\"Example: softlab sweep"),
         },
     ),
 )  # fmt: skip

@@ -14,8 +14,9 @@ from rich.console import Console
 import bench.stress.experiment as hard
 from bench.store.database import Store
 from bench.store.results import configuration, measures
-from bench.stress.cases import CASES, FORCES, NOT_YET, HardCase
-from bench.stress.laws import far_away
+from bench.stress.case import FORCES, HardCase
+from bench.stress.cases import CASES, NOT_YET
+from bench.stress.numbers import far_away
 from bench.stress.results import CODES, as_text, disagreements, print_hard, rounding_differences, rows_of
 from bench.stress.trial import Check, SilentNaN, Trial
 from labbook.claims import hard as hard_claims

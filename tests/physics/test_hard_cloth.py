@@ -8,7 +8,8 @@ import pytest
 
 from bench.store.database import Store
 from bench.store.results import measures
-from bench.stress.cases import CASES, HardCase
+from bench.stress.case import HardCase
+from bench.stress.cases import CASES
 from bench.stress.cloth import ball_inside, fast_ball
 from bench.stress.experiment import Outcome, judge_case, run_hard
 from bench.stress.results import as_text, rows_of

@@ -7,7 +7,8 @@ import pytest
 import bench.stress.experiment as hard
 from bench.experiments.accuracy.methods import MATCHING, METHODS
 from bench.store.results import Measure, configuration
-from bench.stress.cases import CASES, FORCES, POSITIONS, HardCase
+from bench.stress.case import FORCES, POSITIONS, HardCase
+from bench.stress.cases import CASES
 from bench.stress.results import rows_of, table_of
 from model.scene.scene import load_scene
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hard_rules import judged_anew
 
-from bench.stress.cases import CASES, HardCase
+from bench.stress.case import HardCase
+from bench.stress.cases import CASES
 from bench.stress.experiment import Outcome, case_scene, judge_case
 from bench.stress.laws import hanging
 from model.scene.scene import load_scene

@@ -25,14 +25,13 @@ from bench.store.database import Store
 from bench.stress.results import HardRow
 from labbook.build import CLAIMS
 from labbook.claims import accuracy as accuracy_claims
-from labbook.claims import claim as claims
 from labbook.claims import comparison as comparison_claims
 from labbook.claims import findings as findings_claims
 from labbook.claims import hard as hard_claims
 from labbook.claims.claim import Claim
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import Point
-from plots.core.data import Results
+from plots.core.data import Results, is_wrong
 from plots.core.read import load
 
 LARGEST = 4096 * 4096
@@ -146,7 +145,7 @@ def test_wrong_answers_change_no_sentence() -> None:
                 for kernel in ("graph", "tiles"):
                     maker.timing((n, n), 1e-10, backend="gpu", kernel=kernel, **how)
     results = load(store)
-    assert sum(claims.is_wrong(timing) for timing in results.featured[0].timings) == 2 * 2 * 2 * 4
+    assert sum(is_wrong(timing) for timing in results.featured[0].timings) == 2 * 2 * 2 * 4
     for name, claim in CLAIMS.items():
         if name != "trust":  # which counts them
             assert claim(results).sentence == told(name).sentence, name

@@ -20,10 +20,11 @@ from model.core.errors import InputError
 from model.scene.scene import load_scene
 from plots.core import bandwidth, pairs
 from plots.core.accuracy_points import observed_order, order_points, points, reaching
+from plots.core.colours import BLACK, GREY
 from plots.core.data import Results, is_suspect, is_wrong
-from plots.core.draw import FIGURES, TITLES, draw_all, draw_figures
+from plots.core.draw import FIGURES, TITLES, draw_figures, figures_folder
 from plots.core.read import load
-from plots.core.style import BLACK, GREY, settings
+from plots.core.style import settings
 from plots.figures import crossover, thread_scaling, time_per_step, work_precision
 from plots.figures.energies import draw_energies, read_energies
 
@@ -70,7 +71,8 @@ def test_figures_are_files_of_vectors_and_of_pixels(
     names = ["time-per-step", "lab-step"]
     for name in set(FIGURES) - {*names, "ablation"}:
         monkeypatch.delitem(FIGURES, name)
-    paths = draw_all(gpu, tmp_path / "figures")
+    made = draw_figures(load(gpu), figures_folder(tmp_path / "figures"))
+    paths = [path for figure in made for path in figure.paths]
     assert {path.name for path in paths} == {f"{name}.{suffix}" for name in names for suffix in ("svg", "png")}
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {
         path.name for path in paths
@@ -112,14 +114,14 @@ def test_an_empty_store_gives_reasons_only(tmp_path: Path) -> None:
     assert all(figure.reason and not figure.paths for figure in found)
 
 
-def test_folders_that_cannot_be_used_are_refused(cpu: Store, tmp_path: Path) -> None:
+def test_folders_and_stores_that_cannot_be_used_are_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be made"):
-        draw_all(cpu, tmp_path / "file")
+        figures_folder(tmp_path / "file")
     with pytest.raises(InputError, match="cannot be made"):
-        draw_all(cpu, tmp_path / "missing" / "folder")
+        figures_folder(tmp_path / "missing" / "folder")
     with pytest.raises(InputError, match="no such store"):
-        draw_all(tmp_path / "none.sqlite", tmp_path)
+        load(tmp_path / "none.sqlite")
 
 
 # ---------------------------------------------------------------------- what is shown

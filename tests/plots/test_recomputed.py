@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from bench.experiments.accuracy.equal_error import equal_error
-from bench.store.database import Store, canonical
+from bench.store.database import Store
+from bench.store.schema import canonical
 from bench.store.transfer import load_text
 from labbook import words
 from labbook.answer import answer_tables

@@ -13,8 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.store.database import SCHEMA_VERSION, TABLES, Store, canonical, configuration_hash
+from bench.store.database import Store
 from bench.store.results import Timing, configuration, machines, measures, open_readonly, timings
+from bench.store.schema import SCHEMA_VERSION, TABLES, canonical, configuration_hash
 from bench.store.transfer import _flatten, _unflatten, export, load_text, merge
 from model.core.errors import InputError
 from model.scene.scene import Scene, load_scene

@@ -27,8 +27,8 @@ from bodies_scenes import (
 from closed_meshes import rotation as rotation_by
 
 from app.output.files import read_state, write_state
-from bench.experiments.rotations import matrices_of
 from bench.reference import shape_matching as reference
+from bench.stress.rotations import matrices_of
 from model.core.errors import Diverged, InputError, SceneError
 from model.shape_matching.cluster_tables import matching_factors
 from model.shape_matching.clusters import matching_share

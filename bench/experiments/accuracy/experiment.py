@@ -41,22 +41,21 @@ from bench.experiments.accuracy.points import (
     AccuracyPoint,
     AccuracySummary,
     end_of,
-    pareto_front,
     point,
 )
 from bench.experiments.accuracy.references import converged_for, growth_for, motion_of, references
 from bench.experiments.accuracy.solver_error import Iterated, solver_numbers
 from bench.measure.costs_timing import Effort
-from bench.measure.experiment import Tell, backends_here, chosen, keep, resume, stored_samples
+from bench.measure.experiment import Tell, backends_here, chosen, keep, resume
 from bench.measure.growth import Growth
-from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.measure.samples import in_turns
+from bench.measure.timing import Subject, prepare_run
 from bench.reference import cache
-from bench.store.database import Store, configuration_hash
-from bench.store.results import measures
+from bench.store.database import Store
+from bench.store.results import by_configuration, measures_of
+from bench.store.schema import configuration_hash
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
-
-__all__ = ["pareto_front", "run_accuracy"]
 
 HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
 COPIES = 3  # of the state to the host, of which the median counts
@@ -133,7 +132,10 @@ class _Group:
                 self.tell(str(case), 1)
                 subject = Subject(stack.enter_context(case.open()), case)
                 broken = self._judge(subject, right, half, growth)
-                self._prepare(subject, broken)
+                if broken is None:
+                    prepare_run(subject, case.steps, self.effort.seconds, self.effort.most)
+                else:
+                    subject.steps = max(1, broken.step - 1)  # those before it broke
                 subjects.append(subject)
             self._sample(subjects)
 
@@ -162,30 +164,15 @@ class _Group:
         keep(self.store, self.summary.run, case.description, case.sources, numbers)
         return broken
 
-    def _prepare(self, subject: Subject, broken: Diverged | None) -> None:
-        """Choose the steps of a sample: of a run that broke those before it did, of one over its limit the run's."""
-        if broken is not None:
-            subject.steps = max(1, broken.step - 1)
-            return
-        warm_up(subject)
-        if subject.simulation.scene.method.dt > subject.simulation.limit:
-            subject.steps = subject.name.steps
-        else:
-            choose_steps(subject, self.effort.seconds, self.effort.most)
-
     def _sample(self, subjects: Sequence[Subject]) -> None:
         store, summary, repeats = self.store, self.summary, self.effort.repeats
-        costs: dict[int, list[float]] = {}
-        samples = interleaved(subjects, [repeats] * len(subjects), Neighbours())
-        for subject, sample in stored_samples(store, summary.run, STAGE, samples):
+        for subject, samples in in_turns(store, summary.run, STAGE, subjects, repeats):
             case = subject.name
-            taken = costs.setdefault(id(subject), [])
-            taken.append(sample.seconds / (sample.steps * case.scene.method.dt))
-            if len(taken) == repeats:  # last, so that a case with a cost is complete
-                cost = statistics.median(taken), "s/s", f"median of {repeats}"
-                keep(store, summary.run, case.description, case.sources, {COST: cost})
-                summary.measured += 1
-                self.tell(f"{case}: timed", 1)
+            median = statistics.median(sample.seconds / (sample.steps * case.scene.method.dt) for sample in samples)
+            cost = median, "s/s", f"median of {repeats}"  # last, so that a case with a cost is complete
+            keep(store, summary.run, case.description, case.sources, {COST: cost})
+            summary.measured += 1
+            self.tell(f"{case}: timed", 1)
 
 
 def copy_seconds(simulation: Simulation) -> float:
@@ -199,9 +186,8 @@ def copy_seconds(simulation: Simulation) -> float:
 
 
 def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:
-    """What the store holds of the cases."""
-    named: dict[str, dict[str, Any]] = {}
-    for measure in measures(store, machine=machine):
-        named.setdefault(measure.configuration, {})[measure.name] = measure
-    found = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
-    return [entry for entry in found if entry is not None]
+    """What the store holds of the cases, in their order."""
+    found = by_configuration(measures_of(store, machine, (case.description for case in everything)))
+    named = {next(iter(one.values())).configuration: one for one in found}
+    points = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
+    return [entry for entry in points if entry is not None]

@@ -7,27 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
+from bench.experiments.accuracy import judgement
 from bench.experiments.accuracy.equal_error import Fastest, equal_error
-from bench.experiments.accuracy.judgement import (
-    BALANCE,
-    CONSTRAINT,
-    ENERGY,
-    ENERGY_OFF,
-    ERROR,
-    GROWTH,
-    HALF,
-    LARGEST,
-    MEAN_OFF,
-    MOMENTUM_OFF,
-    REFUSED,
-    SOLVER,
-    STRAIN,
-    STRAIN_OFF,
-    UNRESOLVED,
-)
 from bench.experiments.accuracy.methods import WRONG, efforts, name_of
 from bench.measure.experiment import Summary
 from bench.measure.growth import growth_words
+from bench.store.schema import tables_by_kind
 from model.core.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
@@ -40,6 +25,12 @@ CLOTH_ENDS = {"S4": 1.0, "S5": 0.5, "S6": 1.0, "S6-still": 12.0}  # s: of cloths
 
 COST = "seconds_per_simulated_second"
 COPY = "copy_seconds"  # of the whole state, from the device to the host
+MEASURED = {  # field of a point -> the measure that it is
+    "largest": judgement.LARGEST, "half": judgement.HALF, "growth": judgement.GROWTH, "energy": judgement.ENERGY,
+    "energy_off": judgement.ENERGY_OFF, "strain": judgement.STRAIN, "strain_off": judgement.STRAIN_OFF,
+    "mean_off": judgement.MEAN_OFF, "momentum_off": judgement.MOMENTUM_OFF, "seconds": COST, "copy_seconds": COPY,
+    "solver": judgement.SOLVER, "constraint": judgement.CONSTRAINT, "balance": judgement.BALANCE,
+}  # fmt: skip
 
 
 def end_of(label: str) -> float:
@@ -110,7 +101,7 @@ class AccuracyPoint:
     @property
     def refused(self) -> bool:
         """The motion is chaotic by then, and no error of a trajectory means anything."""
-        return (self.note or "").startswith(REFUSED)
+        return (self.note or "").startswith(judgement.REFUSED)
 
     @property
     def diverged(self) -> bool:
@@ -229,38 +220,24 @@ def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) 
 
     `label`: as in AccuracyPoint; `description`: as bench.store.results.configuration makes it.
     """
-    if ERROR not in named or named[ERROR].value is None:
+    error = named.get(judgement.ERROR)
+    if error is None or error.value is None:
         return None
-    values = {name: measure.value for name, measure in named.items()}
-    kinds = {table.get("kind", name): table for name, table in description["scene"].items()}
-    iterations, substeps = efforts(kinds["method"])
+    values: dict[str, Any] = {name: measure.value for name, measure in named.items()}
+    method = tables_by_kind(description["scene"])["method"]
+    iterations, substeps = efforts(method)
+    told: dict[str, Any] = {name: description[name] for name in ("precision", "backend", "threads", "math")}
+    told |= {field: values.get(name) for field, name in MEASURED.items()}
     return AccuracyPoint(
         scene=label,
-        integrator=name_of(kinds["method"]),
-        dt=kinds["method"]["dt"],
-        precision=description["precision"],
-        backend=description["backend"],
-        threads=description["threads"],
-        math=description["math"],
-        error=values[ERROR],
-        largest=values.get(LARGEST),
-        half=values.get(HALF),
-        growth=values.get(GROWTH),
-        energy=values.get(ENERGY),
-        energy_off=values.get(ENERGY_OFF),
-        strain=values.get(STRAIN),
-        strain_off=values.get(STRAIN_OFF),
-        mean_off=values.get(MEAN_OFF),
-        momentum_off=values.get(MOMENTUM_OFF),
-        seconds=values.get(COST),
+        integrator=name_of(method),
+        dt=method["dt"],
+        error=error.value,
+        **told,
         low=None,
         high=None,
-        copy_seconds=values.get(COPY),
-        resolved=not values.get(UNRESOLVED),
-        note=named[ERROR].reason,
+        resolved=not values.get(judgement.UNRESOLVED),
+        note=error.reason,
         iterations=iterations,
         substeps=substeps,
-        solver=values.get(SOLVER),
-        constraint=values.get(CONSTRAINT),
-        balance=values.get(BALANCE),
     )

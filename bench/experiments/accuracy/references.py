@@ -17,7 +17,6 @@ configurations against bench/reference/ to rounding. Whoever uses one says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import ceil
 from pathlib import Path
 
@@ -34,7 +33,6 @@ from bench.reference.mass_spring import simulate, smooth, start
 from bench.reference.richardson import refine
 from bench.store.database import Store
 from model.core.build import build
-from model.core.disk_cache import read_arrays, write_arrays
 from model.core.families import stability_limit
 from model.core.integrators import damping_rate, frequency_bound
 from model.core.simulation import Simulation, State
@@ -55,17 +53,6 @@ SECONDS_PER_STEP = 1e-3  # s, of NumPy's calls under a random force, rounded up
 def references(store: Store) -> Path | None:
     """The folder of the converged references that belong to a store; None for one in memory."""
     return None if store.path == ":memory:" else Path(store.path).absolute().parent / "references"
-
-
-def _kept(file: Path | None, make: Callable[[], cache.Converged]) -> cache.Converged:
-    """What the file holds; else what is made, and kept in it (None: nothing is kept)."""
-    held = read_arrays(file) if file else None
-    if held and held.keys() >= {"position", "velocity", "estimate"}:
-        return cache.Converged(held["position"], held["velocity"], float(held["estimate"]))
-    made = make()
-    if file:
-        write_arrays(file, position=made.position, velocity=made.velocity, estimate=made.estimate)
-    return made
 
 
 # ---------------------------------------------------------------------- of the accuracy scenes
@@ -110,7 +97,7 @@ def contact_converged(scene: Scene, time: float, folder: Path | None) -> cache.C
         return cache.Converged(position, velocity, float(np.linalg.norm(position - coarse, axis=1).max()))
 
     key = f"{cache.key(scene, time, 1.0, 1 / FINER)}-{source_hash('cpu')}"
-    return _kept(folder / f"contact-{key}.npz" if folder else None, make)
+    return cache.kept_state(folder / f"contact-{key}.npz" if folder else None, scene, make)
 
 
 def _end(scene: Scene, time: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -199,17 +186,11 @@ def _first_fractions(scene: Scene) -> int:
 
 def held_seconds(scene: Scene, steps: int) -> float:
     """What the reference takes, roughly: at h, h/2 and h/4."""
-    return (
-        7
-        * steps
-        * _first_fractions(scene)
-        * (4 * scene.grid.particle_count * SECONDS_PER_EVALUATION + SECONDS_PER_STEP)
-    )
+    each = 4 * scene.grid.particle_count * SECONDS_PER_EVALUATION + SECONDS_PER_STEP
+    return 7 * steps * _first_fractions(scene) * each
 
 
-def held_converged(
-    scene: Scene, steps: int, folder: Path | None, tolerance: float = cache.TOLERANCE
-) -> cache.Converged:
+def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Converged:
     """The motion after `steps` steps of `method.dt` under the draws of exactly those steps, by RK4 and Richardson.
 
     As bench.reference.mass_spring.converged, from `folder` where it is kept there (None: nothing is kept).
@@ -225,17 +206,9 @@ def held_converged(
         return state
 
     def make() -> cache.Converged:
-        fractions = _first_fractions(scene)
-        coarse = solve(fractions)
-        for halvings_left in range(MAX_HALVINGS, 0, -1):
-            fractions *= 2
-            fine = solve(fractions)
-            change = [(b - a) / 15 for a, b in zip(coarse, fine, strict=True)]
-            estimate = float(np.linalg.norm(change[0], axis=-1).max())
-            if estimate <= tolerance * scene.grid.spacing or halvings_left == 1:
-                break
-            coarse = fine
-        return cache.Converged(fine[0] + change[0], fine[1] + change[1], estimate)
+        first = _first_fractions(scene)
+        most = first * 2**MAX_HALVINGS
+        return cache.Converged(*refine(solve, first, cache.TOLERANCE * scene.grid.spacing, most, smooth=True))
 
-    key = cache.key(scene, steps * dt, 1.0, tolerance)
-    return _kept(folder / f"held-{key}-{steps}.npz" if folder else None, make)
+    key = cache.key(scene, steps * dt, 1.0, cache.TOLERANCE)
+    return cache.kept_state(folder / f"held-{key}-{steps}.npz" if folder else None, scene, make)

@@ -19,9 +19,8 @@ from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.judgement import BALANCE, CONSTRAINT, SOLVER, Numbers
 from bench.experiments.accuracy.methods import why_unknown
 from bench.measure.experiment import source_hash
-from bench.reference import xpbd
+from bench.reference import cache, xpbd
 from bench.reference.steps import masses
-from model.core.disk_cache import read_arrays, write_arrays
 from model.core.simulation import State
 from model.scene.scene import Scene
 
@@ -29,6 +28,12 @@ SHARE = 1e-3  # of the solver's error: what twice the iterations may still chang
 FLOOR = 1e-9  # spacings: below what references resolve, and over the rounding of float64 in thousands of steps
 MAX_ITERATIONS = 5120
 ORDERINGS = {"jacobi": "weighted-jacobi"}  # what bench/reference/xpbd.py calls it
+
+
+def _end(scene: Scene, steps: int) -> np.ndarray:
+    with open_simulation(scene, "cpu", precision="float64", math="exact", allow_unstable=True) as simulation:
+        simulation.advance(steps)
+        return simulation.state().position
 
 
 class Iterated:
@@ -42,19 +47,11 @@ class Iterated:
         """(particles, dimensions) float64 [m]: where the masses are after `steps` steps, in exact math on the CPU."""
         text = f"{scene.canonical()} {steps} {source_hash('cpu')}"
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
-        if key in self._held:
-            return self._held[key]
-        file = self.folder / f"iterated-{key}.npz" if self.folder else None
-        held = read_arrays(file) if file else None
-        shape = scene.grid.particle_count, scene.dimensions
-        if held is None or "position" not in held or held["position"].shape != shape:
-            with open_simulation(scene, "cpu", precision="float64", math="exact", allow_unstable=True) as simulation:
-                simulation.advance(steps)
-                held = {"position": simulation.state().position}
-            if file:
-                write_arrays(file, **held)
-        self._held[key] = held["position"]
-        return held["position"]
+        if key not in self._held:
+            file = self.folder / f"iterated-{key}.npz" if self.folder else None
+            shapes = {"position": (scene.grid.particle_count, scene.dimensions)}
+            self._held[key] = cache.kept_arrays(file, shapes, lambda: {"position": _end(scene, steps)})["position"]
+        return self._held[key]
 
     def converged(self, scene: Scene, steps: int, free: np.ndarray) -> tuple[np.ndarray, float, int]:
         """(positions [m] of the scene's scheme with its iterations converged; the last change [spacings]; iterations)."""

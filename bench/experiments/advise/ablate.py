@@ -41,13 +41,15 @@ from bench.experiments.accuracy.references import (
 from bench.experiments.advise.ablation import FULL, Ablation, ablations, random_force
 from bench.experiments.advise.ablation_results import CHANGE, PREFIX, SECONDS, SUSPECT, AblationSummary, tables_of
 from bench.experiments.advise.experiment import REFERENCE_SECONDS
-from bench.measure.experiment import Tell, backends_here, keep, resume, stored_samples
+from bench.measure.experiment import Tell, backends_here, keep, resume
 from bench.measure.growth import Growth
-from bench.measure.timing import Neighbours, Subject, choose_steps, interleaved, warm_up
+from bench.measure.samples import in_turns
+from bench.measure.timing import Subject, prepare_run
 from bench.reference import cache
 from bench.reference.cache import Converged
-from bench.store.database import Store, configuration_hash
-from bench.store.results import measures
+from bench.store.database import Store
+from bench.store.results import measures_of
+from bench.store.schema import configuration_hash
 from model.core.build import pinned_indices
 from model.core.errors import Diverged, SceneError
 from model.core.families import stability_limit
@@ -102,8 +104,8 @@ def ablate(
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
     resume(store, summary, groups, held, measure, whole=True, **how)  # whole: times count only side by side
-    known = {configuration_hash(variant.case.description) for group in groups for variant in group}
-    summary.tables = tables_of(m for m in measures(store, machine=summary.machine) if m.configuration in known)
+    descriptions = [variant.case.description for group in groups for variant in group]
+    summary.tables = tables_of(measures_of(store, summary.machine, descriptions))
     summary.notes += _notes(scene, wanted, work.end, summary)
     summary.stop()
     return summary
@@ -208,8 +210,7 @@ class _Work:
                 tell(f"{variant.ablation.name}, {variant.case.backend}", 1)
                 subject = Subject(stack.enter_context(variant.case.open()), variant)
                 if self._judge(subject, right):
-                    self._choose_steps(subject)
-                    subjects.append(subject)
+                    subjects.append(prepare_run(subject, variant.steps, SAMPLE_SECONDS, MAX_SAMPLE))
                 else:
                     self._add(variant, {SECONDS: (None, "s/s", "diverged")})
                     tell(f"{variant.ablation.name} diverged", 1)
@@ -249,24 +250,16 @@ class _Work:
         theirs = self._full.position.astype(np.float64)
         return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
 
-    def _choose_steps(self, subject: Subject) -> None:
-        """The steps of a sample: over the limit, where a longer run might break, those of the run that held."""
-        warm_up(subject)
-        if subject.simulation.scene.method.dt > subject.simulation.limit:
-            subject.steps = subject.name.steps
-        else:
-            choose_steps(subject, SAMPLE_SECONDS, MAX_SAMPLE)
-
     def _time(self, subjects: Sequence[Subject], tell: Tell) -> None:
         """Sample in turn, again while disturbed, and store the least of each."""
-        watch = Neighbours()
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
         for _ in range(MAX_ROUNDS):
-            samples = interleaved(subjects, [REPEATS] * len(subjects), watch)
-            for subject, sample in stored_samples(self.store, self.summary.run, STAGE, samples, lambda v: v.case):
-                marks[id(subject)] += [sample.suspect] if sample.suspect else []
-                taken[id(subject)].append(sample.seconds / (sample.steps * subject.name.case.scene.method.dt))
+            sampled = in_turns(self.store, self.summary.run, STAGE, subjects, REPEATS, lambda variant: variant.case)
+            for subject, samples in sampled:
+                dt = subject.name.case.scene.method.dt
+                taken[id(subject)] += [sample.seconds / (sample.steps * dt) for sample in samples]
+                marks[id(subject)] += [sample.suspect for sample in samples if sample.suspect]
             if all(statistics.median(times) <= DISTURBED * min(times) for times in taken.values()):
                 break
         for subject in subjects:

@@ -20,6 +20,7 @@ from bench.measure.experiment import Summary
 from bench.measure.growth import MAX_GROWTH, growth_words
 from bench.reference.cache import TOLERANCE
 from bench.store.results import Measure
+from bench.store.schema import tables_by_kind
 
 PREFIX = "ablation_"
 CHANGE = "ablation_change"  # spacings: root mean square over the free masses, to the end of the full scene's own run
@@ -211,12 +212,12 @@ def _table(group: Mapping[str, Mapping[str, Measure]]) -> Ablated | None:
     if full is None:
         return None
     head: dict[str, Any] = group[FULL.name][CHANGE].description
-    kinds = {table.get("kind", name): table for name, table in head["scene"].items() if isinstance(table, dict)}
+    method = tables_by_kind(head["scene"])["method"]
     newest = group[FULL.name][CHANGE].sources
     current = {name for name, named in group.items() if CHANGE in named and named[CHANGE].sources == newest}
     less = [row for row in rows if row is not full and row.name in current]
     return Ablated(
-        head["ablation"]["title"], kinds["method"]["dt"], name_of(kinds["method"]), head["backend"], head["end"], full,
+        head["ablation"]["title"], method["dt"], name_of(method), head["backend"], head["end"], full,
         tuple(sorted(less, key=lambda row: math.inf if row.seconds is None else row.seconds)),
     )  # fmt: skip
 

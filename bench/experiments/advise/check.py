@@ -62,7 +62,6 @@ def brute_force(
     precisions: Sequence[str] = tuple(PRECISIONS),
     per_octave: int = 2,
     octaves: int = 5,
-    command: str = "brute force",
     progress: bool = False,
 ) -> Check:
     """Judge the whole grid at the time of the advice, and time what reaches the error beside what was advised.
@@ -76,7 +75,7 @@ def brute_force(
     motion = newton(scene)
     growth = growth_of(motion, end, references(store))
     right = converged_of(motion, end, references(store))
-    run = store.start_run(advice.machine, command)
+    run = store.start_run(advice.machine, "brute force")
     search = Search(store, Task(scene, advice.error, end, growth, right, advice.machine, run, inf))
     kinds = [
         kind

@@ -6,7 +6,7 @@ import time as clock
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from math import ceil, inf, isfinite, log, sqrt
+from math import ceil, inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -17,31 +17,29 @@ from bench.experiments.accuracy.judgement import ERROR, judge
 from bench.experiments.accuracy.methods import changes, order_of, sweeps
 from bench.experiments.accuracy.points import COPY, method_words
 from bench.experiments.advise.advice import Choice
+from bench.experiments.advise.bracket import TIGHT, Tried, next_steps
 from bench.measure.case_timing import ready
-from bench.measure.experiment import keep, stored_samples
+from bench.measure.experiment import keep
 from bench.measure.growth import Growth
-from bench.measure.timing import Neighbours, interleaved
+from bench.measure.samples import in_turns
 from bench.reference.cache import Converged
 from bench.reference.mass_spring import start
-from bench.store.database import Store, configuration_hash
+from bench.store.database import Store
 from bench.store.results import Timing, measures, timings
+from bench.store.schema import configuration_hash
 from model.core.errors import Diverged, SoftlabError
 from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import Scene
 
 STAGE = "advise"  # of its samples in the store
-TIGHT = 1.03  # a step size is found when one so many times as large misses the error
 MAX_RUNS = 12  # of one integrator, precision and backend, to find it
-MAX_STRIDE = 64.0  # times the steps, from one run to the next
 FLOOR = 0.75  # an error that twice the steps leave above so much of it has stopped to fall
 HOPELESS = 10  # times the forces of the best so far: not compiled, not run
 REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.02, 1.0  # many and short: the least of them counts
 MAX_ROUNDS = 3  # of samples, while they are disturbed
 DISTURBED = 1.5  # a median over so many times the least: other programs had the cores
 MIN_STEPS = 4  # where nothing limits the step size
-
-Tried = tuple[int, float]  # steps, error [spacings]
 
 
 @dataclass(frozen=True)
@@ -92,30 +90,6 @@ class Task:
 
 class _OutOfTime(Exception):
     """The time for the search was used up."""
-
-
-def next_steps(low: Tried | None, high: Tried | None, target: float, order: int, least: int, turn: int) -> int:
-    """The number of steps to try next, between the most that miss the target (`low`) and the fewest that reach it.
-
-    With one of them known, the order tells how far to go; with both, log error is taken as linear in log steps, a little
-    to one side and then the other, so that both ends close in. One of them must be given.
-    """
-    if low is not None and high is not None:
-        (few, worse), (many, better) = low, high
-        guess = sqrt(few * many)
-        if isfinite(worse) and 0 < better < worse:
-            guess = few * (worse / target) ** (log(many / few) / log(worse / better))
-        guess *= 1.01 if turn % 2 else 1 / 1.01
-        return min(many - 1, max(few + 1, round(guess)))
-    if low is not None:
-        steps, error = low
-        known = order > 0 and isfinite(error) and turn < 3
-        factor = 1.01 * (error / target) ** (1 / order) if known else 2.0
-        return max(steps + 1, ceil(steps * min(MAX_STRIDE, max(factor, TIGHT))))
-    assert high is not None
-    steps, error = high
-    guess = min(steps / TIGHT, steps * (error / target) ** (1 / max(order, 1)) / 1.01)
-    return max(least, min(steps - 1, ceil(guess)))
 
 
 class Search:
@@ -199,10 +173,10 @@ class Search:
     def error(self, kind: Kind, steps: int) -> float:
         """The error [spacings] at the end; from the store, where it holds it. Infinite where the run diverged."""
         case = self.case(kind, steps)
-        held = self._held.get((configuration_hash(case.description), case.sources))
-        if held is None:
-            held = self._run(kind, case, steps)
-            self._held[configuration_hash(case.description), case.sources] = held
+        key = self._key(case)
+        if key not in self._held:
+            self._held[key] = self._run(kind, case, steps)
+        held = self._held[key]
         if held < self._closest[0]:
             self._closest = held, f"{kind}, dt {self.task.end / steps:.4g} s"
         return held
@@ -244,16 +218,15 @@ class Search:
                 break
             self._sample(cases)
             found = self._timings()
-        machine = self.task.machine
-        copies = {m.configuration: m.value for m in measures(self.store, COPY, machine)}
+        copies = {m.configuration: m.value for m in measures(self.store, COPY, self.task.machine)}
         choices = []
         for (kind, steps, error), case in zip(wanted, cases, strict=True):
-            key = configuration_hash(case.description)
-            timing, dt = found[self._key(case)], case.scene.method.dt
+            key = self._key(case)
+            timing, dt = found[key], case.scene.method.dt
             choices.append(
                 Choice(
                     kind.integrator, dt, kind.precision, kind.backend, case.math, timing.kernel, timing.threads, steps,
-                    error, timing.low / dt, timing.median / dt, copies.get(key) or 0.0,
+                    error, timing.low / dt, timing.median / dt, copies.get(key[0]) or 0.0,
                     self.limit(kind), "; ".join(timing.suspect) or None, kind.iterations,
                 )
             )  # fmt: skip
@@ -278,9 +251,7 @@ class Search:
             for case, subject in zip(cases, subjects, strict=True):
                 kernel = subject.simulation.kernel
                 self.store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
-            samples = interleaved(subjects, [REPEATS] * len(subjects), Neighbours())
-            for _ in stored_samples(self.store, run, STAGE, samples):
-                pass
+            list(in_turns(self.store, run, STAGE, subjects, REPEATS))
 
     # ------------------------------------------------------------------ words
 

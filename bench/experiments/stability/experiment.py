@@ -32,9 +32,9 @@ from bench.experiments.stability.points import (
 from bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
 from bench.measure import case_timing
 from bench.measure.experiment import Tell, backends_here, chosen, keep, resume, source_hash
-from bench.measure.machine import gpu_simulated
-from bench.store.database import Store, configuration_hash
-from bench.store.results import configuration, measures
+from bench.measure.gpu import gpu_simulated
+from bench.store.database import Store
+from bench.store.results import configuration, measures_of
 from model.core.integrators import INTEGRATORS, damping_rate
 from model.core.simulation import PRECISIONS, Simulation
 from model.core.stability_limit import scene_frequency
@@ -182,9 +182,9 @@ def run_stability(
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: case.worth}
     resume(store, summary, list(groups.values()), held, measure, **how)
-    keys = {configuration_hash(case.description) for case in everything}
-    mine = [m for m in measures(store, machine=summary.machine) if m.configuration in keys]
-    summary.points, summary.edges = stability_of(mine)
+    summary.points, summary.edges = stability_of(
+        measures_of(store, summary.machine, (one.description for one in everything))
+    )
     summary.stop()
     return summary
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
 from bench.measure.experiment import Summary
-from bench.store.database import canonical
 from bench.store.results import Measure, by_configuration
+from bench.store.schema import canonical
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene

@@ -1,0 +1,78 @@
+"""The GPU of this machine: whether there is one, what it is, and NVML's handle of it."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+FACTS = (
+    "gpu", "gpu_count", "gpu_memory_gib", "gpu_compute_capability", "gpu_multiprocessors", "gpu_l2_bytes", "gpu_driver",
+)  # fmt: skip
+
+
+def gpu_or_reason() -> tuple[bool, str]:
+    """(True, the device's name), or (False, why there is none and what to do)."""
+    try:
+        from gpu_backend.core.device import gpu_available
+    except ImportError as error:
+        return False, f"the GPU backend cannot be loaded ({error})"
+    return gpu_available()
+
+
+def gpu_simulated() -> bool:
+    """Whether numba's CUDA simulator stands in: good for checks, never for times."""
+    return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
+
+
+def gpu_facts() -> dict[str, Any]:
+    """FACTS, for the record of a machine; None where not known, or there is none."""
+    facts: dict[str, Any] = dict.fromkeys(FACTS)
+    available, name = gpu_or_reason()
+    if not available:
+        return facts
+    facts["gpu"] = name
+    if gpu_simulated():
+        return facts
+    from numba import cuda
+
+    device = cuda.get_current_device()
+    return facts | {
+        "gpu_count": len(cuda.gpus),
+        "gpu_memory_gib": round(cuda.current_context().get_memory_info()[1] / 2**30),
+        "gpu_compute_capability": ".".join(map(str, device.compute_capability)),
+        "gpu_multiprocessors": int(device.MULTIPROCESSOR_COUNT),
+        "gpu_l2_bytes": int(device.L2_CACHE_SIZE),
+        "gpu_driver": _driver(),
+    }
+
+
+def nvml() -> tuple[Any, Any]:
+    """(NVML, its handle of the device that numba uses: the only one, or the one of its name); None both, which can do
+    nothing, where it cannot be had."""
+    try:
+        import pynvml
+
+        pynvml.nvmlInit()
+        if pynvml.nvmlDeviceGetCount() == 1:
+            return pynvml, pynvml.nvmlDeviceGetHandleByIndex(0)
+        from numba import cuda
+
+        return pynvml, pynvml.nvmlDeviceGetHandleByUUID(cuda.get_current_device().uuid)
+    except Exception:  # the library is optional, and fails in as many ways as drivers do
+        return None, None
+
+
+def _driver() -> str | None:
+    """The driver's own version, or that of the CUDA it speaks, as far as either is told."""
+    library, _ = nvml()
+    with suppress(Exception):  # as above
+        version = library.nvmlSystemGetDriverVersion()
+        return version.decode() if isinstance(version, bytes) else str(version)
+    try:
+        found = re.search(r"\b(\d{3}\.\d+(\.\d+)?)\b", Path("/proc/driver/nvidia/version").read_text())
+        return found.group(1) if found else None
+    except OSError:
+        return None

@@ -1,0 +1,92 @@
+"""The tables of a store, and what names its rows. All are keyed by text, so that two stores merge without renumbering:
+
+    machine        key, label, record (JSON)
+    run            key, machine, commit_hash, started (UTC, ISO 8601), command
+    configuration  hash (of `description`), description (canonical JSON)
+    sample         configuration, run, sources, stage, repeat, seconds, steps, joules, suspect
+    measure        configuration, run, sources, name, value, unit, reason
+    schema_version version
+
+`sources` is a hash of the code that was measured: configuration + machine + sources is the key by which a sweep
+resumes. `steps` are the steps in one sample, so that the time of a step is a query; 0 for a stage without (compile).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Mapping
+from typing import Any
+
+from model.core.errors import InputError, shown
+
+SCHEMA_VERSION = 1
+KEY, TEXT, INTEGER, REAL = "TEXT PRIMARY KEY", "TEXT NOT NULL", "INTEGER NOT NULL", "REAL NOT NULL"
+OF = {name: f"TEXT NOT NULL REFERENCES {name}" for name in ("machine", "configuration", "run")}
+COLUMNS = {  # table -> column -> its declaration, in the order of the text export
+    "machine": {"key": KEY, "label": TEXT, "record": TEXT},
+    "run": {"key": KEY, "machine": OF["machine"], "commit_hash": "TEXT", "started": TEXT, "command": TEXT},
+    "configuration": {"hash": KEY, "description": TEXT},
+    "sample": {
+        "configuration": OF["configuration"], "run": OF["run"], "sources": TEXT, "stage": TEXT, "repeat": INTEGER,
+        "seconds": REAL, "steps": INTEGER, "joules": "REAL", "suspect": "TEXT",
+    },
+    "measure": {
+        "configuration": OF["configuration"], "run": OF["run"], "sources": TEXT, "name": TEXT, "value": "REAL",
+        "unit": TEXT, "reason": "TEXT",
+    },
+}  # fmt: skip
+KEYS = {"sample": "configuration, run, sources, stage, repeat", "measure": "configuration, run, sources, name"}
+TABLES = {table: tuple(columns) for table, columns in COLUMNS.items()}
+STORED = {"TEXT": ("text",), "INTEGER": ("integer",), "REAL": ("real", "integer")}  # as SQLite names what lies in them
+
+
+def _create(table: str) -> str:
+    columns = [f"{column} {declared}" for column, declared in COLUMNS[table].items()]
+    key = [f"PRIMARY KEY ({KEYS[table]})"] if table in KEYS else []
+    return f"CREATE TABLE {table} ({', '.join(columns + key)})"
+
+
+SCHEMA = (  # statements that make the tables
+    "CREATE TABLE schema_version (version INTEGER NOT NULL)",
+    f"INSERT INTO schema_version VALUES ({SCHEMA_VERSION})",
+    *map(_create, TABLES),
+)
+
+
+def canonical(description: Mapping[str, Any]) -> str:
+    """Canonical JSON: equal texts mean equal descriptions."""
+    return json.dumps(description, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+
+
+def tables_by_kind(scene: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The tables of a scene as a description holds them, by what they are: `grid`, `method`."""
+    return {table.get("kind", name): table for name, table in scene.items() if isinstance(table, dict)}
+
+
+def configuration_hash(description: Mapping[str, Any]) -> str:
+    """The 16 hexadecimal digits that name a configuration."""
+    return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
+
+
+def check_rows(connection: sqlite3.Connection, path: str) -> None:
+    """Refuse rows that no lab wrote: SQLite takes any type in any column. Raises InputError."""
+    damaged = "this lab wrote no such row; restore a copy, or merge its last export into another store"
+    for table, columns in COLUMNS.items():
+        for column, declared in columns.items():
+            kind, _, rule = declared.partition(" ")
+            types = STORED[kind] if rule else (*STORED[kind], "null")
+            found = connection.execute(
+                f"SELECT rowid, {column} FROM {table} WHERE typeof({column}) NOT IN ({', '.join(map(repr, types))}) LIMIT 1"
+            ).fetchone()
+            if found:
+                raise InputError(f"{path}: {table}.{column} = {shown(found[1])} in row {found[0]}: {damaged}")
+    for table, column in (("machine", "record"), ("configuration", "description")):
+        for row, text in connection.execute(f"SELECT rowid, {column} FROM {table}"):
+            try:
+                good = isinstance(json.loads(text), dict)
+            except (ValueError, RecursionError):
+                good = False
+            if not good:
+                raise InputError(f"{path}: {table}.{column} = {shown(text)} in row {row}: {damaged}")

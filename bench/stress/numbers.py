@@ -1,0 +1,80 @@
+"""Hard cases B13 to B15: a chain of thousands of links, one far from the origin, and numbers too small to be normal.
+bench/stress/laws.py tells what a law is; bench/stress/cases.py gives these their scenes.
+
+B14: published are ten ulp, which hold for a chain let go along gravity; one that swings 100 km away was seen at 14 with rk4,
+so its bound is 20. The hand-out's step passes neither, in float64 either.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+import numpy as np
+
+from bench.reference import mass_spring as reference
+from bench.stress.laws import Law
+from bench.stress.trial import Check, Trial
+
+SLOW_DOWN = 1.5  # times: the most that denormal numbers may cost
+
+
+def long_chain(trial: Trial) -> list[Check]:
+    """B13: 4096 links let go. For 10 s the bottom mass knows nothing of the pin (the wave runs 32 links a second), so it
+    falls like one mass alone: the reference's. float32: an ulp of its depth each step."""
+    state = trial.run(trial.start(trial.rest()), 10.0)
+    alone = trial.scene.replace({"grid.rows": 1, "grid.pinned": "none"})
+    fall = reference.simulate(alone, state.step)[0][0, 1]
+    expected = trial.rest()[-1, 0, 1] + fall
+    ulp = float(np.spacing(np.float32(expected) if trial.single else np.float64(expected)))
+    error = abs(float(state.position[-1, 1]) - expected)
+    return [
+        Check("bottom mass from free fall", error, "m", "<", abs(ulp) * state.step),
+        Check("lowest point", float(state.position[:, 1].min()), "m"),
+    ]
+
+
+def far_away(offset: float, swinging: bool) -> Law:
+    """B14: a ten-link chain let go `offset` [m] from the origin, for 1 s, against itself at the origin in float64, in ulp
+    of the offset: along gravity (published bound: 10), or sideways, to swing (bound: 20)."""
+
+    def law(trial: Trial) -> list[Check]:
+        position = trial.rest()
+        if swinging:
+            position = position[..., ::-1] * (-1, 1)
+        away = np.array([0.0, offset])
+        exact = reference.simulate(trial.scene, trial.steps(1.0), position.reshape(-1, 2), None)[0]
+        state = trial.run(trial.start(position + away), 1.0)
+        ulp = np.spacing(np.float32(offset) if trial.single else np.float64(offset))
+        error = float(np.abs(state.position.astype(np.float64) - away - exact).max() / ulp)
+        return [Check("distance from the run at the origin", error, "ulp", "<", 20.0 if swinging else 10.0)]
+
+    return law
+
+
+def denormals(trial: Trial) -> list[Check]:
+    """B15: stretches and velocities below the smallest normal number: no NaN (the squared length underflows, 1/r is
+    guarded), nothing grows out of them. That steps take at most 1.5 times as long as with ordinary numbers is aimed at and
+    told; a verdict that hangs on a stopwatch would change from run to run."""
+    tiny = 1e-40 if trial.single else 1e-310
+    random = np.random.default_rng(3).standard_normal(trial.rest().shape)
+    random[0] = 0
+    small, ordinary = trial.start(tiny * random, tiny * random), trial.start(random, random)
+    times: dict[str, list[float]] = {"small": [], "ordinary": []}
+    with trial.open(small) as simulation:
+        trial.advance(simulation, 100)
+        state = trial.look(simulation)
+        for _ in range(9 if trial.timed else 0):
+            for name, initial in (("small", small), ("ordinary", ordinary)):
+                simulation.load(initial)
+                simulation.synchronize()
+                begin = time.perf_counter()
+                simulation.advance(100)
+                simulation.synchronize()
+                times[name].append(time.perf_counter() - begin)
+    largest = float(np.abs(state.position).max())
+    checks = [Check("largest coordinate over its start", largest / tiny, "", "<", 100.0)]
+    if trial.timed:
+        ratio = statistics.median(a / b for a, b in zip(times["small"], times["ordinary"], strict=True))
+        checks.append(Check("time over that of ordinary numbers", ratio, "", "aim <=", SLOW_DOWN))
+    return checks

@@ -1,0 +1,66 @@
+"""What the lab book may say about laws of bodies (`softlab bar`); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from bench.experiments.bar_rows import Bar
+from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, MOMENTUM, SECONDS, SPIN, SPIN_LAW, STILL
+from labbook import words
+from labbook.claims.bodies import EQUAL, measured_bars, substeps_of
+from labbook.claims.claim import Claim, Claims
+from labbook.words import number, percent, seconds
+from plots.core.data import Results
+
+
+def _laws(results: Results, law: str) -> list[Bar]:
+    """The rows of a law of its first precision, by substeps."""
+    found = [bar for bar in measured_bars(results) if bar.law == law]
+    return sorted((b for b in found if b.precision == "float64"), key=lambda b: b.substeps)
+
+
+def spin(results: Results) -> Claim:
+    """S7 and A8: a rigid body loses spin by its law."""
+    found = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
+    if not found:
+        return Claim("The spin of a rigid body was not measured.")
+    off = max(abs(bar.values[KEPT] - bar.values[SPIN_LAW]) for bar in found)
+    parts = [f"{percent(bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in found]
+    return Claim(
+        f"Of one turn a second a rigid body keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)}: by "
+        f"Newton's law it would keep all of it; this is what its own method's law says, to {number(off, 1)}.",
+        {"off": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
+    )  # fmt: skip
+
+
+def flight(results: Results) -> Claim:
+    """A thrown, spinning soft body: momenta."""
+    found = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
+    if not found:
+        return Claim("The momenta of a thrown soft body were not measured.")
+    off = max(bar.values[MOMENTUM] for bar in found)
+    parts = [f"{percent(1 - bar.values[KEPT])} at {substeps_of(bar)} a frame" for bar in found]
+    return Claim(
+        f"A soft body that is thrown spinning keeps its linear momentum to {number(off, 1)} of what gravity gives it; of its "
+        f"angular momentum it loses {words.listed(parts)} within {seconds(SECONDS[FLIGHT], 1)}, as "
+        "position-based solvers do.",
+        {"momentum": off, "kept": found[-1].values[KEPT]}, off < EQUAL,
+    )  # fmt: skip
+
+
+def rest(results: Results) -> Claim:
+    """A dropped soft body lies still."""
+    found = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
+    if not found:
+        return Claim("Whether a dropped soft body comes to rest was not measured.")
+    parts = [f"{number(bar.values[ENERGY], 1)} at {substeps_of(bar)} a frame" for bar in found]
+    still = [bar for bar in found if bar.values[ENERGY] < STILL]
+    text = (
+        f"The kinetic energy of a soft body that was dropped is, after {seconds(SECONDS[DROP], 2)}, {words.listed(parts)} of "
+        f"the drop's, where under {number(STILL, 1)} counts as rest"
+    )
+    if 0 < len(still) < len(found):
+        text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"
+    numbers = {str(bar.substeps): bar.values[ENERGY] for bar in found}
+    return Claim(text + ".", numbers, bool(still))
+
+
+CLAIMS: Claims = {"body-spin": spin, "body-flight": flight, "body-rest": rest}
