@@ -18,6 +18,7 @@ import pytest
 from test_ptx import body, tile_kernel, tile_text
 
 from model.core.parameters import PARAMETERS
+from model.formulas import random
 
 # what each part, and each integrator, reads of the record
 PART_READS = {
@@ -151,22 +152,24 @@ def never_known(*_: Any) -> Any:
 @pytest.fixture
 def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The formulas of damping, random and manufactured force cannot be compiled."""
+    from gpu_backend.core import forces
     from gpu_backend.mass_spring.grid import point
 
-    made = (point.make_point_functions, point.make_moves)
+    made = (point.make_point_functions, point.make_moves, forces.make_own_force)
     compile_formulas = point.device_formulas
 
     def formulas(make: Any, real: Any, math: str, **flags: bool) -> Any:
         if make is point.springs.make:
             return compile_formulas(make, real, math)[0], never_known
-        if make is point.random.make:
+        if make is random.make:
             return SimpleNamespace(add_external=never_known)
         if make is point.manufactured.make:
             return never_known, never_known
         return compile_formulas(make, real, math, **flags)
 
     monkeypatch.setattr(point, "device_formulas", formulas)
-    monkeypatch.setattr(point.random, "make_philox", lambda device: never_known)
+    monkeypatch.setattr(forces, "device_formulas", formulas)
+    monkeypatch.setattr(random, "make_philox", lambda device: never_known)
     for factory in made:
         factory.cache_clear()
     yield
