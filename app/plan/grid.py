@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.plan.passes import BackendPlan, cpu_plan, fused_passes, gpu_device
+from model.core.own_forces import own_forces
 from model.core.plan import Plan
 from model.core.simulation import PRECISIONS
 from model.formulas.springs import OPERATIONS_SPRING_2D
@@ -17,7 +18,7 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     from cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
 
     kernel, why = default_kernel(scene, PRECISIONS[precision])
-    sums = scene.method.integrator == "rk4" or plan.parts & {"external", "manufactured", "poke", "alternating"}
+    sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or plan.parts & {"manufactured", "alternating"}
     loops = "through rows of sums" if sums else "one loop along a row"
     note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows a thread")
     way = 1 / LEVELS if kernel == "tiled" else 1.0

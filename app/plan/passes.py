@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.core.own_forces import own_forces
 from model.core.plan import Node, Plan, Stage
 from model.core.simulation import PRECISIONS
 
@@ -106,7 +107,8 @@ def fused_groups(plan: Plan, meet: bool) -> list[list[Stage]]:
         kick = named["second half kick"]
         moved = [named[name] for name in ("first half kick and drift", "collide", "pins") if name in named]
         if meet:
-            again = [stage for stage in first if stage.name == "external force"]
+            changing = {force.stage for force in own_forces(plan.parts) if force.changes}
+            again = [stage for stage in first if stage.name in changing]
             return [[*last, *again, kick, *moved]]
         return [[*first, *moved], [*last, kick]]
     if halves and len(halves) == len(children):  # the stages of a Runge-Kutta method
