@@ -18,6 +18,8 @@ from greenlet import getcurrent, greenlet
 from numba import cuda
 from numba.cuda.simulator import kernel as simulator
 
+from cpu_backend.core.plain import readable
+
 
 class _Carrier(greenlet):  # type: ignore[misc]
     """Runs threads of a block one after the other; one that meets a barrier keeps its carrier to the end. The simulator takes
@@ -75,6 +77,12 @@ class _BlockManager(simulator.BlockManager):  # type: ignore[misc]
                 carrier.switch()
 
 
+def _readable(argument: Any) -> Any:
+    """A record's constants are looked up a hundred times for each mass."""
+    inner = getattr(argument, "_ary", None)
+    return argument if inner is None or not inner.dtype.names else readable(inner)
+
+
 _thread = threading.current_thread
 
 
@@ -94,7 +102,7 @@ def _called(self: Any, *arguments: Any) -> Any:
         if self._device:
             return self.fn(*arguments)
         try:
-            return _call(self, *arguments)
+            return _call(self, *(_readable(argument) for argument in arguments))
         finally:
             while _replaced:
                 names, name, value = _replaced.pop()
