@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import re
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
@@ -15,10 +13,9 @@ from model.geometry.shapes import Shape
 from model.scene.mesh_source import MeshSource
 from model.scene.parts import Part
 from model.scene.scene_parts import KINDS
-from model.scene.words import suggestion
+from model.scene.words import notes_of, suggestion
 
 TOLD = KINDS | {"shape": Shape}  # which is no table of its own, but a body's
-NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 REQUIRED = "(must be given)"
 WIDE = 2**31 - 1  # a bound that nobody meets: what an index or a seed can hold
 
@@ -52,7 +49,7 @@ def about(kind: str) -> str:
 def rows_of(kind: str) -> list[Row]:
     """The fields of a table of that kind, in their order. Raises SceneError."""
     part = kind_named(kind)
-    notes = _notes(part)
+    notes = notes_of(part)
     return [
         Row(name, _default(field), _allowed(field), notes.get(name, "")) for name, field in part.model_fields.items()
     ]
@@ -102,15 +99,6 @@ def _leaves(annotation: Any) -> list[Any]:
     if get_origin(annotation) is Literal:
         return list(get_args(annotation))
     return [leaf for part in get_args(annotation) for leaf in _leaves(part)]
-
-
-def _notes(part: type[Part]) -> dict[str, str]:
-    """The comment beside each field, where it has one: in the part's source and in those it inherits from."""
-    found: dict[str, str] = {}
-    for owner in reversed(part.__mro__):
-        if issubclass(owner, Part) and owner is not Part:
-            found |= dict(re.findall(NOTE, inspect.getsource(owner), re.MULTILINE))
-    return found
 
 
 def document() -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import inspect
+import re
 from typing import Any, get_args
 
 from pydantic import ValidationError
@@ -10,11 +12,22 @@ from pydantic import ValidationError
 from model.core.errors import SceneError
 from model.scene.parts import Part
 
+NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
+
 
 def suggestion(word: str, known: Any) -> str:
     """` (did you mean ...?)`, the nearest of `known` names; nothing where none is near."""
     close = difflib.get_close_matches(word, list(known), n=1)
     return f" (did you mean {close[0]}?)" if close else ""
+
+
+def notes_of(part: type[Part]) -> dict[str, str]:
+    """The comment beside each field, where it has one: in the part's source and in those it inherits from."""
+    found: dict[str, str] = {}
+    for owner in reversed(part.__mro__):
+        if issubclass(owner, Part) and owner is not Part:
+            found |= dict(re.findall(NOTE, inspect.getsource(owner), re.MULTILINE))
+    return found
 
 
 def _fields_within(kind: type[Part], way: list[str]) -> list[str]:
@@ -33,7 +46,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     if first["type"] == "missing" and len(first["loc"]) > 1 and isinstance(first["loc"][1], int):
         return SceneError(f"{part}.{location[0]}", first["input"], "has too few numbers")
     if first["type"] == "missing":
-        return SceneError(f"{part}.{location[0]}", None, "must be given")
+        note = notes_of(kind).get(location[0])
+        return SceneError(f"{part}.{location[0]}", None, f"must be given{f': {note}' if note else ''}")
     if first["type"] == "extra_forbidden":
         known = _fields_within(kind, location[:-1])
         near = suggestion(location[-1], known)

@@ -61,9 +61,8 @@ def _make_phase(real: Any, math: str, moving: bool, move: Any) -> Any:
 def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str], threads: int) -> Any:
     """kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, passes,
     rows, columns): `passes` steps of the whole sheet, from the old state to the new one; where velocity Verlet's kicks meet,
-    `passes` of its middle passes.
-
-    Launched with one block of `threads` threads, a mass each, and `block_bytes` of shared memory.
+    `passes` of its middle passes. Launched with one block of `threads` threads, a mass each, and `block_bytes` of shared
+    memory.
     """
     forces = make_cloth_forces(real, math, parts)
     current_step, air_now = forces.current_step, forces.air_now

@@ -134,11 +134,9 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
     """kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies, integers,
-    counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`.
-
-    The nine arrays of quads that follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the
-    launch; `done` (len(COUNTS),) int64 is added to; the rest is as in mass_spring/cloth/kernels.py. With `linear` a step
-    ends after its first matrix.
+    counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`. The nine arrays of quads that
+    follow are working memory; `sums` (SUMS * segments,); `flags` (1,) int32, 0 before the launch; `done` (len(COUNTS),) int64
+    is added to; the rest is as in mass_spring/cloth/kernels.py. With `linear` a step ends after its first matrix.
     """
     point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
     start, residual, product = point.start, point.residual, point.product

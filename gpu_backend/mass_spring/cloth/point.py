@@ -39,11 +39,10 @@ def _make_paired(math: str) -> Any:
 
 @cache
 def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
-    """spring_sum(position, velocity, place, cell, p, v, parameters): the pulls of all springs over mass
-    [m/s^2] on the mass at `place` of the flat arrays, in row i and column j, which is at p and moves at v (quads).
-
-    `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
-    `product` for what its matrix makes of the vector that `velocity` then is.
+    """spring_sum(position, velocity, place, cell, p, v, parameters): the pulls of all springs over mass [m/s^2] on the mass
+    at `place` of the flat arrays, which is at p and moves at v (quads). `system`: of implicit Euler, `end` for pulls at the
+    step's end, with the velocity there and the position without it; `product` for what its matrix makes of the vector that
+    `velocity` then is.
     """
     pulls, of_system = device_formulas(springs.make_3d, real, math), device_formulas(implicit.make, real, math)
     spring_acceleration_3d, end_pull_3d, at_end = pulls.spring_acceleration_3d, of_system.end_pull_3d, system == "end"
