@@ -21,10 +21,14 @@ def test_one_entry_and_every_solver_has_it() -> None:
     """Semi-implicit Euler of x'' = a from rest: x_n = a dt^2 n (n + 1) / 2, here sums of dyadic numbers, so to the bit; in a
     process of its own, since solvers read the registry when they are imported."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
-
     result = subprocess.run(
         [sys.executable, toy_force.__file__],
-        env=own | {"NUMBA_ENABLE_CUDASIM": "1", "SOFTLAB_PLAIN_PYTHON": "1", "PYTHONPATH": str(ROOT)},
+        env=own
+        | {
+            "NUMBA_ENABLE_CUDASIM": "1",
+            "SOFTLAB_PLAIN_PYTHON": "1",
+            "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests" / "simulator")]),
+        },
         capture_output=True,
         text=True,
         timeout=600,

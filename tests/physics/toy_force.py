@@ -45,8 +45,12 @@ def main() -> None:
             "lean", "lean", lambda scene, live: True, lean, ("lean",), lambda scene, poke, axes: {"lean": LEAN}, "lean"
         ),
     )
+    import quicker  # the simulator without what costs most of its time
+
     from app.driver import open_simulation
     from model.scene.scene import Scene
+
+    quicker.install()
 
     for name, tables in SCENES.items():
         scene, ends = Scene(tables), {}
