@@ -25,6 +25,7 @@ import cpu_backend.mass_spring.grid.rows as cpu_rows
 import cpu_backend.mass_spring.grid.solver as cpu_mass_spring
 from app.driver import open_simulation
 from cpu_backend.mass_spring.grid.kernels import make_advance
+from model.core import own_forces
 from model.core.integrators import INTEGRATORS
 from model.core.parameters import PARAMETERS
 from model.mass_spring.plan import mass_spring_plan
@@ -195,7 +196,7 @@ def test_the_cpu_has_no_instruction_of_an_absent_part(
     springs_make = cpu_rows.springs.make
     monkeypatch.setattr(cpu_rows, "springs", SimpleNamespace(make=lambda *a: (springs_make(*a)[0], never_known)))
     monkeypatch.setattr(
-        cpu_rows, "random",
+        own_forces, "random",
         SimpleNamespace(make=lambda *a: SimpleNamespace(add_external=never_known), make_philox=lambda *a: never_known),
     )  # fmt: skip
     monkeypatch.setattr(cpu_rows, "manufactured", SimpleNamespace(make=lambda *a: (never_known, never_known)))
