@@ -6,6 +6,8 @@ from abc import abstractmethod
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from bench.peers.base import Opened, Peer, PeerError
 from model.scene.scene import Scene
 
@@ -27,6 +29,12 @@ def load_warp() -> Any:
     except Exception as error:  # what a broken installation raises is not documented
         raise PeerError(f"Warp cannot be loaded ({error}); {REMEDY}") from None
     return warp
+
+
+def numbers(precision: str, components: int) -> tuple[Any, Any]:
+    """Warp's types of a number in that precision, and of so many of them, 2 or 3."""
+    wp, suffix = load_warp(), "f" if precision == "float32" else "d"
+    return getattr(wp, precision), getattr(wp, f"vec{components}{suffix}")
 
 
 class WarpPeer(Peer):
@@ -119,3 +127,52 @@ class Replayed(Opened):
 
     def close(self) -> None:
         self._graphs.clear()
+
+
+class ReplayedSheet(Replayed):
+    """A sheet of masses in rows and columns, two buffers in turn, a launch a step. `constants`: of the scene;
+    `components` of a place, 2 or 3; `kernel(position, velocity, free, *given, new_position, new_velocity)`."""
+
+    def __init__(self, constants: Any, precision: str, backend: str, components: int, kernel: Any, given: list[Any]):
+        super().__init__(backend)
+        wp = self._wp
+        self.constants, self._components, self._kernel, self._given = constants, components, kernel, given
+        self._shape = (constants.rows, constants.columns)
+        zeros = {"shape": self._shape, "dtype": numbers(precision, components)[1], "device": self._device}
+        self._position, self._velocity = ([wp.zeros(**zeros) for _ in range(2)] for _ in range(2))
+        self._free = wp.array(constants.free.astype(np.uint8), dtype=wp.uint8, device=self._device)
+        wp.load_module(kernel.module, device=self._device)  # nothing may be loaded while a graph is captured
+        self._launches = [self._recorded(0), self._recorded(1)]
+        self._capture()
+        self.load(constants.position, constants.velocity)
+
+    def _recorded(self, source: int) -> Any:
+        target = 1 - source
+        return self._wp.launch(
+            self._kernel,
+            dim=self._shape,
+            inputs=[self._position[source], self._velocity[source], self._free, *self._given],
+            outputs=[self._position[target], self._velocity[target]],
+            device=self._device,
+            record_cmd=True,
+        )
+
+    def _step(self) -> None:
+        self._launches[self._current].launch()
+        self._current = 1 - self._current
+
+    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._current = 0
+        for target, array in ((self._position, position), (self._velocity, velocity)):
+            target[0].assign(np.ascontiguousarray(array, self.constants.real).reshape(*self._shape, self._components))
+        self.synchronize()
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        arrays = self._position[self._current], self._velocity[self._current]
+        position, velocity = (array.numpy().reshape(-1, self._components).copy() for array in arrays)
+        return position, velocity
+
+    def close(self) -> None:
+        super().close()
+        self._launches.clear()
+        self._position, self._velocity = [], []

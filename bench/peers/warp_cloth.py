@@ -6,18 +6,16 @@ arrays of three-vectors; semi-implicit Euler. Replayed as the grid's (warp_base.
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from bench.peers.base import Opened
 from bench.peers.cuda_cpp_cloth import ClothConstants, cloth_refusal
-from bench.peers.warp_base import Replayed, WarpPeer, load_warp
+from bench.peers.warp_base import ReplayedSheet, WarpPeer, load_warp, numbers
 from model.scene.scene import Scene
 
 
 @cache
 def _make_kernel(precision: str) -> Any:
     wp = load_warp()
-    real, vector = (wp.float32, wp.vec3f) if precision == "float32" else (wp.float64, wp.vec3d)
+    real, vector = numbers(precision, 3)
 
     @wp.func
     def pull(
@@ -88,53 +86,8 @@ class WarpCloth(WarpPeer):
         return cloth_refusal(scene)
 
     def opened(self, scene: Scene, precision: str) -> Opened:
-        return _Cloth(ClothConstants(scene, precision), precision, self.backend)
-
-
-class _Cloth(Replayed):
-    def __init__(self, constants: ClothConstants, precision: str, backend: str):
-        super().__init__(backend)
-        wp = self._wp
-        self.constants = constants
-        vector = wp.vec3f if precision == "float32" else wp.vec3d
-        self._shape = (constants.rows, constants.columns)
-        zeros = {"shape": self._shape, "dtype": vector, "device": self._device}
-        self._position, self._velocity = ([wp.zeros(**zeros) for _ in range(2)] for _ in range(2))
-        self._free = wp.array(constants.free.astype(np.uint8), dtype=wp.uint8, device=self._device)
+        constants, kernel = ClothConstants(scene, precision), _make_kernel(precision)
         *springs, damping, gravity, dt = constants.in_order
-        self._numbers = [*(vector(*springs[3 * kind : 3 * kind + 3]) for kind in range(3)), damping, gravity, dt]
-        self._kernel = _make_kernel(precision)
-        wp.load_module(self._kernel.module, device=self._device)  # nothing may be loaded while a graph is captured
-        self._launches = [self._recorded(0), self._recorded(1)]
-        self._capture()
-        self.load(constants.position, constants.velocity)
-
-    def _recorded(self, source: int) -> Any:
-        target = 1 - source
-        return self._wp.launch(
-            self._kernel,
-            dim=self._shape,
-            inputs=[self._position[source], self._velocity[source], self._free, *self._numbers],
-            outputs=[self._position[target], self._velocity[target]],
-            device=self._device,
-            record_cmd=True,
-        )
-
-    def _step(self) -> None:
-        self._launches[self._current].launch()
-        self._current = 1 - self._current
-
-    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._current = 0
-        for target, array in ((self._position, position), (self._velocity, velocity)):
-            target[0].assign(np.ascontiguousarray(array, self.constants.real).reshape(*self._shape, 3))
-        self.synchronize()
-
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        position, velocity = (a[self._current].numpy().reshape(-1, 3) for a in (self._position, self._velocity))
-        return position.copy(), velocity.copy()
-
-    def close(self) -> None:
-        super().close()
-        self._launches.clear()
-        self._position, self._velocity = [], []
+        _, vector = numbers(precision, 3)
+        given = [*(vector(*springs[3 * kind : 3 * kind + 3]) for kind in range(3)), damping, gravity, dt]
+        return ReplayedSheet(constants, precision, self.backend, 3, kernel, given)

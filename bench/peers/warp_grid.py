@@ -8,17 +8,15 @@
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from bench.peers.base import GridConstants, Opened
-from bench.peers.warp_base import Replayed, WarpPeer, load_warp
+from bench.peers.warp_base import ReplayedSheet, WarpPeer, load_warp, numbers
 from model.scene.scene import Scene
 
 
 @cache
 def _make_kernel(precision: str) -> Any:
     wp = load_warp()
-    real, pair = (wp.float32, wp.vec2f) if precision == "float32" else (wp.float64, wp.vec2d)
+    real, pair = numbers(precision, 2)
 
     @wp.func
     def pull(here: pair, neighbour: pair, stiffness: real, stiffness_rest: real):
@@ -72,52 +70,5 @@ class WarpGrid(WarpPeer):
     kind, title = "warp", "Warp"
 
     def opened(self, scene: Scene, precision: str) -> Opened:
-        return _Grid(GridConstants(scene, precision), precision, self.backend)
-
-
-class _Grid(Replayed):
-    def __init__(self, constants: GridConstants, precision: str, backend: str):
-        super().__init__(backend)
-        wp = self._wp
-        self.constants = constants
-        pair = wp.vec2f if precision == "float32" else wp.vec2d
-        self._shape = (constants.rows, constants.columns)
-        zeros = {"shape": self._shape, "dtype": pair, "device": self._device}
-        self._position, self._velocity = ([wp.zeros(**zeros) for _ in range(2)] for _ in range(2))
-        self._free = wp.array(constants.free.astype(np.uint8), dtype=wp.uint8, device=self._device)
-        self._kernel = _make_kernel(precision)
-        wp.load_module(self._kernel.module, device=self._device)  # nothing may be loaded while a graph is captured
-        self._launches = [self._recorded(0), self._recorded(1)]
-        self._capture()
-        self.load(constants.position, constants.velocity)
-
-    def _recorded(self, source: int) -> Any:
-        target = 1 - source
-        return self._wp.launch(
-            self._kernel,
-            dim=self._shape,
-            inputs=[self._position[source], self._velocity[source], self._free, *self.constants.in_order],
-            outputs=[self._position[target], self._velocity[target]],
-            device=self._device,
-            record_cmd=True,
-        )
-
-    def _step(self) -> None:
-        self._launches[self._current].launch()
-        self._current = 1 - self._current
-
-    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._current = 0
-        for target, array in ((self._position, position), (self._velocity, velocity)):
-            shaped = np.ascontiguousarray(array, self.constants.real).reshape(*self._shape, 2)
-            target[self._current].assign(shaped)
-        self.synchronize()
-
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        position, velocity = (a[self._current].numpy().reshape(-1, 2) for a in (self._position, self._velocity))
-        return position.copy(), velocity.copy()
-
-    def close(self) -> None:
-        super().close()
-        self._launches.clear()
-        self._position, self._velocity = [], []
+        constants, kernel = GridConstants(scene, precision), _make_kernel(precision)
+        return ReplayedSheet(constants, precision, self.backend, 2, kernel, list(constants.in_order))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.peers.base import Opened, SheetConstants
-from bench.peers.warp_base import Replayed, WarpPeer, load_warp
+from bench.peers.warp_base import Replayed, WarpPeer, load_warp, numbers
 from bench.reference.xpbd import of_scene
 from model.scene.scene import Scene
 from model.xpbd.plan import xpbd_parts
@@ -32,17 +32,11 @@ def xpbd_refusal(scene: Scene) -> str | None:
     return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 
 
-def _types(precision: str) -> Any:
-    """(a number, three of them) of Warp's."""
-    wp = load_warp()
-    return (wp.float32, wp.vec3f) if precision == "float32" else (wp.float64, wp.vec3d)
-
-
 @cache
 def _make_moves(precision: str) -> SimpleNamespace:
     """What happens to each mass: `predict`, `displace`, `finish`."""
     wp = load_warp()
-    real, vector = _types(precision)
+    real, vector = numbers(precision, 3)
 
     @wp.kernel(**OPTIONS)
     def predict(
@@ -81,7 +75,7 @@ def _make_moves(precision: str) -> SimpleNamespace:
 def _make_projections(precision: str) -> SimpleNamespace:
     """What happens to each constraint: `project` (Gauss-Seidel), `gather` (Jacobi)."""
     wp = load_warp()
-    real, vector = _types(precision)
+    real, vector = numbers(precision, 3)
 
     @wp.func
     def change(
@@ -188,7 +182,7 @@ class _Xpbd(Replayed):
         constants = self.constants = SheetConstants(scene, precision)
         self._method = scene.method
         self._h = scene.method.dt / scene.method.substeps
-        vector, real = (wp.vec3f, wp.float32) if precision == "float32" else (wp.vec3d, wp.float64)
+        real, vector = numbers(precision, 3)
         self._kernels = SimpleNamespace(**vars(_make_moves(precision)), **vars(_make_projections(precision)))
         found = of_scene(scene)
         order = np.argsort(found.colour, kind="stable")
