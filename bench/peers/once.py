@@ -109,6 +109,7 @@ def _told(
 
 
 def main(arguments: Iterable[str] | None = None) -> int:
+    """What a command line asks for; the exit status, 1 where a peer failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--backend", choices=("cpu", "gpu"), default="gpu")
     parser.add_argument("--scene", action="append", choices=list(SCENES), help="only this one; repeatable")

@@ -9,7 +9,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from model.core.own_forces import OWN_FORCES, OwnForce, make_own
+from model.core.own_forces import OwnForce, make_own, own_forces
 from model.core.plan import Moment, StageRun
 
 
@@ -78,4 +78,4 @@ def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None =
     def add_gravity(moment: Moment) -> None:
         gravity(acceleration, sim.record)
 
-    return {"gravity": add_gravity, **{force.stage: bound(force) for force in OWN_FORCES}}
+    return {"gravity": add_gravity, **{force.stage: bound(force) for force in own_forces(sim.plan.parts)}}

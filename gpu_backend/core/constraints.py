@@ -22,7 +22,7 @@ from model.core.tuples import each_of, tuple_of
 
 @cache
 def make_projections(real: Any, math: str, projection: Projection) -> Any:
-    """project(position, before, corners, values, multipliers, start, stop, count, fresh, parameters): constraints `start` to
+    """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): constraints `start` to
     before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0 where
     `fresh`."""
     one = device_formulas(projection.make, real, math, **dict(projection.flags)).project

@@ -34,6 +34,7 @@ def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:
 
 
 def blocks_over(rows: int, columns: int) -> tuple[int, int]:
+    """(across, down): of threads, so that each of rows x columns has one."""
     return -(-columns // BLOCK[0]), -(-rows // BLOCK[1])
 
 
@@ -77,7 +78,7 @@ def make_place(math: str) -> Any:
 
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """begin(position, velocity, predicted, parameters, integers, counter, place, substeps, substep, rows, columns): from the
+    """begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns): from the
     state at the substep's beginning to the positions that constraints start from."""
     accelerate = make_accelerations(real, math, parts).accelerate
     predict, gather = make_motion(real, math, parts, axes).predict, make_gather(real, math, parts, axes)
@@ -110,7 +111,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 @cache
 def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Any:
-    """project(position, before, multipliers, plane, fresh, parameters, rows, columns): all constraints of a colour. `plane`:
+    """project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour. `plane`:
     the number of the family's plane of multipliers, which counts as 0 where `fresh`, in a substep's first iteration."""
     pair, constants = make_pair(real, math, parts, family, colour, axes), make_constants(math)
     lattice, has_multiplier = make_place(math), compliant(parts, family)
@@ -145,7 +146,7 @@ def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, col
 
 @cache
 def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
-    """project_all(position, before, target, multipliers, fresh, parameters, rows, columns): one Jacobi iteration."""
+    """project_all(position, before, target, multipliers, fresh, record, rows, columns): one Jacobi iteration."""
     jacobi, constants = make_gather(real, math, parts, axes), make_constants(math)
     gather, arrive, valence_of = jacobi.gather, jacobi.arrive, jacobi.valence_of
     lattice, slots = make_place(math), multiplier_planes(parts)

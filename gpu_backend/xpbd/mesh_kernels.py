@@ -64,7 +64,7 @@ def make_vertex_wind(real: Any, math: str) -> Any:
 
 @cache
 def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """begin(position, velocity, predicted, offsets, at_vertex, corners, parameters, integers, counter, place, substeps,
+    """begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place, substeps,
     substep): from the state at the substep's beginning to the positions that constraints start from."""
     forces, predict = make_forces(real, math, parts), make_motion(real, math, parts, AXES).predict
     add_gravity, add_force, add_own = forces.add_gravity, forces.add_force, forces.add_own

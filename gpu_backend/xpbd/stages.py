@@ -85,12 +85,12 @@ def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
     first positions are copied aside."""
     axes, parts = sim.scene.dimensions, sim.plan.parts
     stage, flat = make_xpbd_stages(sim.real, sim.options.math, parts, axes), sim._flat
-    position, velocity, parameters, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
+    position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     a, before = sim.new_array(), sim.new_array()
 
     def predict(moment: Moment) -> None:
         before.copy_to_device(position, stream=sim.stream)
-        stage.predict[flat](before, velocity, a, position, parameters, *sim.shape)
+        stage.predict[flat](before, velocity, a, position, record, *sim.shape)
 
     def project(entry: int) -> StageRun:
         return lambda moment: sim.project_colour(entry, before, position, moment.fresh)
@@ -100,17 +100,17 @@ def bind_xpbd_stages(sim: Any) -> dict[str, StageRun]:
         position.copy_to_device(sim.scratch, stream=sim.stream)
 
     def move(moment: Moment) -> None:
-        sim.matching.move(position, sim.scratch, parameters)
+        sim.matching.move(position, sim.scratch, record)
         position.copy_to_device(sim.scratch, stream=sim.stream)
 
     def wind(moment: Moment) -> None:
-        stage.wind[flat](position, velocity, parameters, integers, np.int64(moment.number), a, *sim.shape)
+        stage.wind[flat](position, velocity, record, integers, np.int64(moment.number), a, *sim.shape)
 
     def update_velocity(moment: Moment) -> None:
-        stage.update_velocity[flat](before, position, velocity, parameters)
+        stage.update_velocity[flat](before, position, velocity, record)
 
     def collide(moment: Moment) -> None:
-        stage.collide[flat](before, position, velocity, parameters, sim.bodies, integers, np.int64(moment.number))
+        stage.collide[flat](before, position, velocity, record, sim.bodies, integers, np.int64(moment.number))
 
     colours = {
         f"project {family.name} {colour}": project(entry) for entry, (family, colour) in enumerate(colour_order(parts))

@@ -50,6 +50,7 @@ def copies(parts: frozenset[str]) -> int:
 
 
 def shared_bytes(real: Any, parts: frozenset[str], tile: SheetTile) -> int:
+    """Of the arrays that a block of such a tile keeps."""
     return copies(parts) * tile.quads * 4 * np.dtype(real).itemsize
 
 

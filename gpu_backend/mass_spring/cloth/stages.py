@@ -178,7 +178,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
     force, motion, bound = make_force_stages(*variant), make_motion_stages(*variant), make_bound_stages(*variant)
-    position, velocity, parameters, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
+    position, velocity, record, integers = sim.position[0], sim.velocity[0], sim.record, sim.integers
     flat, a, before = sim._flat, sim.new_array(), sim.new_array()
     at = {"position": position, "velocity": velocity}  # where forces are evaluated: the state, or a stage of RK4
     totals = [sim.new_array(), sim.new_array()] if integrator == "rk4" else []
@@ -186,14 +186,14 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     verlet = integrator == "velocity-verlet"
 
     def spring_forces(moment: Moment) -> None:
-        force.spring_forces[flat](at["position"], at["velocity"], parameters, a, *sim.shape)
+        force.spring_forces[flat](at["position"], at["velocity"], record, a, *sim.shape)
 
     def wind(moment: Moment) -> None:
         step, offset = moment.step, moment.argument
         if verlet:  # the end of a step is the start of the next, to the bit
             step, offset = step + int(offset), 0.0
         force.wind[flat](
-            at["position"], at["velocity"], parameters, integers, np.int64(step), sim.real(offset), a, *sim.shape
+            at["position"], at["velocity"], record, integers, np.int64(step), sim.real(offset), a, *sim.shape
         )  # fmt: skip
 
     def keep_before() -> None:
@@ -203,11 +203,11 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
 
     def integrate(moment: Moment) -> None:
         keep_before()
-        motion.integrate[flat](position, velocity, a, parameters)
+        motion.integrate[flat](position, velocity, a, record)
 
     def first_kick(moment: Moment) -> None:
         keep_before()
-        motion.first_kick[flat](position, velocity, a, parameters)
+        motion.first_kick[flat](position, velocity, a, record)
 
     def accumulate(stage: int) -> StageRun:
         def run(moment: Moment) -> None:
@@ -216,8 +216,8 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
             turn = 2 * (stage % 2)
             out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
             rate_p = at["velocity"]
-            motion.accumulate[flat](np.int32(stage), position, rate_p, totals[0], parameters, out_p)
-            motion.accumulate[flat](np.int32(stage), velocity, a, totals[1], parameters, out_v)
+            motion.accumulate[flat](np.int32(stage), position, rate_p, totals[0], record, out_p)
+            motion.accumulate[flat](np.int32(stage), velocity, a, totals[1], record, out_v)
             at["position"], at["velocity"] = out_p, out_v
 
         return run
@@ -228,7 +228,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
             bound.moving_pins[flat](
                 at["position"],
                 at["velocity"],
-                parameters,
+                record,
                 sim.bodies,
                 np.int64(moment.step),
                 np.int32(moment.argument < 1),
@@ -238,13 +238,13 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         "spring forces": spring_forces,
         "no forces": lambda moment: force.no_forces[flat](a),
         "wind": wind,
-        "damping": lambda moment: force.damping[flat](at["velocity"], parameters, a),
+        "damping": lambda moment: force.damping[flat](at["velocity"], record, a),
         f"integrate ({integrator})": integrate,
         "first half kick and drift": first_kick,
-        "second half kick": lambda moment: motion.second_kick[flat](velocity, a, parameters),
+        "second half kick": lambda moment: motion.second_kick[flat](velocity, a, record),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
         "collide": lambda moment: bound.collide[flat](
-            before, at["position"], at["velocity"], parameters, sim.bodies, integers, np.int64(moment.step)
+            before, at["position"], at["velocity"], record, sim.bodies, integers, np.int64(moment.step)
         ),
         "pins": pins,
     }

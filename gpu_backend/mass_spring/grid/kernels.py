@@ -29,7 +29,7 @@ from gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
 def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """The kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
-    Each is kernel(position, velocity, new_position, new_velocity, parameters, integers, counter, pass_number, pinned_row,
+    Each is kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row,
     pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's place after it,
     which rows hold pins and which masses are pinned.
     """
@@ -72,7 +72,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     """The four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
-    parameters, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
+    record, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
     velocity), the state of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
     point = make_point_functions(real, math, "rk4", parts)

@@ -71,7 +71,7 @@ def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
 @cache
 def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
     """kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed,
-    parameters, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old state to
+    record, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old state to
     the new one.
 
     `border_*` (2 * particles,): the borders of tiles, two in turn; `flags` (blocks * FLAG_STRIDE,) int32, compared with

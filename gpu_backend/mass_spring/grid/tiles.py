@@ -133,7 +133,7 @@ def blocks_together(real: Any, tile: Tile) -> int:
 def make_tile_pass(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
 ) -> Any:
-    """kernel(position, velocity, new_position, new_velocity, parameters, integers, counter, pass_number, passes, pinned,
+    """kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned,
     rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
 
     Launched with one block a tile, blocks of (tile.columns, tile.strips) threads. `whole`: the grid is one tile;
