@@ -44,7 +44,7 @@ def machine_table(source: Source) -> Table:
     for name, label in (("copy_bandwidth", "Copy bandwidth"), ("gpu_copy_bandwidth", "GPU copy bandwidth")):
         if record.get(name):
             rows.append([f"{label}, measured", words.bandwidth(record[name])])
-    rows += [["Code", str(source.version)], ["Measured", source.date]]
+    rows += [["Code", source.code], ["Measured", source.date]]
     whose = "Machine" if source.own else "Machine of the committed measurements"
     return table(f"{whose}: {source.machine.label}", ["Property", "Value"], rows, left=2)
 

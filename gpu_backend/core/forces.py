@@ -16,29 +16,18 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from model.core.own_forces import OWN_FORCES, make_own, own_forces
+from model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
 from model.core.plan import StageRun
-from model.formulas import distance
 
 OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions ask for
 
 
 @cache
 def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Device functions, each (ax, ay, az, ...) -> (ax, ay, az): `add_force(..., fx, fy, fz, weight)`; `add_gravity(...,
-    parameters)`; `add_own(..., k, weight, parameters, integers, step)`, all of model/core/own_forces.py."""
-    added, own, inline = (
-        device_formulas(distance.make, real, math).added,
-        make_own_force(real, math, 3, parts),
-        inlined(math),
-    )
-    has_gravity, has_load = "gravity" in parts, "load" in parts
-
-    @inline
-    def add_force(ax, ay, az, fx, fy, fz, weight):
-        if has_load:
-            return added(ax, weight, fx), added(ay, weight, fy), added(az, weight, fz)
-        return ax + fx, ay + fy, az + fz
+    """Device functions: `add(a, weight, f)` of model/core/own_forces.py; and, each (ax, ay, az, ...) -> (ax, ay, az),
+    `add_gravity(..., parameters)` and `add_own(..., k, weight, parameters, integers, step)`, all that acts by itself."""
+    own, inline, has_gravity = make_own_force(real, math, 3, parts), inlined(math), "gravity" in parts
+    add = make_add(inline, lambda make: device_formulas(make, real, math), 3, parts)
 
     @inline
     def add_gravity(ax, ay, az, parameters):
@@ -50,7 +39,7 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     def add_own(ax, ay, az, k, weight, parameters, integers, step):
         return own((ax, ay, az), k, weight, parameters, integers, step)
 
-    return SimpleNamespace(add_force=add_force, add_gravity=add_gravity, add_own=add_own)
+    return SimpleNamespace(add=add, add_gravity=add_gravity, add_own=add_own)
 
 
 @cache

@@ -24,14 +24,14 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     """What accelerates a mass of a sheet besides its constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]: `add_wind`;
     and `accelerate`, that and what acts on it by itself."""
     forces, wind_sum = make_forces(real, math, parts), make_wind(real, math, parts).wind_sum
-    add_force, add_gravity, add_own = forces.add_force, forces.add_gravity, forces.add_own
+    add, add_gravity, add_own = forces.add, forces.add_gravity, forces.add_own
     inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
 
     @inline
     def add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air):
         if has_wind:
             fx, fy, fz = wind_sum(position, velocity, k, cell, p, v, parameters, air)
-            ax, ay, az = add_force(ax, ay, az, fx, fy, fz, p[3])
+            ax, ay, az = add((ax, ay, az), p[3], (fx, fy, fz))
         return ax, ay, az
 
     @inline

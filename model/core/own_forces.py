@@ -132,10 +132,9 @@ def own_changes(parts: frozenset[str]) -> bool:
     return any(force.changes for force in own_forces(parts))
 
 
-def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
-    """own(a, k, weight, parameters, integers, step) -> the acceleration `a` [m/s^2] (`axes` numbers) of particle k with all
-    that acts on it by itself. `weight`: the sheet's mass over its own, where the scene has a `load`. `compiled`: decorates
-    device functions; `made(factory)`: a backend's formulas."""
+def make_add(compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
+    """add(a, weight, f) -> the acceleration `a` and `f` [m/s^2] (`axes` numbers each), counted by the `weight` where the
+    scene has a `load`."""
     added, has_load = made(distance.make).added, "load" in parts
 
     @compiled
@@ -147,6 +146,15 @@ def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[s
         if has_load:
             return added(a[0], weight, f[0]), added(a[1], weight, f[1]), added(a[2], weight, f[2])
         return a[0] + f[0], a[1] + f[1], a[2] + f[2]
+
+    return add
+
+
+def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
+    """own(a, k, weight, parameters, integers, step) -> the acceleration `a` [m/s^2] (`axes` numbers) of particle k with all
+    that acts on it by itself. `weight`: the sheet's mass over its own, where the scene has a `load`. `compiled`: decorates
+    device functions; `made(factory)`: a backend's formulas."""
+    add = make_add(compiled, made, axes, parts)
 
     @compiled
     def own(a, k, weight, parameters, integers, step):

@@ -76,21 +76,21 @@ class Source:
         return [run.version for run in self.runs]
 
     @property
-    def version(self) -> Version:
-        """The one that was measured last."""
-        told = (version for version in reversed(self.versions) if version.commit or version.cpu)
-        return next(told, Version(None))
+    def code(self) -> str:
+        """Of which versions its runs were, each once, in order of time: `commit 9613136a2b1c, commit 555bb0d37fcd`."""
+        return ", ".join(dict.fromkeys(map(str, self.versions))) or str(Version(None))
 
     @property
     def date(self) -> str:
-        """The day of the last measurement, `2026-11-21`."""
-        return self.runs[-1].started[:10] if self.runs else "unknown"
+        """The day of the measurements, `2026-11-21`, or the first and the last."""
+        days = [run.started[:10] for run in self.runs]
+        return " to ".join(dict.fromkeys((min(days), max(days)))) if days else "unknown"
 
     @property
     def provenance(self) -> str:
         """Machine, commit and date in one line, for captions."""
         committed = "" if self.own else "Committed measurements: "
-        return f"{committed}{self.machine.label}; {self.version}, measured {self.date}"
+        return f"{committed}{self.machine.label}; {self.code}, measured {self.date}"
 
     def select(
         self,
