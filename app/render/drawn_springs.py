@@ -27,20 +27,26 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
     grid = scene.grid
     if scene.dimensions == 2:
         return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
+    if scene.tetrahedra:
+        return alike(*scene.tetrahedra_set.edges)
     if not scene.mesh:
         return [(spring_ends(grid.rows, grid.columns, k), REACH[k] * grid.spacing) for k in drawn_kinds(scene)]
     found = []
     for kind in drawn_kinds(scene):
-        ends, rest = edges_of(scene, kind)
-        number = np.floor(np.log(rest / rest.min()) / np.log1p(ALIKE)).astype(int) if len(rest) else rest
-        found += [(ends[number == n], float(rest[number == n].mean())) for n in np.unique(number)]
+        found += alike(*edges_of(scene, kind))
     return found
+
+
+def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """`ends` (edges, 2) by classes of rest lengths (edges,) [m] that differ by less than ALIKE, each with its mean."""
+    number = np.floor(np.log(rest / rest.min()) / np.log1p(ALIKE)).astype(int) if len(rest) else rest
+    return [(ends[number == n], float(rest[number == n].mean())) for n in np.unique(number)]
 
 
 def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(springs,) float64: (length - rest) / rest of the springs that are drawn, of a grid or a cloth; (0,) without. Of bodies
     (entries,), how far particles are from their goals, in spacings."""
-    if scene.bodies:
+    if scene.bodies or scene.tetrahedra:
         return spring_strain(scene, position)
     if not scene.cloth:
         return spring_strain(scene, position) if scene.springs else np.zeros(0)

@@ -14,7 +14,8 @@ import numpy as np
 from cpu_backend.core.constraints import make_constraint_stage, no_sets, set_arrays
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
-from model.core.plan import Executor, Moment, StageRun
+from model.core.constraints import ConstraintSet, Projection
+from model.core.plan import Executor, Moment, Plan, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
@@ -26,18 +27,23 @@ from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 WIDTH = 4  # numbers a mass: x, y, z and, of positions, its weight
 
 
-def choose_kernel(wanted: str | None) -> str:
+def choose_kernel(wanted: str | None, what: str = "a mesh") -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
-    return chosen_kernel(wanted, "a mesh")
+    return chosen_kernel(wanted, what)
 
 
 class MeshPositionBased(ParticlesSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number.
+
+    Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
+    `_wind_lists`.
+    """
+
+    what = "a mesh"
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
-        assert scene.mesh is not None
-        self.kernel, self.plan = choose_kernel(options.kernel), xpbd_mesh_plan(scene, options.live)
+        self.kernel, self.plan = choose_kernel(options.kernel, self.what), self._plan_of(scene, options.live)
         real, self.integers = self.real, self._seeds()
         self._set_colliders(collider_numbers(scene, real))
         count = len(self.body.position)
@@ -46,22 +52,34 @@ class MeshPositionBased(ParticlesSimulation):
         self._kept = np.zeros((2, count, WIDTH), real)
         self._bands = max(1, min(self.threads, count))
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
-        self._wind = wind_lists(mesh_of(scene.mesh), "wind" in self.plan.parts)
-        self._sets = list(constraint_sets(scene))
-        if "attachments" in self.plan.parts:
-            self._sets.append(attachment_set(scene, self.body))
-        self._projections = projections_of(self.plan.parts)
+        self._wind = self._wind_lists("wind" in self.plan.parts)
+        self._sets, self._projections = self._constraints()
         self._set_arrays = tuple(set_arrays(*both, real) for both in zip(self._sets, self._projections, strict=True))
         staged = self.kernel == "stages"
         self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
         self.reset()
+
+    def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
+        return xpbd_mesh_plan(scene, live)
+
+    def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
+        """The sets in the order in which they are projected, and how each of them is."""
+        sets = list(constraint_sets(self.scene))
+        if "attachments" in self.plan.parts:
+            sets.append(attachment_set(self.scene, self.body))
+        return sets, projections_of(self.plan.parts)
+
+    def _wind_lists(self, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `wind_lists`."""
+        assert self.scene.mesh is not None
+        return wind_lists(mesh_of(self.scene.mesh), wanted)
 
     def _variant(self) -> tuple[Any, str, frozenset[str]]:
         return self.real, self.options.math, self.plan.parts - ALWAYS  # so that fewer variants are compiled
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        make_mesh_advance(*self._variant())(
+        make_mesh_advance(*self._variant(), self._projections)(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
             self.parameters, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
         )  # fmt: skip

@@ -17,9 +17,9 @@ from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
+from model.core.constraints import Projection
 from model.formulas import distance
 from model.scene.cloth import COLLIDER_KINDS
-from model.xpbd.mesh_constraints import projections_of
 
 AXES = 3
 
@@ -145,14 +145,15 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 
 @cache
-def make_mesh_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
     """advance(bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists, sets,
-    bodies, kinds): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints."""
+    bodies, kinds): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints, in the
+    order of `projections`."""
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update, collide = ends.update, ends.collide
     rows = make_rows(compiler)
-    projects = [make_projections(compiler, real, projection, rows) for projection in projections_of(parts)]
+    projects = [make_projections(compiler, real, projection, rows) for projection in projections]
     sweep, has_constraints = make_colours(compiler, projects), bool(projects)
     has_bodies = bool(parts & set(COLLIDER_KINDS))
 

@@ -25,7 +25,7 @@ from gpu_backend.xpbd.kernels import make_end
 from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
 from gpu_backend.xpbd.stages import make_xpbd_stages
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Executor, Moment, StageRun
+from model.core.plan import Executor, Moment, Plan, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
@@ -38,11 +38,17 @@ THREADS = 128  # a block: small ones leave more of a colour's few thousand const
 
 
 class MeshPositionBased(SubstepSimulation):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block.
+
+    Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
+    `_surface_lists`.
+    """
+
+    what, named = "a mesh", "mesh"
 
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
-        self.plan, self.kernel = xpbd_mesh_plan(scene, options.live), launched_kernel(options.kernel, "a mesh")
+        self.plan, self.kernel = self._plan_of(scene, options.live), launched_kernel(options.kernel, self.what)
         self.threads = THREADS
         self._require_space()
         self._start(THREADS)
@@ -50,9 +56,24 @@ class MeshPositionBased(SubstepSimulation):
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
         needed = 8 * SIZE * self.particle_count * item
-        for found in constraint_sets(self.scene):
+        for found in self._constraints()[0]:
             needed += found.corners.nbytes + (found.values.size + 3 * len(found.corners)) * item
-        self._require_memory(needed, "mesh", f"{self.particle_count} vertices")
+        self._require_memory(needed, self.named, f"{self.particle_count} vertices")
+
+    def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
+        return xpbd_mesh_plan(scene, live)
+
+    def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
+        """The sets in the order in which they are projected, and how each of them is."""
+        sets = list(constraint_sets(self.scene))
+        if "attachments" in self.plan.parts:
+            sets.append(attachment_set(self.scene, self.body))
+        return sets, projections_of(self.plan.parts)
+
+    def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `wind_lists`; for normals, too."""
+        assert self.scene.mesh is not None
+        return wind_lists(mesh_of(self.scene.mesh))
 
     # ------------------------------------------------------------------ arrays
 
@@ -60,8 +81,7 @@ class MeshPositionBased(SubstepSimulation):
         scene, real = self.scene, self.real
         self._allocate_quads(collider_numbers(scene, real))
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
-        assert scene.mesh is not None
-        self._lists = [self.on_device(array) for array in wind_lists(mesh_of(scene.mesh))]  # for normals too
+        self._lists = [self.on_device(array) for array in self._surface_lists()]
 
     # ------------------------------------------------------------------ kernels
 
@@ -70,11 +90,8 @@ class MeshPositionBased(SubstepSimulation):
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
-        sets = list(constraint_sets(self.scene))
-        if "attachments" in self.plan.parts:
-            sets.append(attachment_set(self.scene, self.body))
         self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
-        for found, projection in zip(sets, projections_of(self.plan.parts), strict=True):
+        for found, projection in zip(*self._constraints(), strict=True):
             self._colours += self._projections(found, projection)
         if self.kernel == "stages":
             self._executor = Executor(self.plan, self._stages())

@@ -18,6 +18,7 @@ from model.scene.scene import Scene
 from model.scene.scene_parts import SHEETS
 from model.scene.self_collision import CONTACT_BYTES
 from model.shape_matching.body_set import BodySet
+from model.tetrahedra.body_set import TetrahedraSet
 
 MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
 
@@ -44,17 +45,22 @@ def sheet_name(scene: Scene) -> str:
     return scene.name_of(*SHEETS, default="bodies")
 
 
-def pinned_indices(grid: Grid | BodySet) -> np.ndarray:
+Sheet = Grid | BodySet | TetrahedraSet
+
+
+def pinned_indices(grid: Sheet) -> np.ndarray:
     """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
+    if isinstance(grid, TetrahedraSet):
+        return grid.pinned_vertices
     if isinstance(grid, Mesh) and grid.file is not None:
         return pinned_vertices(grid)
     return pin_indices(grid.pinned, grid.rows, grid.columns)
 
 
-def rest_positions(grid: Grid | BodySet) -> np.ndarray:
+def rest_positions(grid: Sheet) -> np.ndarray:
     """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
     z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
-    if isinstance(grid, BodySet):
+    if isinstance(grid, BodySet | TetrahedraSet):
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
@@ -114,8 +120,8 @@ def _build(scene: Scene) -> Body:
         inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
-    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
-    velocity = np.zeros_like(position)
+    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid).copy()
+    velocity = grid.velocity.copy() if isinstance(grid, TetrahedraSet) else np.zeros_like(position)
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
@@ -140,6 +146,8 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
     if scene.bodies:
         mass = scene.body_set.clusters.mass
         return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
+    if isinstance(scene.grid, TetrahedraSet):
+        return scene.grid.masses[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]
     if not scene.loads:

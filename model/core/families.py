@@ -9,9 +9,10 @@ from model.core.plan import Plan
 from model.mass_spring.family import CLOTH, GRID
 from model.scene.scene import Scene
 from model.shape_matching.family import BODIES, WINDOWS
+from model.tetrahedra.family import TETRAHEDRA
 from model.xpbd.family import MESH, SHEET
 
-FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES)
+FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA)
 
 
 def family_of(scene: Scene) -> SolverFamily:

@@ -179,6 +179,9 @@ def lightest_mass(scene: Scene) -> float:
     """The least mass [kg] that moves, or may, of spare bodies; the sheet's where nothing does."""
     if scene.bodies:
         return float(scene.body_set.clusters.mass.min())
+    if scene.tetrahedra:
+        free = np.delete(scene.tetrahedra_set.masses, scene.tetrahedra_set.pinned_vertices)
+        return float(free.min(initial=inf)) if len(free) else scene.grid.mass
     sheet = scene.grid
     by_area = scene.mesh if scene.mesh and scene.mesh.density is not None else None
     if not scene.loads and not by_area:

@@ -231,7 +231,7 @@ class Simulation(Backend):
         if name == "position":
             return self._read_position(into)
         if name == "normal":
-            if not self.scene.cloth:
+            if self.scene.dimensions == 2 or self.scene.bodies:
                 raise SceneError("read", name, "must be one of position, velocity, strain: a grid lies in a plane")
             return self._read_normal(into)
         if name == "velocity":
@@ -248,7 +248,7 @@ class Simulation(Backend):
         elif name == "strain":
             result = spring_strain(self.scene, self._download()[0])
         else:
-            names = "position, velocity, strain" + (", normal" if self.scene.cloth else "")
+            names = "position, velocity, strain" + (", normal" if self.scene.dimensions == 3 else "")
             raise SceneError("read", name, f"must be one of {names}")
         if into is None:
             return result

@@ -9,19 +9,27 @@ from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.particle_contact import MAX_KINDS
+from model.scene.parts import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
 from model.scene.parts import Elastic, Method
 from model.scene.scene_parts import KINDS, SceneParts
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
 MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
+SOLVERS_OF_TETRAHEDRA = ("xpbd",)
+SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
+OF_TETRAHEDRA = (*TETRAHEDRAL_KINDS, "damping", "external", "gravity", "method", *COLLIDER_KINDS)
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
 
 def check_fit(scene: SceneParts) -> None:
     """Raise SceneError for a part that belongs to the other kind of sheet."""
+    if scene.tetrahedra:
+        _check_tetrahedra(scene)
+        return
     if scene.bodies:
         _check_bodies(scene)
         return
@@ -52,9 +60,27 @@ def _check_bodies(scene: SceneParts) -> None:
         raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
 
 
+def _check_tetrahedra(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with tetrahedral bodies, or not yet."""
+    told = ", ".join(OF_TETRAHEDRA)
+    _refuse(scene, KINDS.keys() - OF_TETRAHEDRA, f"does not go with tetrahedral bodies, which have {told}")
+    method = scene.one("method")
+    if method is None:
+        scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd", substeps=SUBSTEPS), "method"
+    elif method.solver not in SOLVERS_OF_TETRAHEDRA:
+        told = " or ".join(SOLVERS_OF_TETRAHEDRA)
+        raise SceneError("method.solver", method.solver, f"must be {told} for tetrahedral bodies")
+    elif method.ordering != "gauss-seidel":
+        raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
+
+
 def check_solver(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's solver does not know."""
     solver, integrator = scene.method.solver, scene.method.integrator
+    if solver in TETRAHEDRAL_SOLVERS and not scene.tetrahedra:
+        raise SceneError(
+            "method.solver", solver, "is for tetrahedral bodies; take mass-spring, xpbd, pbd or shape-matching"
+        )
     if not scene.cloth and not scene.method.position_based and integrator.startswith("implicit-euler"):
         raise SceneError(
             "method.integrator", integrator, "is for a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"

@@ -22,7 +22,7 @@ IntegratorName = Literal[
     "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
     "implicit-euler-linear",
 ]  # fmt: skip
-SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching"]
+SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching", "vbd", "newton"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd", "shape-matching")
 
@@ -250,7 +250,7 @@ class Method(Part):
     @property
     def position_based(self) -> bool:
         """Whether the solver moves masses until constraints hold, instead of adding up forces."""
-        return self.solver in POSITION_BASED
+        return self.solver in (*POSITION_BASED, *OF_TETRAHEDRA)
 
     @property
     def name(self) -> str:
@@ -265,7 +265,7 @@ class Method(Part):
     @property
     def label(self) -> str:
         """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
-        if self.matches_shapes:
+        if self.matches_shapes or self.solver in OF_TETRAHEDRA:
             return self.solver
         return f"{self.solver} {self.ordering if self.position_based else self.integrator}"
 
@@ -278,7 +278,10 @@ FIELDS_OF_SOLVER = {
     "xpbd": ("solver", "dt", "substeps", "iterations", "ordering"),
     "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
+    "vbd": ("solver", "dt", "substeps", "iterations"),
+    "newton": ("solver", "dt", "substeps", "iterations"),
 }
+OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone
 
 
 GRID_KINDS: dict[str, type[Part]] = {

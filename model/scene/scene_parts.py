@@ -44,9 +44,11 @@ from model.scene.parts import (
     Springs,
 )
 from model.scene.self_collision import SelfCollision
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS, TetrahedralBody
 from model.scene.words import scene_error, suggestion
 from model.scene.xpbd import XPBD_KINDS, Attachments, Load
 from model.shape_matching.body_set import BodySet, make_body_set
+from model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS
@@ -55,10 +57,18 @@ KINDS: dict[str, type[Part]] = (
     | MESH_KINDS
     | XPBD_KINDS
     | BODY_KINDS
+    | TETRAHEDRAL_KINDS
     | {"contact": Contact}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-SEVERAL = (*SHEETS, *BODY_KINDS, *COLLIDER_KINDS, "load", "motion")  # may be more than one, or are refused otherwise
+SEVERAL = (
+    *SHEETS,
+    *BODY_KINDS,
+    *TETRAHEDRAL_KINDS,
+    *COLLIDER_KINDS,
+    "load",
+    "motion",
+)  # may be more than one, or are refused otherwise
 
 
 def _part(kind: str) -> Any:
@@ -116,8 +126,9 @@ class SceneParts:
     @property
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
-        of a scene's bodies, which is a row of masses to whoever asks no more than that."""
-        return self.cloth or self.one("grid") or self.body_set  # type: ignore[return-value]
+        or the set of tetrahedra, which are a row of masses to whoever asks no more than that."""
+        sheet = self.cloth or self.one("grid")
+        return sheet or (self.tetrahedra_set if self.tetrahedra else self.body_set)  # type: ignore[return-value]
 
     @property
     def bodies(self) -> dict[str, Placed]:
@@ -130,14 +141,24 @@ class SceneParts:
         return make_body_set(self.bodies)
 
     @property
+    def tetrahedra(self) -> dict[str, TetrahedralBody]:
+        """The scene's tetrahedral bodies, by the part's name."""
+        return self.all_of(*TETRAHEDRAL_KINDS)
+
+    @cached_property
+    def tetrahedra_set(self) -> TetrahedraSet:
+        """All of them together, cut when first asked for. Raises SceneError, InputError (a body)."""
+        return make_tetrahedra_set(self.tetrahedra)
+
+    @property
     def cloth(self) -> Cloth | None:
         """The sheet in space: rows and columns, or a mesh."""
         return self.one("cloth") or self.mesh
 
     @property
     def dimensions(self) -> int:
-        """2, and 3 for a cloth and for bodies."""
-        return 3 if self.cloth or self.bodies else 2
+        """2, and 3 for a cloth and for bodies of any kind."""
+        return 3 if self.cloth or self.bodies or self.tetrahedra else 2
 
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:

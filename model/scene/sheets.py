@@ -13,7 +13,9 @@ from model.scene.scene import Scene
 
 
 def triangles_of(scene: Scene) -> np.ndarray:
-    """(triangles, 3) uint32: of a cloth or a mesh, counter-clockwise from outside, or from the front."""
+    """(triangles, 3) uint32: of a cloth, a mesh or tetrahedral bodies, counter-clockwise from outside, or from the front."""
+    if scene.tetrahedra:
+        return scene.tetrahedra_set.surface.astype(np.uint32)
     part = scene.mesh
     if part is None:
         return sheet_triangles(scene.grid.rows, scene.grid.columns)
@@ -41,7 +43,7 @@ def rest_lines(scene: Scene) -> list[str]:
 
 
 def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(particles, 3) float64: of the scene's cloth or mesh."""
-    if scene.mesh:
+    """(particles, 3) float64: of the scene's cloth, mesh or tetrahedral bodies."""
+    if scene.mesh or scene.tetrahedra:
         return mesh_normals(position, triangles_of(scene))
     return vertex_normals(position, scene.grid.rows, scene.grid.columns)

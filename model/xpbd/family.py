@@ -40,7 +40,9 @@ def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | No
 SHEET = SolverFamily(
     name="position-based sheet",
     knows=(GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"}) - {"manufactured"},
-    accepts=lambda scene: scene.method.position_based and not (scene.method.matches_shapes or scene.mesh),
+    accepts=lambda scene: (
+        scene.method.position_based and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra)
+    ),
     plan=xpbd_plan,
     record=xpbd_record,
     limit=projection_limit,

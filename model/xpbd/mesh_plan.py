@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from model.core.constraints import ConstraintSet
 from model.core.own_forces import own_forces
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, distance
@@ -29,15 +32,23 @@ def stage_name(kind: str, model: str, colour: int) -> str:
 
 
 def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of a mesh: substeps and iterations as in model/xpbd/plan.py, all forces with the prediction."""
-    parts, method = mesh_parts(scene, live), scene.method
+    """The plan of a mesh."""
+    parts = mesh_parts(scene, live)
+    return constrained_plan(
+        scene, parts, [(found, operations_of(projection_of(found.kind, parts))) for found in constraint_sets(scene)]
+    )
+
+
+def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[ConstraintSet, int]]) -> Plan:
+    """Of particles held by sets of constraints, each with the operations of one: substeps and iterations as in
+    model/xpbd/plan.py, all forces with the prediction."""
+    method = scene.method
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
     forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
     forces += WIND * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []
-    for found in constraint_sets(scene):
-        operations = operations_of(projection_of(found.kind, parts))
+    for found, operations in sets:
         for number in range(found.colours):
             many = int(found.starts[number + 1] - found.starts[number])
             colours.append(

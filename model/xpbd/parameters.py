@@ -53,6 +53,7 @@ OWN_FIELDS = {  # of the scene, by the value that follows from them
     "constraint_stiff_compliance": "springs.stiffness_ratio",
     "matching": "springs.stiffness",
 }
+XPBD_FIELDS = FIELDS | OWN_FIELDS
 
 
 def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
@@ -86,6 +87,11 @@ def xpbd_record(
 
     `poke`: as many components [N] as the scene has dimensions.
     """
+    return rounded_record(scene, xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
+
+
+def xpbd_values(scene: Scene, poke: tuple[float, ...], clock: Clock) -> dict[str, float]:
+    """XPBD_PARAMETERS in float64."""
     h = scene.method.dt / scene.method.substeps
     braking = damping_rate(scene) * h
     values = {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}
@@ -99,4 +105,4 @@ def xpbd_record(
     values |= {"matching": matching, "matching_rest": rest}
     values |= cloth_values(scene, scene.method.substeps, (*poke, 0.0)[:3], clock)
     assert tuple(values) == XPBD_PARAMETERS, f"{set(values) ^ set(XPBD_PARAMETERS)} or their order differ"
-    return rounded_record(scene, values, FIELDS | OWN_FIELDS, real)
+    return values

@@ -1,0 +1,146 @@
+"""Deformation of a linear tetrahedron a, b, c, d: its gradient F, the rotation nearest to it, and how corners change both.
+
+F = D B with the edges from a to b, c, d now as columns of D, and B the inverse of the same at rest (matrices by rows, as nine
+numbers): T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012 courses, part 1, section 4.1. So x_b
+counts in F by the first row of B, x_c and x_d by the others, and x_a by minus their sum: the derivative by x_b of anything
+whose derivative by F is G is G times that row.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import joined, plain
+from model.formulas import rotation as rotations
+from model.formulas.lengths import make as make_lengths
+
+OPERATIONS_GRADIENT = 9 + 45  # the edges, and their product with B
+OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum
+OPERATIONS_COFACTOR, OPERATIONS_DETERMINANT = 27, 5
+OPERATIONS_ROTATION = {
+    size: 60 + 25 + rotations.OPERATIONS_MATRIX + near for size, near in rotations.OPERATIONS_NEAR.items()
+}
+TURNED = 1e-3  # the share of a second column's square that must be across the first one, or both are no start
+FOUR_UNITS = 4  # of the least normal number, as in rotation.py
+
+
+def make(real, compiled=plain):
+    """`gradient`, `corners`, `determinant`, `cofactor`, `rotation` in the arithmetic `real`."""
+    return joined(make_gradient(real, compiled), SimpleNamespace(rotation=make_rotation(real, compiled)))
+
+
+def make_gradient(real, compiled=plain):
+    """All but the rotation."""
+    dot = make_lengths(real, compiled).dot
+
+    @compiled
+    def gradient(a, b, c, d, rest):
+        """F, of corners (x, y, z) [m] and of the numbers `rest` that begin with B [1/m]."""
+        ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        fx, fy, fz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        gx, gy, gz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
+        return (
+            dot(ex, fx, gx, rest[0], rest[3], rest[6]),
+            dot(ex, fx, gx, rest[1], rest[4], rest[7]),
+            dot(ex, fx, gx, rest[2], rest[5], rest[8]),
+            dot(ey, fy, gy, rest[0], rest[3], rest[6]),
+            dot(ey, fy, gy, rest[1], rest[4], rest[7]),
+            dot(ey, fy, gy, rest[2], rest[5], rest[8]),
+            dot(ez, fz, gz, rest[0], rest[3], rest[6]),
+            dot(ez, fz, gz, rest[1], rest[4], rest[7]),
+            dot(ez, fz, gz, rest[2], rest[5], rest[8]),
+        )
+
+    @compiled
+    def corner(g, x, y, z):
+        """G times a row of B."""
+        return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
+
+    @compiled
+    def corners(g, rest):
+        """The derivatives by a, b, c, d of what has the derivative `g` (9 numbers) by F."""
+        b = corner(g, rest[0], rest[1], rest[2])
+        c = corner(g, rest[3], rest[4], rest[5])
+        d = corner(g, rest[6], rest[7], rest[8])
+        a = -(b[0] + c[0]) - d[0], -(b[1] + c[1]) - d[1], -(b[2] + c[2]) - d[2]
+        return a, b, c, d
+
+    @compiled
+    def cofactor(f):
+        """The derivative of the determinant by F: columns are the products of the two others."""
+        return (
+            f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6],
+            f[7] * f[2] - f[8] * f[1], f[8] * f[0] - f[6] * f[2], f[6] * f[1] - f[7] * f[0],
+            f[1] * f[5] - f[2] * f[4], f[2] * f[3] - f[0] * f[5], f[0] * f[4] - f[1] * f[3],
+        )  # fmt: skip
+
+    @compiled
+    def determinant(f, cofactors):
+        return dot(f[0], f[1], f[2], cofactors[0], cofactors[1], cofactors[2])
+
+    return SimpleNamespace(gradient=gradient, corners=corners, cofactor=cofactor, determinant=determinant)
+
+
+def make_rotation(real, compiled=plain):
+    """`rotation(f)`: R, nine numbers, nearest to F, with the determinant +1 whatever F's is (model/formulas/rotation.py).
+
+    It needs no rotation of before: it starts from F's columns made a right-handed frame (Gram, Schmidt), which is off by the
+    shear alone, or, where two columns are no frame, from none.
+    """
+    zero, one = real(0), real(1)
+    least, across = real(FOUR_UNITS * np.finfo(real).tiny), real(TURNED)
+    quaternions = rotations.make_quaternions(real, compiled)
+    near = rotations.make_near(real, compiled, quaternions)
+    rotation_3d_near, rotation_3d_far = (
+        near.rotation_3d_near,
+        rotations.make_far(real, compiled, quaternions.unit, near),
+    )
+    matrix_of, unit, normalised = quaternions.matrix_of, quaternions.unit, near.normalised
+    lengths = make_lengths(real, compiled)
+    dot, cross = lengths.dot, lengths.cross
+
+    @compiled
+    def quaternion_of(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        """Of a rotation, nearly: S. Shepperd, "Quaternion from Rotation Matrix", J. Guid. Control 1 (1978)."""
+        trace = (xx + yy) + zz
+        largest = max(max(xx, yy), max(zz, trace))
+        if trace == largest:
+            w, x, y, z = one + trace, zy - yz, xz - zx, yx - xy
+        elif xx == largest:
+            w, x, y, z = zy - yz, (one + xx) - (yy + zz), xy + yx, xz + zx
+        elif yy == largest:
+            w, x, y, z = xz - zx, xy + yx, (one + yy) - (xx + zz), yz + zy
+        else:
+            w, x, y, z = yx - xy, xz + zx, yz + zy, (one + zz) - (xx + yy)
+        return unit(w, x, y, z)
+
+    @compiled
+    def start(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+        """The frame of F's columns as a unit quaternion."""
+        aa = dot(xx, yx, zx, xx, yx, zx)
+        bb = dot(xy, yy, zy, xy, yy, zy)
+        scale = one / sqrt(aa if aa > least else one)
+        ax, ay, az = scale * xx, scale * yx, scale * zx
+        along = dot(ax, ay, az, xy, yy, zy)
+        bx, by, bz = xy - along * ax, yy - along * ay, zy - along * az
+        rest = dot(bx, by, bz, bx, by, bz)
+        if (aa > least) & (rest > least) & (rest > across * bb):
+            scale = one / sqrt(rest)
+            bx, by, bz = scale * bx, scale * by, scale * bz
+            cx, cy, cz = cross(ax, ay, az, bx, by, bz)
+            return quaternion_of(ax, bx, cx, ay, by, cy, az, bz, cz)
+        return one, zero, zero, zero
+
+    @compiled
+    def rotation(f):
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = normalised(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
+        w, x, y, z = start(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+        w, x, y, z, reached = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        if not reached:
+            w, x, y, z = rotation_3d_far(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
+        return matrix_of(w, x, y, z)
+
+    return rotation

@@ -1,0 +1,63 @@
+"""The part of a scene that is a body of tetrahedra: where its mesh comes from, how it is cut, and what it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from model.scene.mesh_source import MeshSource
+from model.scene.parts import ZERO, Count, NotNegative, Positive, Vector
+
+MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
+Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
+SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
+LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and a linear tetrahedron does nothing but lock
+
+
+class TetrahedralBody(MeshSource):
+    """A soft body whose stiffness is Young's modulus and Poisson's ratio: tetrahedra cut from a lattice of voxels.
+
+    Voxels `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`; of `material`: energies per
+    volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
+    (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
+    * the rate at which the elastic one changes. `pinned`: sides of the mesh's box whose vertices stay where they are.
+    """
+
+    such_as: ClassVar[str] = "beam"
+    contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **MeshSource.contradicts, "edge": ("voxels",), "voxels": ("edge",),
+    }  # fmt: skip
+
+    edge: Positive | None = None  # m, of a voxel
+    voxels: Count = 10  # along the longest side, unless an edge is given
+    tetrahedra: Literal[5, 6] = 5  # to a voxel; six lock sooner
+    material: MaterialName = "fixed-corotated"
+    young_modulus: Positive = 1e6  # Pa
+    poisson_ratio: Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)] = 0.45
+    density: Positive = 1000.0  # kg/m^3
+    damping: NotNegative = 0.0  # s
+    pinned: tuple[Side, ...] = ()  # of left, right (x), bottom, top (y), back, front (z)
+    velocity: Vector = ZERO  # m/s
+    spin: Vector = ZERO  # rad/s, about its centre
+
+    @model_validator(mode="after")
+    def _can_be_cut(self) -> TetrahedralBody:
+        if self.shape is not None and self.shape.name in ("sheet", "terrain"):
+            raise ValueError(f"shape: a {self.shape.name} has no inside to fill; take a box, a blob, a star ...")
+        if {"edge", "voxels"} <= self.model_fields_set and self.edge is not None:
+            raise ValueError("edge: says how long a voxel is; give edge or voxels")
+        return self
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """(mu, lambda) [Pa] of its Young's modulus and Poisson's ratio."""
+        young, poisson = self.young_modulus, self.poisson_ratio
+        return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | {"voxels" if self.edge is not None else "edge"}
+
+
+TETRAHEDRAL_KINDS: dict[str, type[MeshSource]] = {"tetrahedral_body": TetrahedralBody}

@@ -1,0 +1,162 @@
+"""All tetrahedral bodies of a scene as one set of particles: what its solvers start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from model.core.errors import InputError, SceneError
+from model.core.memory import MAX_PARTICLES, available_bytes, require
+from model.geometry.lists import Lists, grouped
+from model.geometry.measures import edge_lengths, rotation_matrix
+from model.geometry.mesh import TriangleMesh, read_mesh
+from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
+from model.geometry.tetrahedra.voxels import VoxelMesh, voxel_mesh
+from model.geometry.topology import mesh_path
+from model.scene.tetrahedra import SIDES, TetrahedralBody
+
+AT_THE_SIDE = 1e-6  # of the longest side: so near to a side of its box a vertex lies in it
+ELEMENT_BYTES = (
+    400  # on the host, of a tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
+)
+PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge joins
+
+
+@dataclass(frozen=True, eq=False)
+class TetrahedraSet:
+    """The particles and tetrahedra of all bodies, one body after the other, in the order of the file.
+
+    `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
+    [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
+    int32; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
+    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body. To the rest of the lab it is a row of
+    masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    """
+
+    names: tuple[str, ...]
+    parts: tuple[TetrahedralBody, ...]
+    position: np.ndarray
+    velocity: np.ndarray
+    masses: np.ndarray
+    pinned_vertices: np.ndarray
+    body: np.ndarray
+    tetrahedra: np.ndarray
+    rest_inverse: np.ndarray
+    volume: np.ndarray
+    surface: np.ndarray
+    first_particle: np.ndarray
+    rows: int = 1
+    pinned: str = "none"
+    spring_count: int = 0
+
+    @property
+    def columns(self) -> int:
+        """All particles: the set is one row."""
+        return len(self.position)
+
+    @property
+    def particle_count(self) -> int:
+        """How many particles."""
+        return len(self.position)
+
+    @cached_property
+    def mass(self) -> float:
+        """The mean one [kg]."""
+        return float(self.masses.mean())
+
+    @cached_property
+    def edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """(ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
+        ends = np.concatenate([self.tetrahedra[:, pair] for pair in PAIRS])
+        found = np.unique(np.sort(ends, axis=1), axis=0)
+        return found, edge_lengths(self.position, found)
+
+    @cached_property
+    def spacing(self) -> float:
+        """The mean edge [m]."""
+        return float(self.edges[1].mean())
+
+    @cached_property
+    def vertex_triangles(self) -> Lists:
+        """The surface's triangles at each particle, ascending; none at one inside."""
+        corner = self.surface.ravel()
+        return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.particle_count)
+
+    @property
+    def extent(self) -> float:
+        """Its longest side [m]."""
+        return float(np.ptp(self.position, axis=0).max())
+
+    def lame(self) -> tuple[np.ndarray, np.ndarray]:
+        """(mu, lambda) (tetrahedra,) float64 [Pa]."""
+        both = np.array([part.lame for part in self.parts])[self.body]
+        return both[:, 0], both[:, 1]
+
+
+def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
+    """The set of a scene's bodies, by name. Raises SceneError, InputError, which name the body."""
+    made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
+    for name, part in parts.items():
+        try:
+            made.append(_placed(part))
+        except SceneError as error:
+            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+    particles = sum(len(mesh.position) for mesh, _, _ in made)
+    elements = sum(len(mesh.tetrahedra) for mesh, _, _ in made)
+    if particles > MAX_PARTICLES:
+        raise SceneError("edge", particles, f"at most {MAX_PARTICLES} particles (32-bit indices)")
+    require(elements * ELEMENT_BYTES, available_bytes(), "edge", elements, "main memory")
+    first = np.concatenate([[0], np.cumsum([len(mesh.position) for mesh, _, _ in made])])
+    density = [part.density for part in parts.values()]
+    meshes = [mesh for mesh, _, _ in made]
+    return TetrahedraSet(
+        tuple(parts),
+        tuple(parts.values()),
+        np.concatenate([mesh.position for mesh in meshes]),
+        np.concatenate([velocity for _, velocity, _ in made]),
+        np.concatenate([mesh.masses(rho) for mesh, rho in zip(meshes, density, strict=True)]),
+        np.concatenate([pinned + start for (_, _, pinned), start in zip(made, first, strict=False)]).astype(np.int64),
+        np.repeat(np.arange(len(made), dtype=np.int32), [len(mesh.tetrahedra) for mesh in meshes]),
+        np.concatenate([mesh.tetrahedra + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
+        np.concatenate([rest_inverse(mesh.position, mesh.tetrahedra) for mesh in meshes]),
+        np.concatenate([mesh.volumes for mesh in meshes]),
+        np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
+        first[:-1],
+    )
+
+
+def cut(part: TetrahedralBody) -> VoxelMesh:
+    """The body's voxels where its mesh lies, neither turned nor moved. Raises InputError, SceneError."""
+    mesh: TriangleMesh = part.shape.mesh() if part.shape else read_mesh(mesh_path(part.file or ""), part.scale)
+    edge = part.edge
+    return voxel_mesh(mesh, edge=edge, voxels=None if edge else part.voxels, per_voxel=part.tetrahedra)
+
+
+def _placed(part: TetrahedralBody) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
+    """(mesh where the scene has it, velocities (particles, 3) [m/s], pinned vertices)."""
+    mesh = cut(part).mesh
+    pinned = _at_sides(mesh.position, part.pinned)
+    axis = np.asarray(part.axis, dtype=np.float64)
+    turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))
+    here = mesh.position @ turn.T + part.origin
+    mass = mesh.masses(part.density)[:, None]
+    centre = (mass * here).sum(axis=0) / mass.sum()
+    moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
+    moving[pinned] = 0.0
+    return TetrahedralMesh(here, mesh.tetrahedra), moving, pinned
+
+
+def _at_sides(position: np.ndarray, sides: tuple[str, ...]) -> np.ndarray:
+    """(pins,) int64, ascending: the vertices in these sides of the box around `position`, before it is turned."""
+    low, high = position.min(axis=0), position.max(axis=0)
+    near = AT_THE_SIDE * float((high - low).max())
+    held = np.zeros(len(position), bool)
+    for side in sides:
+        axis, upper = divmod(SIDES.index(side), 2)
+        held |= position[:, axis] >= high[axis] - near if upper else position[:, axis] <= low[axis] + near
+    return np.flatnonzero(held)

@@ -1,0 +1,71 @@
+"""The constraints of a scene's tetrahedra, by material and colour, and the plan of a position-based step with them."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from model.core.constraints import ConstraintSet, Projection
+from model.core.plan import Plan
+from model.formulas.constraints import tetrahedron
+from model.scene.scene import Scene
+from model.tetrahedra.body_set import TetrahedraSet
+from model.tetrahedra.material import constraint_values
+from model.xpbd.colouring import colour
+from model.xpbd.mesh_plan import constrained_plan
+from model.xpbd.plan import xpbd_parts
+
+CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
+DAMPED = "tetrahedra-damping"
+_known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()  # colouring is slow
+
+
+def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper. Every mass has a
+    weight of its own (`load`)."""
+    bodies = scene.tetrahedra.values()
+    damped = {DAMPED} if any(part.damping > 0 for part in bodies) else set()
+    return xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies} | damped
+
+
+def materials(parts: frozenset[str]) -> tuple[str, ...]:
+    """Those that are there, in the order in which they are projected."""
+    return tuple(name for name in tetrahedron.MATERIALS if name in parts)
+
+
+def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
+    """Of a scene of such parts, one a material."""
+    damped = DAMPED in parts
+    return tuple(
+        Projection(
+            f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, 2, damped=damped,
+            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped)), constants=CONSTANTS,
+        )
+        for name in materials(parts)
+    )  # fmt: skip
+
+
+def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
+    """The tetrahedra of each material, sorted by colours. Kept with the bodies."""
+    found = scene.tetrahedra_set
+    if found not in _known:
+        made = np.array([tetrahedron.MATERIALS.index(part.material) for part in found.parts])[found.body]
+        _known[found] = tuple(_coloured(found, np.flatnonzero(made == kind)) for kind in np.unique(made))
+    return _known[found]
+
+
+def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> ConstraintSet:
+    """The chosen tetrahedra, all of one material. Those of a large volume are as good as any other: only places count."""
+    colours = colour(found.tetrahedra[chosen], found.particle_count)
+    chosen = chosen[colours.order]
+    name = found.parts[found.body[chosen[0]]].material
+    corners = np.ascontiguousarray(found.tetrahedra[chosen])
+    return ConstraintSet("tetrahedra", name, corners, constraint_values(found, chosen), colours.starts)
+
+
+def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
+    parts = tetrahedra_parts(scene, live)
+    operations = [tetrahedron.operations(dict(one.flags)["material"], 4) for one in projections_of(parts)]
+    return constrained_plan(scene, parts, list(zip(constraint_sets(scene), operations, strict=True)))

@@ -1,0 +1,55 @@
+"""Bodies of tetrahedra, solved position-based: two constraints each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.family import SolverFamily
+from model.core.parameters import rounded_record
+from model.geometry.measures import edge_lengths
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
+from model.tetrahedra.constraints import CONSTANTS, tetrahedra_plan
+from model.tetrahedra.material import energies
+from model.xpbd.family import projection_limit, projection_note
+from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
+
+
+def tetrahedra_record(
+    scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
+    """(1,): CONSTANTS, then those of every position-based solver. Compliances [1/J] are counted by the mean mass over h^2."""
+    h = scene.method.dt / scene.method.substeps
+    own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h, 1.0), strict=True))
+    return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
+
+
+def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+    return float(energies(scene.tetrahedra_set, position).sum()), {}
+
+
+def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
+    ends, rest = scene.tetrahedra_set.edges
+    return edge_lengths(np.asarray(position, np.float64), ends) / rest - 1
+
+
+TETRAHEDRA = SolverFamily(
+    name="tetrahedral body",
+    knows=frozenset({"tetrahedral_body", "gravity", "external", "damping", "method", *COLLIDER_KINDS}),
+    accepts=lambda scene: bool(scene.tetrahedra) and scene.method.solver == "xpbd",
+    plan=tetrahedra_plan,
+    record=tetrahedra_record,
+    limit=projection_limit,
+    limited_by_net=False,
+    note=projection_note,
+    stored=_stored,
+    strain=_strain,
+    spring_count=lambda scene: len(scene.tetrahedra_set.tetrahedra),
+    solvers={"cpu": "cpu_backend.tetrahedra.solver:Tetrahedra", "gpu": "gpu_backend.tetrahedra.solver:Tetrahedra"},
+    passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
+    reference="bench.reference.tetrahedra",
+    unknown="what tetrahedra would do at rest is known (softlab bodies of the same mesh), not their whole motion",
+)

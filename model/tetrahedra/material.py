@@ -1,0 +1,70 @@
+"""What tetrahedra are made of, in float64 on the host: energies for judging and showing, and the numbers that kernels read.
+
+Energies per volume of the stretches s (the singular values of F, the smallest with the sign of det F) and J = det F, with mu
+and lambda of Young's modulus and Poisson's ratio:
+
+    fixed corotated   mu sum (s - 1)^2 + lambda / 2 (J - 1)^2          (A. Stomakhin et al., SCA 2012, eq. 4)
+    corotated         mu sum (s - 1)^2 + lambda / 2 (sum (s - 1))^2    (M. Mueller, M. Gross, GI 2004)
+    neo-Hookean       mu / 2 (sum s^2 - 3) + (lambda + mu) / 2 (J - alpha)^2, less its value at rest; alpha = 1 + mu / (lambda
+                      + mu) (B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4, without the logarithm)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.formulas.constraints.tetrahedron import COUNT, MATERIALS
+from model.tetrahedra.body_set import TetrahedraSet
+
+
+def deformation(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+    """(tetrahedra, 3, 3) float64: F at `position` (particles, 3)."""
+    corners = np.asarray(position, np.float64)[found.tetrahedra]
+    edges: np.ndarray = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+    return edges @ found.rest_inverse
+
+
+def stretches(gradient: np.ndarray) -> np.ndarray:
+    """(tetrahedra, 3) float64: the singular values, descending, the last one with the sign of the determinant."""
+    found: np.ndarray = np.linalg.svd(gradient, compute_uv=False)
+    found[:, 2] *= np.where(np.linalg.det(gradient) < 0, -1.0, 1.0)
+    return found
+
+
+def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+    """(tetrahedra,) float64 [J], what each holds; nan where a position is not finite."""
+    gradient = deformation(found, position)
+    finite = np.isfinite(gradient).all(axis=(1, 2))
+    s = stretches(np.where(finite[:, None, None], gradient, 0.0))
+    mu, lame = found.lame()
+    volume_ratio, off = s.prod(axis=1), s - 1
+    kind = np.array([MATERIALS.index(part.material) for part in found.parts])[found.body]
+    alpha = rest_ratio(mu, lame)
+    hookean = mu / 2 * ((s**2).sum(axis=1) - 3) + (lame + mu) / 2 * ((volume_ratio - alpha) ** 2 - (1 - alpha) ** 2)
+    shape = mu * (off**2).sum(axis=1)
+    density = np.choose(
+        kind, [shape + lame / 2 * (volume_ratio - 1) ** 2, shape + lame / 2 * off.sum(axis=1) ** 2, hookean]
+    )
+    return np.where(finite, density * found.volume, np.nan)
+
+
+def rest_ratio(mu: np.ndarray, lame: np.ndarray) -> np.ndarray:
+    """alpha of the neo-Hookean material: J at which its second term is 0."""
+    return 1 + mu / (lame + mu)
+
+
+def constraint_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+    """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula)."""
+    mu, lame = (one[chosen] for one in found.lame())
+    body, volume = found.body[chosen], found.volume[chosen]
+    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[body]
+    damping = np.array([part.damping for part in found.parts])[body]
+    shape, pressure = np.where(hookean, mu, 2 * mu), np.where(hookean, lame + mu, lame)
+    with np.errstate(divide="ignore"):
+        soft = np.where(pressure > 0, 1 / (pressure * volume), np.inf)
+    values = np.column_stack([
+        found.rest_inverse[chosen].reshape(-1, 9), 1 / (shape * volume), soft,
+        np.where(hookean, rest_ratio(mu, lame), 1.0), damping,
+    ])  # fmt: skip
+    assert values.shape[1] == COUNT
+    return values
