@@ -215,6 +215,27 @@ def busy(
     measure(store, run_busy, print_busy, quick=quick, scenes=scene or ())
 
 
+@measuring.command(
+    cls=Timed, epilog="Example: softlab tetrahedra --quick   (softlab tetrahedra --backend cpu --precision float64)"
+)
+def tetrahedra(
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick", help="One mesh, few substeps and iterations, fewer repeats: half a minute on two cores."
+        ),
+    ] = False,
+    backend: Backends = None,
+    precision: RatePrecisions = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Does E mean E? A bar of tetrahedra: how far its solver, and how far its mesh, is off, and what a frame costs."""
+    from bench.experiments.tetrahedra import print_tetrahedra, run_tetrahedra
+
+    chosen = precisions_of(precision, "float32")
+    measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, precisions=chosen)
+
+
 @measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")
 def bar(
     quick: Annotated[
