@@ -82,7 +82,8 @@ def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place
     """The points of a lattice, `lattice(position, pitch)` unless given, inside a mesh: `position` (vertices, 3) [m] and
     `triangles` (n, 3), closed, outer sides outwards."""
     origin, counts = lattice(position, pitch) if place is None else place
-    row, column, level, sign = _crossings((position - origin) / pitch, np.asarray(triangles, dtype=np.int64), counts)
+    row, column, height, sign, _ = crossings((position - origin) / pitch, np.asarray(triangles, dtype=np.int64), counts)
+    level = np.clip(np.ceil(height), -1, counts[2] + 1).astype(np.int64)  # the first point at or above the crossing
     line = column * counts[1] + row
     order = np.lexsort((level, line))
     line, level = line[order], level[order]
@@ -108,11 +109,11 @@ def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place
     )
 
 
-def _crossings(
+def crossings(
     place: np.ndarray, triangles: np.ndarray, counts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(row, column, level, sign) int64 (n,): where triangles cross columns, of `place` (vertices, 3) in pitches from the
-    lattice's origin. Level: the first point at or above the crossing; sign: +1 where the outer side looks up."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(row, column, height, sign, triangle) (n,), int64 but for the heights: where triangles cross columns, of `place`
+    (vertices, 3) in pitches from the lattice's origin. Sign: +1 where the outer side looks up."""
     above = np.clip(np.ceil(place[:, 1]), 0, counts[1]).astype(np.int64)  # the first row at or above each vertex
     corner = above[triangles]
     first, last = corner.min(axis=1), corner.max(axis=1)
@@ -135,8 +136,7 @@ def _crossings(
     across = x[1, side] - x[0, side]
     part = np.divide(column - x[0, side], across, out=np.zeros(len(side)), where=across != 0)
     height = z[0, side] + np.clip(part, 0, 1) * (z[1, side] - z[0, side])
-    level = np.clip(np.ceil(height), -1, counts[2] + 1).astype(np.int64)
-    return row[side], column, level, sign[side]
+    return row[side], column, height, sign[side], number[side]
 
 
 def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -21,6 +21,10 @@ def turned_over(mesh: Mesh) -> Mesh:
     return mesh[0], mesh[1][:, ::-1]
 
 
+def without_some(mesh: Mesh, *triangles: int) -> Mesh:
+    return mesh[0], np.delete(mesh[1], triangles, axis=0)
+
+
 def both(one: Mesh, other: Mesh) -> Mesh:
     return np.concatenate([one[0], other[0]]), np.concatenate([one[1], other[1] + len(one[0])])
 

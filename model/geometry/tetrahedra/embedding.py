@@ -1,0 +1,44 @@
+"""Points that are carried by tetrahedra: each by the corners of one, with weights that add up to 1 (barycentric)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.geometry.tetrahedra.mesh import FACES, rest_inverse
+
+OUTSIDE = 1e-9  # of a weight below 0: less is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Embedding:
+    """Of each point the tetrahedron that carries it, `tetrahedron` (points,) int32, and `weights` (points, 4) float64 of its
+    corners, which add up to 1; a weight is below 0 where the point lies outside."""
+
+    tetrahedron: np.ndarray
+    weights: np.ndarray
+
+    def points(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
+        """(points, 3) float64 [m]: where the points are while the vertices are at `position` (vertices, 3) [m]."""
+        found: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[tetrahedra[self.tetrahedron]])
+        return found
+
+    def beyond(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
+        """(points,) float64 [m]: how far each point lies beyond the plane of the face of its tetrahedron that it is farthest
+        beyond; 0 inside. A weight is the height above the face opposite in heights of the corner."""
+        corners = position[tetrahedra[self.tetrahedron]]
+        a, b, c = (np.take(corners, FACES[:, k], axis=1) for k in range(3))  # (points, 4 faces, 3)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=2)  # twice
+        edges = corners[:, 1:] - corners[:, :1]
+        volume = np.abs(np.einsum("ij,ij->i", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))  # six times
+        away = np.where(self.weights < -OUTSIDE, -self.weights, 0.0) * volume[:, None]
+        found: np.ndarray = np.divide(away, area, out=np.zeros_like(away), where=area > 0).max(axis=1)
+        return found
+
+
+def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
+    """(points, 4) float64: of each of `points` (n, 3) [m] in the tetrahedron of `tetrahedra` (n, 4) in the same row."""
+    start = position[tetrahedra[:, 0]]
+    rest = np.einsum("pij,pj->pi", rest_inverse(position, tetrahedra), points - start)
+    return np.column_stack([1 - rest.sum(axis=1), rest])

@@ -1,0 +1,260 @@
+"""The pieces of a body within each voxel of a lattice, and which of them hang together across the voxels' sides.
+
+What joins, within a voxel: triangles that share an edge which passes through it; the two ends of a stretch of the inside
+along a line of probes parallel to an axis; and such stretches that share a probe. Across a side: a triangle that passes
+through it; a stretch of the inside that does. All of these are facts about the body, so that pieces which do not touch are
+never joined, however near. Of lines there are PROBES x PROBES a voxel and axis; what none of them meets is joined with what
+it sees (sight.py). A piece whose surface falls into parts that neither finds is taken for several, each of which still hangs
+together with its neighbours across the sides. Bodies that overlap each other by less than a voxel / PROBES may stay apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.geometry.edges import MeshEdges, components
+from model.geometry.lists import ranges
+from model.geometry.tetrahedra.sight import in_sight
+from model.geometry.voxels import crossings
+
+PROBES = 4  # lines a voxel, along each of two axes
+DENSE = 1 << 24  # cells of a lattice up to which a table tells the voxel of each
+
+
+class Cells:
+    """The voxels there are: `index` (voxels, 3) int64, rows ascending, of a lattice of `counts` (3,)."""
+
+    def __init__(self, index: np.ndarray, counts: np.ndarray) -> None:
+        self.counts = counts
+        self.key = np.unique(self._key(index))
+        self.index = np.stack(np.unravel_index(self.key, tuple(int(count) for count in counts)), axis=1)
+        self._table = None
+        if int(np.prod(counts)) <= DENSE:
+            self._table = np.full(int(np.prod(counts)), -1, dtype=np.int32)
+            self._table[self.key] = np.arange(len(self.key))
+
+    def __len__(self) -> int:
+        return len(self.key)
+
+    def _key(self, index: np.ndarray) -> np.ndarray:
+        key: np.ndarray = (index[:, 0] * self.counts[1] + index[:, 1]) * self.counts[2] + index[:, 2]
+        return key
+
+    def number(self, index: np.ndarray) -> np.ndarray:
+        """(n,) int64: the voxel at each `index` (n, 3), -1 where there is none."""
+        inside = ((index >= 0) & (index < self.counts)).all(axis=1)
+        key = np.where(inside, self._key(index), 0)
+        if self._table is not None:
+            found = self._table[key].astype(np.int64)
+        else:
+            place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
+            found = np.where(self.key[place] == key, place, -1)
+        return np.where(inside, found, -1)
+
+    def beside(self, axis: int) -> np.ndarray:
+        """(voxels,) int64: the next voxel along `axis`, -1 for none."""
+        return self.number(self.index + np.eye(3, dtype=np.int64)[axis])
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """`voxel` (pieces,) int64: the voxel that each piece lies in, ascending. `of_pair` (pairs,) int64: the piece of each
+    triangle in a voxel. `joined`: of each axis (n, 2) int64, pieces that hang together across a side, the lower voxel's
+    first."""
+
+    voxel: np.ndarray
+    of_pair: np.ndarray
+    joined: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretches:
+    """Stretches of the inside along one axis, a part for each voxel they pass through.
+
+    `voxel` (parts,): it; `stretch` (parts,): ascending; `line` (parts, 2): of probes, in the two axes that follow `axis`;
+    `low`, `high` (parts,): the ends, in voxels; `first`, `last` (parts,): the triangle that it begins and ends with, or -1.
+    """
+
+    axis: int
+    voxel: np.ndarray
+    stretch: np.ndarray
+    line: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+
+def pieces_of(
+    place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: tuple[np.ndarray, np.ndarray]
+) -> Pieces:
+    """The pieces of the closed mesh of `place` (vertices, 3), in voxels, and `triangles` (n, 3), whose edges are
+    `edges`. `pairs`: (triangle, number of a voxel) (pairs,), ascending, as `triangles_in_voxels` finds them."""
+    triangle, voxel = pairs
+    count, patches = len(triangle), _across_edges(place, edges, cells, triangle, voxel)
+    label = components(count, patches)
+    several = np.bincount(voxel[label == np.arange(count)], minlength=len(cells)) > 1
+    key = triangle * len(cells) + voxel
+    whole = count + np.arange(len(cells))  # a node for each voxel that holds one piece
+    single = ~several[voxel]
+    ends = [patches, np.stack([np.flatnonzero(single), whole[voxel[single]]], axis=1)]
+    owner = [voxel, np.arange(len(cells))]
+    counted = [several[voxel], ~several]
+    used, crossing, seen = count + len(cells), [], []
+    probe = np.cumsum(several) - 1  # of the voxels with several patches
+    for axis in range(3):
+        parts = _stretches(place, triangles, cells, axis)
+        own = several[parts.voxel]
+        node = np.where(own, used + np.cumsum(own) - 1, whole[parts.voxel])
+        for of in (parts.first, parts.last):
+            at, found = _positions(key, np.where(of >= 0, of * len(cells) + parts.voxel, -1))
+            ends.append(np.stack([node[found], at[found]], axis=1))
+        ends.append(_probes_of(parts, np.flatnonzero(own), node, probe, cells))
+        owner.append(parts.voxel[own])
+        seen.append((parts.voxel[own], _middles(parts, np.flatnonzero(own), cells), node[own]))
+        counted.append(np.ones(int(own.sum()), dtype=bool))
+        used += int(own.sum())
+        step = np.diff(cells.index[parts.voxel, axis])
+        on = np.flatnonzero((parts.stretch[1:] == parts.stretch[:-1]) & (step == 1))
+        crossing.append(np.stack([node[on], node[on + 1]], axis=1))
+    for group in ends:  # probes stand behind all other nodes: so far they count down from -1
+        group[group < 0] = used - 1 - group[group < 0]
+    nodes = used + int(several.sum()) * PROBES**3
+    label = components(nodes, np.concatenate(ends))[:used]
+    alone = several[voxel] & (label[:count] == np.arange(count))  # a part's label is its first pair
+    alone[label[count:][label[count:] < count]] = False  # that some stretch begins or ends with
+    middles = tuple(np.concatenate(group) for group in zip(*seen, strict=True))
+    number = np.flatnonzero(alone)
+    number = number[np.argsort(voxel[number], kind="stable")]
+    more = in_sight(place, triangles, cells.index, pairs, number, (middles[0], middles[1], middles[2]))
+    if len(more):
+        label = components(nodes, np.concatenate([*ends, more]))[:used]
+    return _numbered(label, np.concatenate(owner), np.concatenate(counted), crossing, cells, pairs)
+
+
+def _numbered(
+    label: np.ndarray,
+    owner: np.ndarray,
+    counted: np.ndarray,
+    crossing: list[np.ndarray],
+    cells: Cells,
+    pairs: tuple[np.ndarray, np.ndarray],
+) -> Pieces:
+    """Of nodes with a `label` and a voxel that is their `owner` (nodes,), pieces being those of `counted` ones."""
+    place, number = np.unique(label[counted], return_inverse=True)
+    voxel = np.zeros(len(place), dtype=np.int64)
+    voxel[number] = owner[counted]
+    order = np.argsort(voxel, kind="stable")
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    piece = rank[np.searchsorted(place, label).clip(max=len(place) - 1)]
+    triangle, cell = pairs
+    of_pair = piece[: len(triangle)]
+    key = triangle * len(cells) + cell
+    surfaced = np.zeros(len(cells), dtype=bool)
+    surfaced[cell] = True
+    joined = []
+    for axis in range(3):
+        beside = cells.beside(axis)
+        there, at_side = beside[cell] >= 0, np.flatnonzero(beside >= 0)
+        other, found = _positions(key, np.where(there, triangle * len(cells) + beside[cell], -1))
+        inner = at_side[~surfaced[at_side] & ~surfaced[beside[at_side]]]  # all of both is inside
+        through = np.stack([of_pair[found], of_pair[other[found]]], axis=1)
+        within = piece[len(triangle) + np.stack([inner, beside[inner]], axis=1)]
+        ends = np.concatenate([through, within, piece[crossing[axis]]])
+        both = np.unique(ends[:, 0] * len(place) + ends[:, 1])
+        joined.append(np.stack(np.divmod(both, len(place)), axis=1))
+    return Pieces(voxel[order], of_pair, (joined[0], joined[1], joined[2]))
+
+
+def _positions(keys: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
+    if not len(keys):
+        return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return place, keys[place] == wanted
+
+
+def _across_edges(
+    place: np.ndarray, edges: MeshEdges, cells: Cells, triangle: np.ndarray, voxel: np.ndarray
+) -> np.ndarray:
+    """(n, 2): pairs of triangle and voxel whose triangles share an edge that passes through the voxel."""
+    side = edges.sides[triangle].astype(np.int64)
+    key = (side * len(cells) + voxel[:, None]).ravel()
+    order = np.argsort(key, kind="stable")
+    twice = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, two = order[twice], order[twice + 1]
+    pair = one // 3
+    a, b = (place[end] for end in edges.edges[side.ravel()[one]].T)
+    low = cells.index[voxel[pair]]
+    enters, leaves = np.zeros(len(pair)), np.ones(len(pair))
+    meets = np.ones(len(pair), dtype=bool)
+    for k in range(3):  # between two planes: J. D. Foley et al., "Computer Graphics", section 3.12.4 (Liang, Barsky)
+        way, before, behind = b[:, k] - a[:, k], low[:, k] - a[:, k], low[:, k] + 1 - a[:, k]
+        still = way == 0
+        meets &= ~still | ((before < 0) & (behind > 0))
+        way = np.where(still, 1.0, way)
+        first, second = before / way, behind / way
+        enters = np.maximum(enters, np.where(still, 0.0, np.minimum(first, second)))
+        leaves = np.minimum(leaves, np.where(still, 1.0, np.maximum(first, second)))
+    meets &= enters < leaves
+    return np.stack([pair[meets], two[meets] // 3], axis=1)
+
+
+def _stretches(place: np.ndarray, triangles: np.ndarray, cells: Cells, axis: int) -> _Stretches:
+    """Along `axis`, on PROBES x PROBES lines through each voxel."""
+    across, along = [(axis + 1) % 3, (axis + 2) % 3], cells.counts[axis]
+    scaled = np.column_stack([place[:, across] * PROBES - 0.5, place[:, axis]])
+    lines = cells.counts[across] * PROBES
+    row, column, height, sign, triangle = crossings(scaled, triangles, np.append(lines, along))
+    line = column * lines[1] + row
+    order = np.lexsort((height, line))
+    line, height, triangle = line[order], np.clip(height[order], 0, along), triangle[order]
+    winding = -np.cumsum(sign[order])
+    begin = np.flatnonzero((line[1:] == line[:-1]) & (winding[:-1] > 0) & (height[:-1] < height[1:]))
+    low, high = height[begin], height[begin + 1]
+    first = np.floor(low).astype(np.int64)
+    length = np.maximum(np.ceil(high).astype(np.int64) - first, 1)
+    stretch, cell = ranges(first, length)
+    probes = np.stack(np.divmod(line[begin], lines[1]), axis=1)[stretch]
+    index = np.empty((len(cell), 3), dtype=np.int64)
+    index[:, axis], index[:, across] = cell, probes // PROBES
+    voxel = cells.number(index)
+    starts, ends = cell == first[stretch], cell == (first + length - 1)[stretch]
+    some = voxel >= 0  # all of them, but for a surface that only rounding puts into a voxel
+    return _Stretches(
+        axis,
+        voxel[some],
+        stretch[some],
+        probes[some],
+        low[stretch][some],
+        high[stretch][some],
+        np.where(starts, triangle[begin][stretch], -1)[some],
+        np.where(ends, triangle[begin + 1][stretch], -1)[some],
+    )
+
+
+def _probes_of(parts: _Stretches, own: np.ndarray, node: np.ndarray, probe: np.ndarray, cells: Cells) -> np.ndarray:
+    """(n, 2): each of the parts `own` with the probes on it, numbered from -1 down by voxel (`probe`) and place in it."""
+    voxel, across = parts.voxel[own], [(parts.axis + 1) % 3, (parts.axis + 2) % 3]
+    start = cells.index[voxel, parts.axis]
+    low, high = ((ends[own] - start) * PROBES - 0.5 for ends in (parts.low, parts.high))
+    first = np.maximum(np.floor(low) + 1, 0).astype(np.int64)
+    last = np.minimum(np.ceil(high) - 1, PROBES - 1).astype(np.int64)
+    part, along = ranges(first, np.maximum(last - first + 1, 0))
+    local = np.empty((len(part), 3), dtype=np.int64)
+    local[:, parts.axis], local[:, across] = along, (parts.line[own] % PROBES)[part]
+    number = probe[voxel[part]] * PROBES**3 + (local[:, 0] * PROBES + local[:, 1]) * PROBES + local[:, 2]
+    return np.stack([node[own][part], -1 - number], axis=1)
+
+
+def _middles(parts: _Stretches, own: np.ndarray, cells: Cells) -> np.ndarray:
+    """(n, 3): the middle of each of the parts `own`, in voxels."""
+    across = [(parts.axis + 1) % 3, (parts.axis + 2) % 3]
+    start = cells.index[parts.voxel[own], parts.axis]
+    point = np.empty((len(own), 3))
+    point[:, across] = (parts.line[own] + 0.5) / PROBES
+    point[:, parts.axis] = (np.maximum(parts.low[own], start) + np.minimum(parts.high[own], start + 1)) / 2
+    return point

@@ -1,0 +1,105 @@
+"""Parts of a surface in a voxel that no line of probes meets, joined with what they see through the inside of the body.
+
+A straight way from one point of the inside to another, within a voxel, that no triangle of that voxel crosses: so the two
+belong to one piece.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.geometry.lists import ranges
+
+NEAREST = 8  # of what lies in the voxel, that a part looks at
+MOST = 1 << 25  # triangles looked through at most, or a part stays alone: seconds
+BATCH = 1 << 20
+TOUCHING = 1e-9  # of a triangle's size: a way so near to its rim is crossed by it
+
+
+def in_sight(
+    place: np.ndarray,
+    triangles: np.ndarray,
+    low: np.ndarray,
+    pairs: tuple[np.ndarray, np.ndarray],
+    alone: np.ndarray,
+    seen: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> np.ndarray:
+    """(n, 2): pairs of `alone` (m,), and the nodes that they see.
+
+    `pairs`: (triangle, voxel) (pairs,); `low` (voxels, 3): the corner that each voxel begins at; `alone`: of each part that
+    nothing is known of one pair, by voxel; `seen`: (voxel (k,), point (k, 3), node (k,)) of stretches of the inside.
+    """
+    triangle, voxel = pairs
+    none = np.zeros((0, 2), dtype=np.int64)
+    if not len(alone) or len(alone) > MOST >> 10:
+        return none
+    corners = place[triangles[triangle[alone]]]
+    start = np.array([_middle(each, at) for each, at in zip(corners, low[voxel[alone]], strict=True)])
+    inwards = -np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # what there is to look at: stretches, and the other parts
+    owner = np.concatenate([seen[0], voxel[alone]])
+    point, node = np.concatenate([seen[1], start]), np.concatenate([seen[2], alone])
+    facing = np.concatenate([np.zeros_like(seen[1]), inwards])
+    order = np.argsort(owner, kind="stable")
+    begin, end = (np.searchsorted(owner[order], voxel[alone], side) for side in ("left", "right"))
+    if (end - begin).sum() > MOST:
+        return none
+    source, entry = ranges(begin, end - begin)
+    target = order[entry]
+    way = point[target] - start[source]
+    ahead = np.einsum("ij,ij->i", way, inwards[source]) > 0
+    back = np.einsum("ij,ij->i", way, facing[target])
+    keep = ahead & ((target < len(seen[0])) | (back < 0))
+    source, target, way = source[keep], target[keep], way[keep]
+    order = np.lexsort((np.einsum("ij,ij->i", way, way), source))
+    source, target, way = source[order], target[order], way[order]
+    rank = np.arange(len(source)) - np.searchsorted(source, source)
+    source, target, way = (array[rank < NEAREST] for array in (source, target, way))
+    own = np.argsort(voxel, kind="stable")
+    begin, end = (np.searchsorted(voxel[own], voxel[alone[source]], side) for side in ("left", "right"))
+    if (end - begin).sum() > MOST:
+        return none
+    blocked = np.zeros(len(source), dtype=bool)
+    ends = np.cumsum(end - begin)
+    first = 0
+    while first < len(source):
+        last = max(first + 1, int(np.searchsorted(ends, (ends[first - 1] if first else 0) + BATCH, "right")))
+        number, entry = ranges(begin[first:last], (end - begin)[first:last])
+        number, other = number + first, own[entry]
+        not_own = (other != alone[source[number]]) & (other != node[target[number]])
+        number, other = number[not_own], other[not_own]
+        hit = _crossed(start[source[number]], way[number], place[triangles[triangle[other]]])
+        blocked[number[hit]] = True
+        first = last
+    free = ~blocked
+    return np.stack([alone[source[free]], node[target[free]]], axis=1)
+
+
+def _crossed(start: np.ndarray, way: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether the ways from `start` along `way` (n, 3) cross triangles `corners` (n, 3, 3). T. Moeller, B.
+    Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", Journal of Graphics Tools 2 (1997)."""
+    one, two, away = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], start - corners[:, 0]
+    normal, turned = np.cross(way, two), np.cross(away, one)
+    size = np.einsum("ij,ij->i", one, normal)
+    with np.errstate(all="ignore"):
+        u, v, t = (np.einsum("ij,ij->i", *both) / size for both in ((away, normal), (way, turned), (two, turned)))
+    crossed: np.ndarray = (u >= -TOUCHING) & (v >= -TOUCHING) & (u + v <= 1 + TOUCHING) & (t > 0) & (t < 1)
+    return crossed
+
+
+def _middle(corners: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """(3,): a point of the triangle `corners` (3, 3) within the voxel at `low` (3,): the mean of the corners of what is left
+    of it there (I. E. Sutherland, G. W. Hodgman, "Reentrant Polygon Clipping", CACM 17 (1974))."""
+    polygon = [tuple(corner) for corner in corners]
+    for axis in range(3):
+        for sign, limit in ((1.0, low[axis]), (-1.0, low[axis] + 1)):
+            kept = []
+            for a, b in zip(polygon, [*polygon[1:], *polygon[:1]], strict=True):
+                here, there = sign * (a[axis] - limit), sign * (b[axis] - limit)
+                if here >= 0:
+                    kept.append(a)
+                if here * there < 0:
+                    part = here / (here - there)
+                    kept.append(tuple(p + part * (q - p) for p, q in zip(a, b, strict=True)))
+            polygon = kept or polygon
+    return np.array(polygon).mean(axis=0)

@@ -1,0 +1,271 @@
+"""Tetrahedra of voxels: the simulation mesh of a body, in which its surface is embedded.
+
+A voxel exists where the body overlaps it: where its surface passes through (overlap.py), or where all of it is inside. Each
+becomes five tetrahedra or six. A voxel in which the body has pieces that do not touch there, as fingers nearer to each other
+than a voxel, is doubled: one for each piece (pieces.py, which tells the limits). Neighbours share the four vertices of a side
+where the body hangs together across it, and only there; so pieces share vertices where they meet around the vertex, and
+nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+
+from model.core.errors import InputError, SceneError
+from model.core.memory import available_bytes, readable
+from model.geometry.edges import components
+from model.geometry.mesh import TriangleMesh
+from model.geometry.normals import mesh_normals
+from model.geometry.solid import Solid, as_mesh, solid
+from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.mesh import TetrahedralMesh
+from model.geometry.tetrahedra.overlap import EIGHT, triangles_in_voxels
+from model.geometry.tetrahedra.pieces import Cells, Pieces, pieces_of
+from model.geometry.voxels import runs_inside
+
+VOXELS = 10  # along the longest axis, unless given
+MOST_VOXELS = 1 << 20  # along an axis: the number of a voxel stays inside 64 bits
+WHOLE = 1e-9  # of a voxel: a surface so near to the lattice lies on it
+COARSEST = (
+    2.0**-30
+)  # of the largest coordinate: what the edge of a voxel must be over, or its corners are rounded together
+BYTES_PER_VOXEL, BYTES_PER_TRIANGLE = 5000, 2000  # of memory while it is made: 4500 and 500 seen
+
+PerVoxel = Literal[5, 6]
+
+
+def _oriented(tetrahedra: Sequence[tuple[int, ...]]) -> np.ndarray:
+    """(n, 4): of corners by their numbers, x y z in binary, with two of them swapped where the volume was negative."""
+    corners = np.array(tetrahedra)
+    place = EIGHT[corners].astype(np.float64)
+    wrong = np.linalg.det(place[:, 1:] - place[:, :1]) < 0
+    corners[wrong] = corners[wrong][:, [0, 1, 3, 2]]
+    return corners
+
+
+_FIVE = [(0, 6, 5, 3), (4, 0, 6, 5), (2, 0, 6, 3), (1, 0, 5, 3), (7, 6, 5, 3)]
+_SIX = [(0, 1 << a, (1 << a) + (1 << b), 7) for a, b, _ in permutations(range(3))]  # H. W. Kuhn (1960)
+# by the parity of x + y + z: five alternate, each the mirror image of its neighbours, or the sides' diagonals would not meet
+CUTS = {
+    5: np.stack([_oriented(_FIVE), _oriented([tuple(corner ^ 4 for corner in corners) for corners in _FIVE])]),
+    6: np.stack([_oriented(_SIX)] * 2),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelMesh:
+    """A body of voxels cut into tetrahedra.
+
+    Tetrahedra stand by colour, then by voxel: `voxel` (n, 3) int32, `colour` (n,) int32, 4 (x % 2) + 2 (y % 2) + z % 2;
+    those of a voxel, all of its copies together, are `starts[v]` to `starts[v + 1]`, int32 (voxels + 1,). Tetrahedra of one
+    colour share a vertex only within a voxel, so that the voxels of a colour may be worked on at once, each in sequence.
+    `embedding`: of the vertices of `hull`, the closed surface that it was made from. `edge` [m] of a voxel; `origin` (3,)
+    [m]: where voxel (0, 0, 0) begins; `doubled`: voxels that there are several times.
+    """
+
+    mesh: TetrahedralMesh
+    voxel: np.ndarray
+    colour: np.ndarray
+    starts: np.ndarray
+    embedding: Embedding
+    hull: Solid
+    edge: float
+    origin: np.ndarray
+    doubled: int
+
+
+def voxel_mesh(
+    mesh: TriangleMesh | tuple[np.ndarray, np.ndarray],
+    *,
+    edge: float | None = None,
+    voxels: int | None = None,
+    per_voxel: PerVoxel = 5,
+) -> VoxelMesh:
+    """The body of a closed mesh in voxels of `edge` [m], or `voxels` of them along the longest side of the box around it (10
+    unless given). The lattice lies evenly about that box, with no more voxels than cover it.
+
+    Raises SceneError (a parameter) and InputError (an open mesh, nothing inside, coordinates beyond those of a body).
+    """
+    mesh = as_mesh(mesh)
+    _refuse_open(mesh)
+    hull = solid(mesh, 0.0)
+    low, high = hull.position.min(axis=0), hull.position.max(axis=0)
+    size, counts = _lattice(hull, low, high, edge, voxels, per_voxel)
+    origin = (low + high) / 2 - counts * size / 2
+    place = (hull.position - origin) / size
+    slack = _slack(hull, size)
+    near = np.round(place)
+    snapped = np.clip(np.where(np.abs(place - near) <= slack, near, place), 0, counts)
+    triangle, through = triangles_in_voxels(snapped, hull.triangles, counts)
+    centres = runs_inside(snapped, hull.triangles, 1.0, (np.full(3, 0.5), counts))
+    cells = Cells(np.concatenate([through, *(index for index, _ in centres.points())]), counts)
+    pairs = triangle, cells.number(through)
+    pieces = pieces_of(snapped, hull.triangles, mesh.edges, cells, pairs)
+    return _cut(hull, place, snapped, cells, pieces, pairs, (origin, size, per_voxel))
+
+
+def _refuse_open(mesh: TriangleMesh) -> None:
+    rims = mesh.boundary_loops
+    if mesh.edges.boundary.any():
+        rim = mesh.position[mesh.edges.edges[int(np.argmax(mesh.edges.boundary))]].mean(axis=0)
+        raise InputError(
+            f"the mesh is open, it has {rims} rim{'' if rims == 1 else 's'} ({int(mesh.edges.boundary.sum())} edges with a "
+            f"triangle on one side only, the first at ({', '.join(f'{x:.4g}' for x in rim)})), so it has no inside; fill its "
+            'holes in the program that made it, or make it a cloth: kind = "soft_sheet"'
+        )
+
+
+def _slack(hull: Solid, size: float) -> float:
+    """How near to the lattice, in voxels, is on it."""
+    return max(WHOLE, 8 * float(np.finfo(np.float64).eps) * float(np.abs(hull.position).max()) / size)
+
+
+def _lattice(
+    hull: Solid, low: np.ndarray, high: np.ndarray, edge: float | None, voxels: int | None, per_voxel: int
+) -> tuple[float, np.ndarray]:
+    """(edge of a voxel [m], how many along each axis (3,) int64)."""
+    if edge is not None and voxels is not None:
+        raise SceneError("voxels", voxels, "give voxels or edge, not both")
+    if per_voxel not in CUTS:
+        raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
+    if edge is not None and not (isfinite(edge) and edge > 0):
+        raise SceneError("edge", edge, "must be a finite number greater than 0 [m]")
+    if voxels is not None and not 1 <= voxels <= MOST_VOXELS:
+        raise SceneError("voxels", voxels, f"must be 1 to {MOST_VOXELS} along the longest axis")
+    field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
+    longest = float((high - low).max())
+    size = longest / (voxels or VOXELS) if edge is None else float(edge)
+    largest = float(np.abs(hull.position).max())
+    if size < COARSEST * largest:
+        raise InputError(
+            f"voxels of {size:.3g} m at coordinates of {largest:.3g} m are below what these can tell apart; move the mesh to "
+            "the origin, or take larger voxels"
+        )
+    wide = (high - low) / size
+    if wide.max() > MOST_VOXELS:
+        raise SceneError(
+            *field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: make them larger"
+        )
+    counts = np.maximum(np.ceil(wide - 2 * _slack(hull, size)), 1).astype(np.int64)
+    some = min(float(np.prod(wide + 1)), hull.volume / size**3 + 2 * hull.area / size**2 + 8)
+    needed, free = some * BYTES_PER_VOXEL + len(hull.triangles) * BYTES_PER_TRIANGLE, available_bytes()
+    if needed > free:
+        raise SceneError(
+            *field,
+            f"makes about {some:.3g} voxels, which take {readable(needed)} of memory, of which {readable(free)} is free; "
+            "make them larger",
+        )
+    return size, counts
+
+
+def _cut(
+    hull: Solid,
+    place: np.ndarray,
+    snapped: np.ndarray,
+    cells: Cells,
+    pieces: Pieces,
+    pairs: tuple[np.ndarray, np.ndarray],
+    lattice: tuple[np.ndarray, float, int],
+) -> VoxelMesh:
+    """The tetrahedra of `pieces`, and the vertices of the hull in them."""
+    origin, size, per_voxel = lattice
+    piece = _piece_of_vertices(hull, snapped, cells, pieces, pairs)
+    node, vertex = _shared(pieces)
+    every = cells.index[pieces.voxel]
+    position = origin + (every[node // 8] + EIGHT[node % 8]) * size
+    same = _copies(pieces.voxel, vertex)
+    kept = np.flatnonzero(same == np.arange(len(same)))
+    piece = np.searchsorted(kept, same[piece])
+    numbers, vertex, index = pieces.voxel[kept], vertex[kept], every[kept]
+    colour = index % 2 @ np.array([4, 2, 1])
+    order = np.lexsort((numbers, colour))
+    parity = index.sum(axis=1) % 2
+    corners = np.take_along_axis(vertex[:, None], CUTS[per_voxel][parity], axis=2)[order]
+    voxel = numbers[order]
+    begins = np.flatnonzero(np.concatenate([[True], voxel[1:] != voxel[:-1]]))
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    tetrahedron, weights = _weights(place - index[piece], parity[piece], per_voxel)
+    return VoxelMesh(
+        TetrahedralMesh(position, corners.reshape(-1, 4)),
+        np.repeat(index[order], per_voxel, axis=0).astype(np.int32),
+        np.repeat(colour[order], per_voxel).astype(np.int32),
+        (np.append(begins, len(voxel)) * per_voxel).astype(np.int32),
+        Embedding((rank[piece] * per_voxel + tetrahedron).astype(np.int32), weights),
+        hull,
+        size,
+        origin,
+        int((np.bincount(numbers) > 1).sum()),
+    )
+
+
+def _shared(pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
+    """(of each vertex a corner of a piece, 8 piece + corner (vertices,); the vertices at each piece's corners (pieces, 8)):
+    pieces that are joined across a side share its four corners."""
+    corner = np.arange(8 * len(pieces.voxel)).reshape(-1, 8)
+    ends = []
+    for axis, joined in enumerate(pieces.joined):
+        upper = np.flatnonzero(EIGHT[:, axis])
+        ends.append(np.stack([corner[joined[:, :1], upper], corner[joined[:, 1:], upper - (4 >> axis)]], axis=-1))
+    label = components(corner.size, np.concatenate([end.reshape(-1, 2) for end in ends]))
+    node, vertex = np.unique(label, return_inverse=True)
+    return node, vertex.reshape(-1, 8)
+
+
+def _copies(voxel: np.ndarray, vertex: np.ndarray) -> np.ndarray:
+    """(pieces,) int64: the first piece that has the same eight vertices: around a crotch pieces that do not touch may share
+    all of them, and are one body there however often it is counted."""
+    same = np.arange(len(voxel))
+    doubled = np.flatnonzero((np.bincount(voxel) > 1)[voxel])
+    if len(doubled):
+        _, first, number = np.unique(vertex[doubled], axis=0, return_index=True, return_inverse=True)
+        same[doubled] = doubled[first[number.reshape(-1)]]
+    return same
+
+
+def _weights(local: np.ndarray, parity: np.ndarray, per_voxel: int) -> tuple[np.ndarray, np.ndarray]:
+    """(which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3) from its voxel's
+    first corner, in voxels, the one that it lies in, or least outside of."""
+    corners = np.concatenate([np.ones((*CUTS[per_voxel].shape, 1)), EIGHT[CUTS[per_voxel]]], axis=-1)
+    inverse = np.linalg.inv(np.swapaxes(corners, -1, -2))  # (parity, tetrahedron, 4, 4): takes (1, x, y, z) to weights
+    inverse = np.round(2 * inverse) / 2  # which are whole numbers and halves
+    point = np.column_stack([np.ones(len(local)), local])
+    weights = np.einsum("ptij,pj->pti", inverse[parity], point)
+    best = weights.min(axis=2).argmax(axis=1)
+    return best, np.take_along_axis(weights, best[:, None, None], axis=1)[:, 0]
+
+
+def _piece_of_vertices(
+    hull: Solid, snapped: np.ndarray, cells: Cells, pieces: Pieces, pairs: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """(vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs to, in a voxel
+    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them."""
+    triangle, voxel = pairs
+    corner, low = hull.triangles[triangle], cells.index[voxel]
+    held = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
+    piece = np.full(len(snapped), -1, dtype=np.int64)
+    for k in range(3):
+        piece[corner[held[:, k], k]] = pieces.of_pair[held[:, k]]
+    left = np.flatnonzero(piece < 0)
+    if not len(left):
+        return piece
+    inwards = -mesh_normals(hull.position, hull.triangles)[left]
+    ways = 2.0 * EIGHT - 1
+    at = snapped[left, None]
+    around = np.floor(np.where(at == np.round(at), at + 0.25 * ways, at)).astype(np.int64)
+    number = cells.number(around.reshape(-1, 3)).reshape(-1, 8)
+    best = np.where(number >= 0, inwards @ ways.T, -np.inf).argmax(axis=1)
+    found = number[np.arange(len(left)), best]
+    lost = np.flatnonzero(found < 0)  # none of a closed mesh; still, nobody is left without a voxel
+    if len(lost):
+        from scipy.spatial import cKDTree
+
+        found[lost] = cKDTree(cells.index + 0.5).query(snapped[left[lost]])[1]
+    piece[left] = np.searchsorted(pieces.voxel, found)
+    return piece
