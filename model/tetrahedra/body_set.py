@@ -26,14 +26,39 @@ PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge
 
 
 @dataclass(frozen=True, eq=False)
+class Skin:
+    """The surfaces that bodies were cut from, carried by their tetrahedra: of each point the particles `corners` (points, 4)
+    int32 and their `weights` (points, 4) float64; `triangles` (n, 3) int32 between points, body by body."""
+
+    corners: np.ndarray
+    weights: np.ndarray
+    triangles: tuple[np.ndarray, ...]
+
+    @property
+    def count(self) -> int:
+        """How many points."""
+        return len(self.corners)
+
+    @cached_property
+    def faces(self) -> np.ndarray:
+        """(triangles, 3) int32: of all bodies."""
+        return np.concatenate(self.triangles)
+
+    def points(self, position: np.ndarray) -> np.ndarray:
+        """(points, 3) [m]: where they are while particles are at `position` (particles, 3)."""
+        found: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[self.corners])
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class TetrahedraSet:
     """The particles and tetrahedra of all bodies, one body after the other, in the order of the file.
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
     int32; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
-    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body. To the rest of the lab it is a row of
-    masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`. To the rest of the lab it is a
+    row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -48,6 +73,7 @@ class TetrahedraSet:
     volume: np.ndarray
     surface: np.ndarray
     first_particle: np.ndarray
+    skin: Skin
     rows: int = 1
     pinned: str = "none"
     spring_count: int = 0
@@ -99,9 +125,11 @@ class TetrahedraSet:
 def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
     """The set of a scene's bodies, by name. Raises SceneError, InputError, which name the body."""
     made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
+    voxels: list[VoxelMesh] = []
     for name, part in parts.items():
         try:
-            made.append(_placed(part))
+            voxels.append(cut(part))
+            made.append(_placed(part, voxels[-1].mesh))
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
@@ -127,6 +155,7 @@ def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
         np.concatenate([mesh.volumes for mesh in meshes]),
         np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
         first[:-1],
+        _skin(voxels, first),
     )
 
 
@@ -137,9 +166,20 @@ def cut(part: TetrahedralBody) -> VoxelMesh:
     return voxel_mesh(mesh, edge=edge, voxels=None if edge else part.voxels, per_voxel=part.tetrahedra)
 
 
-def _placed(part: TetrahedralBody) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
+def _skin(voxels: list[VoxelMesh], first: np.ndarray) -> Skin:
+    corners = [
+        one.mesh.tetrahedra[one.embedding.tetrahedron] + start for one, start in zip(voxels, first, strict=False)
+    ]
+    before = np.concatenate([[0], np.cumsum([len(some) for some in corners])])
+    return Skin(
+        np.concatenate(corners).astype(np.int32),
+        np.concatenate([one.embedding.weights for one in voxels]),
+        tuple((one.hull.triangles + start).astype(np.int32) for one, start in zip(voxels, before, strict=False)),
+    )
+
+
+def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
     """(mesh where the scene has it, velocities (particles, 3) [m/s], pinned vertices)."""
-    mesh = cut(part).mesh
     pinned = _at_sides(mesh.position, part.pinned)
     axis = np.asarray(part.axis, dtype=np.float64)
     turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))

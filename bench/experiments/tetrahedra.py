@@ -1,0 +1,216 @@
+"""A bar of tetrahedra under its own weight: what its solver left undone, and what its mesh cannot do: `softlab tetrahedra`.
+
+The cantilever of 1 m x 0.1 m x 0.1 m, `across` voxels to a side of its section, let go at its exact rest on that very mesh
+(bench/reference/finite_elements_newton.py) and braked until its tip stands still. Its sag then, over the exact one, is the
+SOLVER_ERROR: 0 of a solver that converged, whatever the mesh. The exact one over the sag of the continuum (S. Timoshenko, "On
+the correction for shear", Phil. Mag. 41 (1921)) is the MESH_ERROR: linear tetrahedra are too stiff. Gravity grows with Young's
+modulus, so that all bars should sag alike. A frame of 1/60 s is timed at that rest, all settings of a bar in turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cache, partial
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from app.driver import open_simulation
+from bench.measure.costs_timing import FULL, QUICK, SECONDS, Effort, Measures, Record, in_turn
+from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.timing import Subject, prepare
+from bench.reference.finite_elements_newton import nonlinear_static
+from bench.store.database import Store
+from bench.store.results import Measure, by_configuration, measures
+from bench.store.schema import tables_by_kind
+from bench.store.tables import print_table
+from model.core.build import build
+from model.core.simulation import Simulation, State
+from model.scene.checks import SOLVERS_OF_TETRAHEDRA
+from model.scene.scene import Scene
+
+TETRAHEDRA = "tetrahedra"  # value of `finding`
+SAG, SOLVER_ERROR, MESH_ERROR = "tetrahedra_sag", "tetrahedra_solver_error", "tetrahedra_mesh_error"
+ELEMENTS = "tetrahedra_count"
+LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
+WEIGHT = 0.1 / 1e6  # m/s^2 of gravity per Pa of Young's modulus
+SHEAR = 0.849673  # of a square section's area that resists shear, at this Poisson's ratio
+FRAME = 1 / 60  # s
+MODULI = (1e5, 1e6, 1e7)  # Pa
+SECTIONS = (1, 2, 4)  # voxels across
+SETTINGS = {  # solver -> (substeps, iterations) of a frame
+    "xpbd": ((4, 1), (16, 1), (30, 1), (1, 30), (4, 8), (64, 1), (128, 1), (256, 1), (512, 1)),
+    "vbd": ((1, 10), (1, 30), (1, 100), (4, 30), (16, 10)),
+    "newton": ((1, 1), (1, 2), (1, 4), (4, 1)),
+}
+QUICK_SETTINGS = {"xpbd": ((4, 1), (30, 1), (128, 1)), "vbd": ((1, 30),), "newton": ((1, 1),)}
+STILL, FRAMES = 1e-5, 1200  # of the sag, in a tenth of a period; at most so many frames
+
+
+def cantilever(across: int, young: float, solver: str, substeps: int, iterations: int) -> Scene:
+    """The bar, held at its left end, braked critically for its first bending vibration."""
+    beam = {
+        "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [LENGTH, SIDE, SIDE]}, "edge": SIDE / across,
+        "young_modulus": young, "poisson_ratio": POISSON, "density": DENSITY, "pinned": ["left"],
+    }  # fmt: skip
+    method = {"solver": solver, "dt": FRAME, "substeps": substeps, "iterations": iterations}
+    scene = Scene({"beam": beam, "gravity": {"acceleration": WEIGHT * young}, "method": method}, "cantilever")
+    braking = 2 * 2 * pi * bending_frequency(young) * scene.grid.mass
+    return scene.replace({"damping.coefficient": braking})
+
+
+def bending_frequency(young: float) -> float:
+    """The first one of the clamped bar [Hz], by Euler and Bernoulli: 1.8751^2 / (2 pi L^2) sqrt(E I / (rho A))."""
+    return float(1.8751040687**2 / (2 * pi * LENGTH**2) * sqrt(young * SIDE**2 / (12 * DENSITY)))
+
+
+def continuum_sag(young: float) -> float:
+    """Of the tip [m]: q L^4 / (8 E I) + q L^2 / (2 kappa G A), q the weight of a metre."""
+    area, second = SIDE**2, SIDE**4 / 12
+    load, shear = DENSITY * area * WEIGHT * young, young / (2 * (1 + POISSON))
+    return load * LENGTH**4 / (8 * young * second) + load * LENGTH**2 / (2 * SHEAR * shear * area)
+
+
+@cache
+def exact_rest(across: int, young: float) -> np.ndarray:
+    """(particles, 3) [m]: where the bar is at rest on its own mesh, whatever solves it."""
+    found = cantilever(across, young, "xpbd", 1, 1).tetrahedra_set
+    fixed = np.zeros(found.particle_count, bool)
+    fixed[found.pinned_vertices] = True
+    return nonlinear_static(
+        found.position, found.tetrahedra, young, POISSON, fixed, "fixed-corotated", gravity=(0.0, -WEIGHT * young, 0.0),
+        density=DENSITY,
+    )  # fmt: skip
+
+
+def sag(scene: Scene, position: np.ndarray) -> float:
+    """How far the end that is not held is below where it was cut [m]: the mean of its vertices."""
+    rest = scene.tetrahedra_set.position
+    end = rest[:, 0] > rest[:, 0].max() - 1e-6 * LENGTH
+    return float((rest[end, 1] - position[end, 1]).mean())
+
+
+def settle(simulation: Simulation, across: int, young: float) -> float:
+    """Let go at the exact rest, stepped until the tip stands still; its sag [m]. Raises Diverged."""
+    scene, rest = simulation.scene, exact_rest(across, young)
+    simulation.load(State(rest, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0))
+    part = max(1, round(0.1 / bending_frequency(young) / FRAME))
+    last = sag(scene, rest)
+    for _ in range(0, FRAMES, part):
+        simulation.advance(part)
+        now = sag(scene, simulation.state().position)
+        if abs(now - last) < STILL * abs(now):
+            return now
+        last = now
+    return last
+
+
+def settings(quick: bool) -> list[tuple[str, int, int]]:
+    """(solver, substeps, iterations) of every bar, of the solvers that there are."""
+    chosen = QUICK_SETTINGS if quick else SETTINGS
+    return [(solver, *both) for solver in SOLVERS_OF_TETRAHEDRA for both in chosen[solver]]
+
+
+def groups(store: Store, backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[Group]:
+    """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples."""
+    effort, sections = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
+    found = []
+    for backend in backends:
+        sources = cost_sources(backend, __file__)
+        for precision in precisions:
+            for across in sections:
+                for young in MODULI:
+                    scenes = tuple(cantilever(across, young, *setting) for setting in settings(quick))
+                    told = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
+                    name = f"{across} across, {young:.0e} Pa, {precision}, {backend}"
+                    found.append(
+                        Group(name, told, sources, partial(_bar, across, young, scenes, told, effort), len(told))
+                    )
+    return found
+
+
+run_tetrahedra = Items(TETRAHEDRA, groups, "softlab tetrahedra", "bar: ")
+
+
+def _bar(
+    across: int, young: float, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
+) -> list[Measures]:
+    exact, continuum = sag(scenes[0], exact_rest(across, young)), continuum_sag(young)
+    with ExitStack() as stack:
+        subjects, errors = [], []
+        for scene, one in zip(scenes, told, strict=True):
+            simulation = stack.enter_context(open_simulation(scene, one["backend"], precision=one["precision"]))
+            found = settle(simulation, across, young)
+            errors.append({
+                SAG: (found, "m", None),
+                SOLVER_ERROR: (found / exact - 1, "", "over the exact rest of the mesh"),
+                MESH_ERROR: (exact / continuum - 1, "", "of the exact rest over the continuum's"),
+                ELEMENTS: (float(len(scene.tetrahedra_set.tetrahedra)), "", None),
+            })  # fmt: skip
+            subject = Subject(simulation, one, start=simulation.state())
+            subjects.append(prepare(subject, effort.seconds, effort.most))
+        timed = in_turn(record, subjects, effort.repeats)
+    return [own | numbers for own, numbers in zip(errors, timed, strict=True)]
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One setting of one bar: `elements` tetrahedra of `young` [Pa]; a frame takes `seconds`; errors are relative."""
+
+    elements: int
+    young: float
+    solver: str
+    substeps: int
+    iterations: int
+    backend: str
+    precision: str
+    seconds: float
+    solver_error: float
+    mesh_error: float
+    suspect: bool
+
+
+def bars(held: Sequence[Measure]) -> list[Bar]:
+    """What the measures tell, coarse meshes and soft bars first."""
+    found = []
+    for numbers in by_configuration(m for m in held if m.description.get("finding") == TETRAHEDRA):
+        value = {name: one.value for name, one in numbers.items() if one.value is not None}
+        if value.keys() < {SOLVER_ERROR, MESH_ERROR, SECONDS, ELEMENTS}:
+            continue
+        description = numbers[SOLVER_ERROR].description
+        tables = tables_by_kind(description["scene"])
+        method = tables["method"]
+        found.append(
+            Bar(
+                round(value[ELEMENTS]), tables["tetrahedral_body"]["young_modulus"], method["solver"], method["substeps"],
+                method["iterations"], description["backend"], description["precision"], value[SECONDS],
+                value[SOLVER_ERROR], value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
+            )
+        )  # fmt: skip
+    return sorted(
+        found, key=lambda b: (b.backend, b.precision, b.elements, b.young, b.solver, b.substeps * b.iterations)
+    )
+
+
+def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
+    """A table of what was measured on a machine."""
+    rows = [
+        (
+            str(b.elements), f"{b.young:.0e}", b.solver, f"{b.substeps} x {b.iterations}", b.backend, b.precision,
+            f"{1e3 * b.seconds:.3g}{'?' * b.suspect}", f"{100 * b.solver_error:+.2f}", f"{100 * b.mesh_error:+.1f}",
+        )
+        for b in bars(measures(store, machine=machine))
+    ]  # fmt: skip
+    heads = "tetrahedra", "E / Pa", "solver", "budget", "backend", "precision", "frame / ms", "solver %", "mesh %"
+    note = (
+        "budget: substeps x iterations of a frame of 1/60 s; solver: sag over the exact one of this mesh; mesh: the exact one "
+        "over the continuum's"
+    )
+    print_table(console, heads, rows, note)
