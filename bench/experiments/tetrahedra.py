@@ -2,9 +2,9 @@
 
 The cantilever of 1 m x 0.1 m x 0.1 m, `across` voxels to a side of its section, let go at its exact rest on that very mesh
 (bench/reference/finite_elements_newton.py) and braked until its tip stands still. Its sag then, over the exact one, is the
-SOLVER_ERROR: 0 of a solver that converged, whatever the mesh. The exact one over the sag of the continuum (S. Timoshenko, "On
-the correction for shear", Phil. Mag. 41 (1921)) is the MESH_ERROR: linear tetrahedra are too stiff. Gravity grows with Young's
-modulus, so that all bars should sag alike. A frame of 1/60 s is timed at that rest, all settings of a bar in turn.
+SOLVER_ERROR: 0 of a solver that converged, whatever the mesh. The exact one over the sag of the continuum is the MESH_ERROR:
+linear tetrahedra are too stiff (S. Timoshenko, "On the correction for shear", Phil. Mag. 41 (1921)). Gravity grows with
+Young's modulus, so that all bars should sag alike. A frame of 1/60 s is timed at that rest, all settings of a bar in turn.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
     ]  # fmt: skip
     heads = "tetrahedra", "E / Pa", "solver", "budget", "backend", "precision", "frame / ms", "solver %", "mesh %"
     note = (
-        "budget: substeps x iterations of a frame of 1/60 s; solver: sag over the exact one of this mesh; mesh: the exact one "
-        "over the continuum's"
+        "budget: substeps x iterations of a frame of 1/60 s; solver: sag over the exact one of this mesh; mesh: the exact "
+        "one over the continuum's"
     )
     print_table(console, heads, rows, note)

@@ -75,8 +75,12 @@ class TetrahedraSet:
     first_particle: np.ndarray
     skin: Skin
     rows: int = 1
-    pinned: str = "none"
     spring_count: int = 0
+
+    @property
+    def pinned(self) -> str:
+        """`sides` where some particle is, else `none`."""
+        return "sides" if len(self.pinned_vertices) else "none"
 
     @property
     def columns(self) -> int:

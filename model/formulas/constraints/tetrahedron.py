@@ -10,8 +10,8 @@ rest (M. Macklin et al., "XPBD", MIG 2016, eq. 4). R is the rotation nearest to 
 with alpha = 1 + mu / (lambda + mu): A. Stomakhin et al., "Energetically Consistent Invertible Elasticity", SCA 2012, eq. 4;
 M. Macklin, M. Mueller, "A Constraint-based Formulation of Stable Neo-Hookean Materials", MIG 2021, eq. 6 to 15, but with
 lambda + mu in place of their lambda, as B. Smith, F. de Goes, T. Kim, "Stable Neo-Hookean Flesh Simulation", TOG 37 (2018),
-section 3.4, ask for in order that E and nu are Young's modulus and Poisson's ratio. Where C_D is 0 it has no gradient, and does
-nothing.
+section 3.4, ask for in order that E and nu are Young's modulus and Poisson's ratio. Where C_D is 0 it has no gradient, and
+does nothing.
 
 A damper's stress is `time` times the rate of the elastic one: alpha beta = time in XPBD's eq. 26, gamma = time / h.
 """

@@ -1,0 +1,46 @@
+"""Small scenes of tetrahedral bodies with every part that there is, for the tests of the kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.build import build
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+METHOD = {"solver": "xpbd", "dt": 0.01, "substeps": 3, "iterations": 2}
+BODY: dict[str, Any] = {
+    "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.1], "resolution": 10}, "edge": 0.1,
+    "young_modulus": 2e4, "poisson_ratio": 0.35, "pinned": ["left"],
+}  # fmt: skip
+FREE = BODY | {"pinned": [], "origin": [0.0, 0.3, 0.0], "velocity": [0.2, -0.1, 0.3], "spin": [3.0, 1.0, -2.0]}
+AIR: dict[str, Any] = {
+    "gravity": {}, "damping": {"coefficient": 0.01}, "external": {"magnitude": 0.02, "seed": 5},
+    "plane": {"point": [0.0, -0.04, 0.0], "static_friction": 0.4, "dynamic_friction": 0.3},
+}  # fmt: skip
+PARTS: dict[str, dict[str, Any]] = {
+    "fixed-corotated": {"body": BODY, "gravity": {}},
+    "corotated": {"body": BODY | {"material": "corotated", "tetrahedra": 6}, "gravity": {}},
+    "neo-hookean": {"body": BODY | {"material": "neo-hookean"}, "gravity": {}},
+    "damped": {"body": BODY | {"damping": 0.02}, "gravity": {}},
+    "everything": {
+        "body": BODY | {"damping": 0.02}, "second": FREE | {"material": "neo-hookean", "young_modulus": 5e4},
+        "third": FREE | {"material": "corotated", "origin": [0.5, 0.2, 0.0], "angle": 30.0},
+    } | AIR,
+}  # fmt: skip
+
+
+def tetrahedra_scene(name: str, **changes: Any) -> Scene:
+    """A scene of PARTS."""
+    return Scene({"method": METHOD} | PARTS[name] | changes, "bodies")
+
+
+def moving(scene: Scene, apart: float = 0.01) -> State:
+    """Its beginning, out of shape and moving: differently at every particle."""
+    body, random = build(scene), np.random.default_rng(3)
+    free = (body.inverse_mass > 0)[:, None]
+    position = body.position + free * random.normal(0, apart, body.position.shape)
+    velocity = body.velocity + free * random.normal(0, 0.1, body.position.shape)
+    return State(position, velocity, body.inverse_mass, 0.0, 0)
