@@ -16,7 +16,7 @@ import sys
 import textwrap
 from collections.abc import Callable
 from functools import cache
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -114,6 +114,7 @@ def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]
     """The factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
     instructions = _instructions(real, math, options)
     namespace = dict(vars(sys.modules[make.__module__])) | instructions
+    _refuse_attributes(make, namespace)
     for name, value in list(namespace.items()):
         if _is_factory(value) and value is not make:
             namespace[name] = lambda *given, value=value: _rewritten(value, real, math, options)(*given)
@@ -132,6 +133,21 @@ def _transformed(make: FunctionType, instructions: frozenset[str]) -> CodeType:
         factory.body = [_RoundProducts().visit(n) if isinstance(n, ast.FunctionDef) else n for n in factory.body]
     tree = ast.fix_missing_locations(_ReplaceFunctions(set(instructions)).visit(tree))
     return compile(tree, inspect.getfile(make), "exec")
+
+
+@cache
+def _named_in(make: FunctionType) -> frozenset[tuple[str, str]]:
+    """(name, attribute) of whatever a factory's source takes attributes of."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
+    return frozenset((node.value.id, node.attr) for node in nodes if isinstance(node.value, ast.Name))
+
+
+def _refuse_attributes(make: FunctionType, namespace: dict[str, Any]) -> None:
+    """A factory that is called as an attribute of its module would not be rewritten: its products would be contracted."""
+    for name, attribute in _named_in(make):
+        if isinstance(namespace.get(name), ModuleType) and _is_factory(getattr(namespace[name], attribute, None)):
+            raise TypeError(f"{make.__module__}: import {attribute} by its name; {name}.{attribute} is not rewritten")
 
 
 def _is_factory(value: Any) -> bool:

@@ -9,7 +9,9 @@ import pytest
 from tetrahedra_scenes import moving, tetrahedra_scene
 
 from app.driver import open_simulation
+from gpu_backend.core.formulas import _refuse_attributes
 from model.core.simulation import State
+from model.formulas import elasticity, plain
 from model.scene.scene import Scene
 from model.scene.sheets import scene_normals
 
@@ -39,3 +41,13 @@ def test_normals_are_those_of_the_surface() -> None:
         expected = scene_normals(scene, simulation.read("position"))
     at_surface = np.unique(found.surface)
     np.testing.assert_allclose(normal[at_surface], expected[at_surface], atol=1e-6)
+
+
+def make(real: Any, compiled: Any = plain) -> Any:
+    return elasticity.make_gradient(real, compiled)
+
+
+def test_a_factory_that_would_not_be_rewritten_is_refused() -> None:
+    """Called as an attribute of its module, its products would be contracted, and bits would differ on a GPU alone."""
+    with pytest.raises(TypeError, match="import make_gradient by its name"):
+        _refuse_attributes(make, globals())

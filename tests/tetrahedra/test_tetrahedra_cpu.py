@@ -135,7 +135,13 @@ def test_the_rotation_is_the_nearest(real: type) -> None:
     eps = float(np.finfo(real).eps)
     matrices = [random.normal(size=(3, 3)) for _ in range(200)]
     matrices += [np.eye(3) + 0.2 * random.normal(size=(3, 3)) for _ in range(200)]
-    matrices += [np.zeros((3, 3)), np.diag([1.0, 1, 0]), np.diag([1.0, 0, 0]), -np.diag([3.0, 2, 1]), np.diag([1, 1, -0.5])]
+    matrices += [
+        np.zeros((3, 3)),
+        np.diag([1.0, 1, 0]),
+        np.diag([1.0, 0, 0]),
+        -np.diag([3.0, 2, 1]),
+        np.diag([1, 1, -0.5]),
+    ]
     matrices += [scale * matrices[0] for scale in (1e-12, 1e12)]
     for matrix in matrices:
         f = matrix.astype(real)

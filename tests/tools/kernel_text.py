@@ -9,13 +9,15 @@ import numpy as np
 from model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
 from model.core.parameters import PARAMETERS, record_type
 from model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
+from model.tetrahedra.constraints import CONSTANTS
 from model.xpbd.parameters import XPBD_PARAMETERS
 
-RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix
+RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix; ...
     "grid": PARAMETERS,
     "quads": XPBD_PARAMETERS,
     "contacts": SELF_CONTACT_PARAMETERS,
     "matrix": SYSTEM_PARAMETERS,
+    "tetrahedra": (*CONSTANTS, *XPBD_PARAMETERS),
 }
 
 
