@@ -33,6 +33,7 @@ from labbook.claims import (
     hard_bodies,
     kernels,
     stability,
+    tetrahedra,
     throughput,
 )
 from labbook.facts import facts
@@ -55,7 +56,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     name: made
     for module in (
         claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
-        bodies, body_laws, hard_bodies, busy,
+        bodies, body_laws, hard_bodies, busy, tetrahedra,
     )
     for name, made in module.CLAIMS.items()
 }  # fmt: skip

@@ -147,6 +147,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.experiments.projections import run_projections
     from bench.experiments.stability.experiment import run_stability
     from bench.experiments.sweep import run_sweep
+    from bench.experiments.tetrahedra import run_tetrahedra
     from bench.experiments.throughput import run_throughput
     from bench.store.tables import print_sweep
     from bench.stress.experiment import run_hard
@@ -158,7 +159,16 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     ) -> Callable[[], Any]:
         return lambda: _told(console, run(store, command=command, **how), show)
 
-    small = (run_findings, run_costs, run_convergence, run_projections, run_throughput, run_busy, run_bar)
+    small = (
+        run_findings,
+        run_costs,
+        run_convergence,
+        run_projections,
+        run_throughput,
+        run_busy,
+        run_bar,
+        run_tetrahedra,
+    )
 
     def findings() -> None:
         for run in small:

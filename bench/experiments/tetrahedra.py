@@ -29,7 +29,7 @@ from bench.store.results import Measure, by_configuration, measures
 from bench.store.schema import tables_by_kind
 from bench.store.tables import print_table
 from model.core.build import build
-from model.core.simulation import Simulation, State
+from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.checks import SOLVERS_OF_TETRAHEDRA
 from model.scene.scene import Scene
 
@@ -115,7 +115,7 @@ def settings(quick: bool) -> list[tuple[str, int, int]]:
     return [(solver, *both) for solver in SOLVERS_OF_TETRAHEDRA for both in chosen[solver]]
 
 
-def groups(store: Store, backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[Group]:
+def groups(store: Store, backends: Sequence[str], quick: bool, precisions: Sequence[str] = PRECISIONS) -> list[Group]:
     """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples."""
     effort, sections = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
     found = []

@@ -58,6 +58,7 @@ MEASURING = {  # command -> what does its work
     "projections": "bench.experiments.projections.run_projections",
     "throughput": "bench.experiments.throughput.run_throughput",
     "bar": "bench.experiments.bar.run_bar",
+    "tetrahedra": "bench.experiments.tetrahedra.run_tetrahedra",
     "ablate lab-grid": "bench.experiments.advise.ablate.ablate",
 }
 EVERY = MEASURING | {

@@ -30,7 +30,17 @@ from plots.figures.energies import draw_energies, read_energies
 
 # What the made-up stores hold. The others are drawn by test_hard.py, test_findings.py, test_ablate.py, test_bar.py,
 # test_throughput.py.
-ELSEWHERE = ("hard-", "findings-", "ablation", "convergence", "projections", "bar-", "throughput", "regimes")
+ELSEWHERE = (
+    "hard-",
+    "findings-",
+    "ablation",
+    "convergence",
+    "projections",
+    "bar-",
+    "throughput",
+    "regimes",
+    "tetrahedra",
+)
 MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 
 

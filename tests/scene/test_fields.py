@@ -33,7 +33,9 @@ def test_fields_bounds_and_units_are_the_parts() -> None:
         "[0.0, 0.0, 5.0]",
         "m/s",
     )
-    assert {row.name: row.allowed for row in rows_of("method")}["solver"] == "mass-spring, xpbd, pbd, shape-matching, vbd, newton"
+    assert {row.name: row.allowed for row in rows_of("method")}[
+        "solver"
+    ] == "mass-spring, xpbd, pbd, shape-matching, vbd, newton"
     assert {row.name: row.note for row in rows_of("sphere")}["thickness"] == "m"  # of every collider
 
 

@@ -106,6 +106,7 @@ MEASURING = {  # each with options that it has
     "projections": ("--backend", "--size", "--precision"),
     "throughput": ("--backend", "--kind", "--precision"),
     "bar": ("--backend",),
+    "tetrahedra": ("--backend", "--precision"),
     "ablate": ("--time", "--backend", "--set"),
     "advise": ("--error", "--time", "--backend", "--precision", "--total-seconds", "--set"),
 }  # fmt: skip

@@ -1,0 +1,85 @@
+"""What the lab book may say about tetrahedra (`softlab tetrahedra`); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from bench.experiments.tetrahedra import Bar, bars
+from labbook import words
+from labbook.claims.claim import Claim, Claims, where
+from plots.core.backends import on_backends
+from plots.core.data import Results, Source
+from plots.figures.tetrahedra import middle
+
+ENOUGH = 0.01  # of the sag: the error that is asked for
+PRECISION = "float64"  # in which the solver's error is its own
+USUAL = (4, 1)  # substeps and sweeps of a frame that programs begin with
+
+
+def _found(source: Source, backend: str) -> list[Bar]:
+    return [b for b in middle(bars(source.measures)) if (b.backend, b.precision) == (backend, PRECISION)]
+
+
+def _pascal(young: float) -> str:
+    return f"{young:.0e}".replace("e+0", "e") + f"{words.SPACE}Pa"
+
+
+def usual(results: Results) -> Claim:
+    """How far bars sag with the usual few substeps: a ratio that hangs on no machine."""
+    chosen = on_backends(results, _found)
+    for _, _, found in chosen[:1]:
+        mine = {
+            b.young: 1 + b.solver_error for b in found if b.solver == "xpbd" and (b.substeps, b.iterations) == USUAL
+        }
+        if mine:
+            told = [f"{words.times(ratio)} as far at {_pascal(young)}" for young, ratio in mine.items()]
+            return Claim(
+                f"With {USUAL[0]} substeps a frame and one sweep each, a bar sags {words.listed(told)} as it does at rest "
+                "on the same mesh.",
+                {f"{young:g}": ratio for young, ratio in mine.items()}, True,
+            )  # fmt: skip
+    return Claim("Bars of tetrahedra were not measured.")
+
+
+def mesh(results: Results) -> Claim:
+    """What the meshes themselves are off by: of all that were measured."""
+    for source in results.everyone:
+        off = {b.elements: b.mesh_error for b in bars(source.measures)}
+        if off:
+            told = [
+                f"{words.percent(abs(error))} too little in {words.count(n)} tetrahedra" for n, error in off.items()
+            ]
+            return Claim(
+                f"That is the solver's error, and none of the mesh's: solved to the end, the bar sags {words.listed(told)}, "
+                "five to a voxel, since a linear tetrahedron cannot bend.",
+                {str(n): error for n, error in off.items()}, True,
+            )  # fmt: skip
+    return Claim("What a coarse mesh costs was not measured.")
+
+
+def budget(results: Results) -> Claim:
+    """What a frame costs within ENOUGH, by the soonest position-based setting and by the soonest other solver."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in on_backends(results, _found):
+        told = []
+        for young in sorted({b.young for b in found}):
+            able = [b for b in found if b.young == young and abs(b.solver_error) <= ENOUGH and not b.suspect]
+            rows = min((b for b in able if b.solver == "xpbd"), key=lambda b: b.seconds, default=None)
+            other = min((b for b in able if b.solver != "xpbd"), key=lambda b: b.seconds, default=None)
+            if rows is None:
+                told.append(f"at {_pascal(young)} no position-based setting that was measured gets there")
+            else:
+                numbers[f"{backend} {young:g} xpbd"] = rows.seconds
+                told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} in {rows.substeps} substeps")
+            if other is not None:
+                numbers[f"{backend} {young:g} {other.solver}"] = other.seconds
+                told[-1] += f" ({words.seconds(other.seconds)} by {other.solver})"
+        if told:
+            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+    if not parts:
+        return Claim("What a small error of the solver costs was not measured.")
+    return Claim(
+        f"A frame within {words.percent(ENOUGH)} of the mesh's own rest takes, {'; '.join(parts)}.", numbers, True
+    )
+
+
+CLAIMS: Claims = {"tetrahedra-usual": usual, "tetrahedra-mesh": mesh, "tetrahedra-budget": budget}

@@ -1,0 +1,83 @@
+"""A bar of tetrahedra: how far its solver left it from rest on its own mesh, against the time of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from bench.experiments.tetrahedra import Bar, bars
+from plots.core.backends import on_backends, sources_of
+from plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from plots.core.data import Results, Source
+from plots.core.style import Drawing, legend_below, new_grid
+
+TITLE = "Does E mean E?"
+LOOKS = {
+    "substeps": ("position-based, one sweep a substep", BLUE, "o"),
+    "iterations": ("position-based, several sweeps a substep", ORANGE, "s"),
+    "vbd": ("vertex block descent", VERMILLION, "^"),
+    "newton": ("implicit Euler by Newton's method", GREEN, "D"),
+}
+PRECISIONS = {"float64": "-", "float32": ":"}
+LEAST = 1e-5  # an error that is drawn at the bottom
+
+
+def kind_of(bar: Bar) -> str:
+    """One of LOOKS."""
+    if bar.solver != "xpbd":
+        return bar.solver
+    return "substeps" if bar.iterations == 1 else "iterations"
+
+
+def middle(found: Sequence[Bar]) -> list[Bar]:
+    """Those of the mesh in the middle of all: the one of most settings."""
+    sizes = [bar.elements for bar in found]
+    chosen = max(set(sizes), key=lambda size: (sizes.count(size), -size), default=0)
+    return [bar for bar in found if bar.elements == chosen]
+
+
+def on(source: Source, backend: str) -> list[Bar]:
+    """The bars of one mesh on a backend."""
+    return middle([bar for bar in bars(source.measures) if bar.backend == backend])
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, a row a backend and a panel a Young's modulus; or why there is none."""
+    chosen = on_backends(results, on)
+    if not chosen:
+        return "no bars of tetrahedra were measured (softlab tetrahedra)"
+    moduli = sorted({bar.young for _, _, found in chosen for bar in found})
+    figure, rows = new_grid(len(chosen), len(moduli), 2.6 * len(chosen) + 0.6)
+    for axes, (backend, source, found) in zip(rows, chosen, strict=True):
+        for ax, young in zip(axes, moduli, strict=True):
+            _panel(ax, [bar for bar in found if bar.young == young])
+            ax.set_title(f"E = {young:.0e} Pa, {backend.upper()}".replace("e+0", "e"), fontsize=8)
+        axes[0].set_ylabel("error of the solver")
+        del source
+    for ax in rows[-1]:
+        ax.set_xlabel("time of a frame / ms")
+    there = {kind_of(bar) for _, _, found in chosen for bar in found}
+    for label, colour, marker in (look for kind, look in LOOKS.items() if kind in there):
+        rows[0][0].plot([], [], color=colour, marker=marker, label=label)
+    rows[0][0].plot([], [], "--", color=GREY, label="error of the mesh")
+    legend_below(figure, rows[0], columns=2)
+    elements = chosen[0][2][0].elements
+    caption = (
+        f"How far the tip of a clamped bar of {elements} tetrahedra hangs from its exact rest on the same mesh, over its "
+        "sag, against the time of a frame of 1/60 s; gravity grows with Young's modulus, so that all bars should sag alike. "
+        "Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's, which no solver can mend."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
+
+
+def _panel(ax: Any, found: Sequence[Bar]) -> None:
+    for precision, line in PRECISIONS.items():
+        for look, (_, colour, marker) in LOOKS.items():
+            mine = sorted((b for b in found if (kind_of(b), b.precision) == (look, precision)), key=lambda b: b.seconds)
+            if mine:
+                x, y = [1e3 * b.seconds for b in mine], [max(abs(b.solver_error), LEAST) for b in mine]
+                ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)
+    if found:
+        ax.axhline(abs(found[0].mesh_error), linestyle="--", color=GREY, linewidth=1)
+    ax.set_xscale("log")
+    ax.set_yscale("log")

@@ -1,0 +1,135 @@
+"""Does E mean E? The bar of tetrahedra: its exact rest, what the store tells, the figure and the sentences made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from read_figures import LABELS, labels
+from synthetic_store import GPU_RECORD
+
+from bench.experiments import tetrahedra
+from bench.experiments.tetrahedra import (
+    ELEMENTS,
+    MESH_ERROR,
+    MODULI,
+    SAG,
+    SOLVER_ERROR,
+    bars,
+    bending_frequency,
+    cantilever,
+    continuum_sag,
+    exact_rest,
+    groups,
+    run_tetrahedra,
+    sag,
+    settings,
+)
+from bench.measure.costs_timing import SECONDS
+from bench.measure.experiment import described
+from bench.store.database import Store
+from bench.store.results import measures
+from labbook.claims.tetrahedra import CLAIMS
+from model.core.errors import SceneError
+from plots.core.read import load
+from plots.core.style import settings as drawing_settings
+from plots.figures import tetrahedra as figure
+
+
+def test_the_bar_is_what_it_is_called() -> None:
+    """50 and 400 tetrahedra in one and two voxels across; 0.5108 Hz at 1 MPa (Timoshenko's, a little under Euler's)."""
+    assert [len(cantilever(n, 1e6, "xpbd", 4, 1).tetrahedra_set.tetrahedra) for n in (1, 2)] == [50, 400]
+    assert bending_frequency(1e6) == pytest.approx(0.5108345, rel=0.01)
+
+
+def test_exact_rests_are_the_meshs() -> None:
+    """The sag of a straight elastic bar is linear in the load: of the tip load of 0.01 N it is 2.7106e-4 m on this mesh where
+    the continuum's is 4.0306e-4; of its own weight both keep the same share, to a tenth, and all moduli sag alike."""
+    shares = [sag(cantilever(2, young, "xpbd", 4, 1), exact_rest(2, young)) / continuum_sag(young) for young in MODULI]
+    assert shares[0] == pytest.approx(2.7106 / 4.0306, rel=0.1)
+    np.testing.assert_allclose(shares, shares[0], rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """The shortest bar, really measured on this CPU with few substeps."""
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        Store(tmp_path_factory.mktemp("tetrahedra") / "results.sqlite") as opened,
+    ):
+        patch.setattr(tetrahedra, "SECTIONS", (1, 1))
+        patch.setattr(tetrahedra, "MODULI", (1e6,))
+        patch.setattr(tetrahedra, "FRAMES", 90)
+        patch.setattr(
+            tetrahedra, "QUICK_SETTINGS", {name: some[:1] for name, some in tetrahedra.QUICK_SETTINGS.items()}
+        )
+        summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+        assert summary.measured == 1
+        yield opened
+
+
+def test_both_errors_are_told_apart(store: Store) -> None:
+    found = {bar.solver: bar for bar in bars(measures(store))}
+    assert found.keys() == set(tetrahedra.SOLVERS_OF_TETRAHEDRA)
+    usual = found["xpbd"]
+    assert (usual.elements, usual.young, usual.substeps, usual.iterations) == (50, 1e6, 4, 1)
+    assert usual.seconds > 0 and usual.solver_error > 0.5  # far from rest: four substeps
+    assert usual.mesh_error == pytest.approx(1.4276 / 4.0306 - 1, rel=0.1)  # section E1's, as above
+
+
+def test_quick_is_a_part_of_the_whole() -> None:
+    def cases(quick: bool) -> set[str]:
+        with Store(":memory:") as empty:
+            found = groups(empty, ["cpu"], quick, ("float32",))
+        return {str(one["scene"]) for group in found for one in group.descriptions}
+
+    assert cases(True) < cases(False)
+    assert set(settings(True)) < set(settings(False))
+
+
+def _made_up(path: Any) -> Store:
+    """A machine with a GPU on which a substep of position-based rows takes 1 ms and leaves 16 / substeps^2; other solvers
+    leave 0.001 in 2 ms; the mesh is a third too stiff."""
+    store = Store(path)
+    store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
+    run = store.start_run("gpu", "softlab tetrahedra", None)
+    for young in MODULI:
+        for solver, substeps, iterations in settings(False):
+            scene = cantilever(2, young, solver, substeps, iterations)
+            description = described(scene, "gpu", tetrahedra.TETRAHEDRA, precision="float64")
+            error, seconds = (16 / substeps**2, 1e-3 * substeps * iterations) if solver == "xpbd" else (1e-3, 2e-3)
+            numbers = {SAG: error, SOLVER_ERROR: error, MESH_ERROR: -1 / 3, ELEMENTS: 400.0, SECONDS: seconds}
+            for name, value in numbers.items():
+                store.add_measure(run, description, "s", name, value, "", "of 9 pairs")
+    return store
+
+
+def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
+    with _made_up(tmp_path / "gpu.sqlite") as made:
+        results = load(made)
+    found = {name: claim(results) for name, claim in CLAIMS.items()}
+    assert all(claim.supported for claim in found.values())
+    assert found["tetrahedra-usual"].numbers["1e+06"] == pytest.approx(2.0)
+    assert found["tetrahedra-mesh"].numbers["400"] == pytest.approx(-1 / 3)
+    assert found["tetrahedra-budget"].numbers["gpu 1e+07 xpbd"] == pytest.approx(
+        0.064
+    )  # 40 substeps; of those there are 64
+    with drawing_settings():
+        drawing = figure.draw(results)
+    assert not isinstance(drawing, str) and drawing.sources
+    assert labels(drawing.figure) == LABELS["tetrahedra"]
+
+
+def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
+    with Store(tmp_path / "empty.sqlite") as empty:
+        results = load(empty)
+    for claim in CLAIMS.values():
+        assert not claim(results).supported
+    assert isinstance(figure.draw(results), str)
+
+
+def test_what_there_is_not_is_told(tmp_path: Any) -> None:
+    with Store(tmp_path / "none.sqlite") as opened, pytest.raises(SceneError, match="--backend"):
+        run_tetrahedra(opened, backends=["tpu"])
