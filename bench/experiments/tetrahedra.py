@@ -115,7 +115,9 @@ def settings(quick: bool) -> list[tuple[str, int, int]]:
     return [(solver, *both) for solver in SOLVERS_OF_TETRAHEDRA for both in chosen[solver]]
 
 
-def groups(store: Store, backends: Sequence[str], quick: bool, precisions: Sequence[str] = PRECISIONS) -> list[Group]:
+def groups(
+    store: Store, backends: Sequence[str], quick: bool, precisions: Sequence[str] = tuple(PRECISIONS)
+) -> list[Group]:
     """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples."""
     effort, sections = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
     found = []
