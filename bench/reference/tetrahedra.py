@@ -1,0 +1,229 @@
+"""Position-based tetrahedra in slow, plain NumPy float64, one colour after the other: the judge of both backends' sweeps.
+
+XPBD (Macklin, Mueller, Chentanez, MIG 2016, eq. 17, 18 and 26) of each material as two rows a tetrahedron, whose energies
+C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the first of the shape, the second of the volume:
+
+- `corotated`: |F - R|, 1/(2 mu V); tr(R' F) - 3, 1/(lambda V);
+- `fixed-corotated`: |F - R|, 1/(2 mu V); det F - 1, 1/(lambda V);
+- `neo-hookean`: |F|, 1/(mu V); det F - alpha, 1/(lambda' V). Macklin and Mueller, "A Constraint-based Formulation of Stable
+  Neo-Hookean Materials", MIG 2021, whose C_D and C_H these are, with lambda' = lambda + mu and alpha = 1 + mu/lambda'.
+
+`rows` takes them one after the other, the shape's first; `WAYS` has others. `blocks` is another scheme: F - R (or F) as nine
+rows, solved as one system, which is 3 x 3, then the volume. With iterations a scalar row keeps multipliers along directions
+that |F - R| has left and ends some per cent off the step of implicit Euler (finite_elements_newton.py), where blocks end.
+|F| has a force at rest, which only `together` balances there.
+
+Damping by a time tau in proportion to stiffness is a damper beta = tau / compliance on each row: with alpha~ = alpha/h^2 and
+beta~ = h^2 beta eq. 26's gamma = alpha~ beta~ / h is tau / h. Multipliers start at 0 in every substep and are kept over its
+iterations, in J s^2; positions (..., n, 3): leading axes are bodies that never meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.reference import elastic_materials
+from bench.reference.finite_elements import Body
+
+ROUND = 1e-9  # |F - R| below it has no direction: no row
+SHAPE, VOLUME = 0, 1
+WAYS = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "together": ((SHAPE, VOLUME),)}
+
+
+def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, ...]:
+    """C (..., c), dC/dF (..., c, 3, 3) and the compliance (c,) [1/(N m)] of a row of the tetrahedra `members` (c,), whose F
+    is `gradient`; 0 and infinite where there is none."""
+    mu, lam, volume = body.mu[members], body.lam[members], body.volume[members]
+    if kind == SHAPE:
+        if body.material == "neo-hookean":
+            ways, modulus = gradient, mu
+        else:
+            ways, modulus = gradient - elastic_materials.rotation(gradient), 2 * mu
+        length = np.sqrt((ways**2).sum(axis=(-2, -1)))
+        there = length >= ROUND
+        slope = ways / np.where(there, length, 1.0)[..., None, None] * there[..., None, None]
+        return np.where(there, length, 0.0), slope, 1 / (modulus * volume)
+    if body.material == "corotated":
+        u, s, w = elastic_materials.decompose(gradient)
+        value, slope, modulus = s.sum(axis=-1) - 3, u @ w, lam
+    else:
+        modulus = lam + mu if body.material == "neo-hookean" else lam
+        rest = 1 + mu / modulus if body.material == "neo-hookean" else 1.0
+        value, slope = np.linalg.det(gradient) - rest, elastic_materials.cofactor(gradient)
+    with np.errstate(divide="ignore"):
+        return value, slope, 1 / (modulus * volume)
+
+
+@dataclass
+class Sweep:
+    """What the projections of one substep of h [s] share; the multipliers (..., m, 3, 3) of shapes, where a row is one number
+    in [0, 0], and (..., m) of volumes. `before`: positions at the substep's start."""
+
+    body: Body
+    inverse_mass: np.ndarray
+    before: np.ndarray
+    h: float
+    gamma: float
+    shape: np.ndarray
+    volume: np.ndarray
+
+    def gradient(self, members: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """(..., c, 3, 3): F of these tetrahedra; of a displacement its gradient."""
+        return np.einsum(
+            "...mai,maj->...mij", position[..., self.body.tetrahedra[members], :], self.body.gradient[members]
+        )
+
+    def push(self, members: np.ndarray, position: np.ndarray, change: np.ndarray) -> None:
+        """Moves the corners by the multipliers' `change` times dC/dF (..., c, 3, 3), in place."""
+        corners = self.body.tetrahedra[members]
+        ways = np.einsum("...mij,maj->...mai", change, self.body.gradient[members])
+        position[..., corners, :] += self.inverse_mass[corners][..., None] * ways
+
+    def rows(self, members: np.ndarray, position: np.ndarray, kinds: Sequence[int]) -> None:
+        """The rows `kinds` of these tetrahedra as one system, in place."""
+        f = self.gradient(members, position)
+        moved = f - self.gradient(members, self.before)
+        parts = [row(self.body, kind, members, f) for kind in kinds]
+        slope = np.stack([part[1] for part in parts], axis=-3)
+        heavy = self.weight(members)
+        between = np.einsum("...mkij,mjl,...mnil->...mkn", slope, heavy, slope)
+        left = np.empty(between.shape[:-1])
+        for n, (kind, (value, ways, compliance)) in enumerate(zip(kinds, parts, strict=True)):
+            known = self.shape[..., members, 0, 0] if kind == SHAPE else self.volume[..., members]
+            there = np.isfinite(compliance) & (ways**2).any(axis=(-2, -1))
+            alpha = np.where(np.isfinite(compliance), compliance, 1.0) / self.h**2
+            rate = self.gamma * (ways * moved).sum(axis=(-2, -1))
+            left[..., n] = np.where(there, -value - alpha * known - rate, 0.0)
+            between[..., n, :] *= 1 + self.gamma
+            between[..., n, n] += alpha
+        change = np.linalg.solve(between, left[..., None])[..., 0]
+        for n, kind in enumerate(kinds):
+            if kind == SHAPE:
+                self.shape[..., members, 0, 0] += change[..., n]
+            else:
+                self.volume[..., members] += change[..., n]
+        self.push(members, position, np.einsum("...mk,...mkij->...mij", change, slope))
+
+    def block(self, members: np.ndarray, position: np.ndarray) -> None:
+        """The nine rows F - R (or F) of these tetrahedra as one system, in place."""
+        body, f = self.body, self.gradient(members, position)
+        neo = body.material == "neo-hookean"
+        value = f if neo else f - elastic_materials.rotation(f)
+        alpha = 1 / ((1 if neo else 2) * body.mu[members] * body.volume[members] * self.h**2)[:, None, None]
+        system = (1 + self.gamma) * self.weight(members) + alpha * np.eye(3)
+        rate = self.gamma * (f - self.gradient(members, self.before))
+        change = -(value + alpha * self.shape[..., members, :, :] + rate) @ np.linalg.inv(system)
+        self.shape[..., members, :, :] += change
+        self.push(members, position, change)
+
+    def weight(self, members: np.ndarray) -> np.ndarray:
+        """(c, 3, 3) [1/(kg m^2)]: how F answers to what is pushed, sum of w g g'."""
+        hats = self.body.gradient[members]
+        return np.einsum("mai,ma,maj->mij", hats, self.inverse_mass[self.body.tetrahedra[members]], hats)
+
+    def project(self, members: np.ndarray, position: np.ndarray, way: str) -> None:
+        """Shape and volume of the tetrahedra `members` (c,), no two of which share a vertex, in place."""
+        if way == "blocks":
+            self.block(members, position)
+            self.rows(members, position, (VOLUME,))
+            return
+        for kinds in WAYS[way]:
+            self.rows(members, position, kinds)
+
+
+def substep(
+    body: Body,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    inverse_mass: np.ndarray,
+    order: Sequence[np.ndarray],
+    h: float,
+    iterations: int = 1,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    damping_time: float = 0.0,
+    drag: float = 0.0,
+    way: str = "rows",
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position, velocity) after h [s]; the arguments as in `simulate`."""
+    free = (inverse_mass > 0)[:, None]
+    v = np.where(free, velocity * (1 - h * drag) + h * np.asarray(gravity), 0.0)
+    p = position + h * v
+    shape = np.zeros((*p.shape[:-2], len(body.tetrahedra), 3, 3))
+    sweep = Sweep(body, inverse_mass, position, h, damping_time / h, shape, shape[..., 0, 0].copy())
+    for _ in range(iterations):
+        for members in order:
+            sweep.project(members, p, way)
+    return p, (p - position) / h
+
+
+def simulate(
+    body: Body,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    inverse_mass: np.ndarray,
+    order: Sequence[np.ndarray],
+    dt: float,
+    substeps: int,
+    iterations: int,
+    steps: int,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    damping_time: float = 0.0,
+    drag: float = 0.0,
+    way: str = "rows",
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position [m], velocity [m/s]), (..., n, 3), after `steps` steps of `dt` [s]. `inverse_mass` (n,) [1/kg], 0 of what is
+    held; `order`: sets of tetrahedra without a common vertex, one after the other; `damping_time` [s]: tau; `drag` [1/s]: of
+    the velocity, in proportion to mass; `way`: of WAYS, or "blocks"."""
+    p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
+    for _ in range(steps * substeps):
+        p, v = substep(
+            body, p, v, inverse_mass, order, dt / substeps, iterations, gravity, damping_time, drag, way
+        )  # fmt: skip
+    return p, v
+
+
+def at_rest(
+    body: Body,
+    start: np.ndarray,
+    inverse_mass: np.ndarray,
+    order: Sequence[np.ndarray],
+    h: float,
+    iterations: int = 1,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    damping_time: float = 0.0,
+    way: str = "rows",
+    enough: float = 1e-8,
+) -> np.ndarray:
+    """Positions (n, 3) [m] that a substep of h [s] leaves where they are, without a velocity: where `simulate` comes to rest.
+
+    By Newton's method on the substep, its slope by differences; until one moves nothing by more than `enough` of what
+    gravity alone would, or float64's rounding. Not the material's equilibrium: iterations that are cut off leave their
+    error in it."""
+    free = np.flatnonzero(np.repeat(inverse_mass > 0, 3))
+    extent = float(np.ptp(body.rest, axis=0).max())
+    near = max(enough * h**2 * float(np.linalg.norm(gravity)), 2e-13 * extent)
+
+    def moved(x: np.ndarray) -> np.ndarray:
+        p, _ = substep(body, x, np.zeros_like(x), inverse_mass, order, h, iterations, gravity, damping_time, 0.0, way)
+        return (p - x).reshape(*x.shape[:-2], -1)[..., free]
+
+    x, last = np.array(start, dtype=np.float64), np.inf
+    inverse = None
+    for _ in range(60):
+        left = moved(x)
+        size = float(np.abs(left).max())
+        if size <= near:
+            return x
+        if inverse is None or size > 0.3 * last:
+            eps = 1e-7 * extent
+            probes = np.repeat(x.reshape(1, -1), len(free), axis=0)
+            probes[np.arange(len(free)), free] += eps
+            inverse = np.linalg.inv((moved(probes.reshape(-1, *x.shape)) - left).T / eps)
+        last = size
+        flat = x.ravel().copy()
+        flat[free] -= inverse @ left
+        x = flat.reshape(x.shape)
+    raise RuntimeError(f"no rest found: a substep still moves {size:.2e} m")
