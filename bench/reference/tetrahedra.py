@@ -8,6 +8,11 @@ C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the
 - `neo-hookean`: |F|, 1/(mu V); det F - alpha, 1/(lambda' V). Macklin and Mueller, "A Constraint-based Formulation of Stable
   Neo-Hookean Materials", MIG 2021, whose C_D and C_H these are, with lambda' = lambda + mu and alpha = 1 + mu/lambda'.
 
+`rows` takes them one after the other, the shape's first; `WAYS` has others. `blocks` is another scheme: F - R (or F) as nine
+rows, solved as one system, which is 3 x 3, then the volume. With iterations a scalar row keeps multipliers along directions
+that |F - R| has left and ends some per cent off the step of implicit Euler (finite_elements_newton.py), where blocks end.
+|F| has a force at rest, which only `together` balances there.
+
 Damping by a time tau in proportion to stiffness is a damper beta = tau / compliance on each row: with alpha~ = alpha/h^2 and
 beta~ = h^2 beta eq. 26's gamma = alpha~ beta~ / h is tau / h. Multipliers start at 0 in every substep and are kept over its
 iterations, in J s^2; positions (..., n, 3): leading axes are bodies that never meet.
@@ -16,6 +21,7 @@ iterations, in J s^2; positions (..., n, 3): leading axes are bodies that never 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +30,7 @@ from bench.reference.finite_elements import Body
 
 ROUND = 1e-9  # |F - R| below it has no direction: no row
 SHAPE, VOLUME = 0, 1
-WAYS = {"rows": (SHAPE, VOLUME), "volume-first": (VOLUME, SHAPE), "together": ()}
+WAYS = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "together": ((SHAPE, VOLUME),)}
 
 
 def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -51,44 +57,81 @@ def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tup
         return value, slope, 1 / (modulus * volume)
 
 
-def project(
-    body: Body, members: np.ndarray, way: str, position: np.ndarray, before: np.ndarray, multipliers: np.ndarray,
-    inverse_mass: np.ndarray, h: float, damping_time: float,
-) -> None:  # fmt: skip
-    """Both rows of the tetrahedra `members` (c,), no two of which share a vertex, in place: `position` (..., n, 3) [m],
-    `multipliers` (..., m, 2). `before`: at the substep's start. `way`: see WAYS; together: one system of two."""
-    corners, hats = body.tetrahedra[members], body.gradient[members]
-    weight, gamma = inverse_mass[corners], damping_time / h
-    softness: list[np.ndarray] = []
-    values: list[np.ndarray] = []
-    slopes: list[np.ndarray] = []
-    for kind in WAYS[way] or (SHAPE, VOLUME):
-        here = position[..., corners, :]
-        f = np.einsum("...mai,maj->...mij", here, hats)
-        value, slope, compliance = row(body, kind, members, f)
-        ways = np.einsum("...mij,maj->...mai", slope, hats)
-        moved = (ways * (here - before[..., corners, :])).sum(axis=(-2, -1))
-        alpha, multiplier = compliance / h**2, multipliers[..., members, kind]
-        there = np.isfinite(alpha) & (ways**2).any(axis=(-2, -1))
-        alpha = np.where(np.isfinite(alpha), alpha, 1.0)
-        left = np.where(there, -value - alpha * multiplier - gamma * moved, 0.0)
-        if way == "together":
-            values.append(left)
-            slopes.append(ways)
-            softness.append(alpha)
-            continue
-        heavy = (weight * (ways**2).sum(axis=-1)).sum(axis=-1)
-        change = left / ((1 + gamma) * heavy + alpha)
-        multipliers[..., members, kind] += change
-        position[..., corners, :] += weight[..., None] * change[..., None, None] * ways
-    if way == "together":
-        pair = np.stack(slopes, axis=-3)
-        system = (1 + gamma) * np.einsum("...mkai,ma,...mlai->...mkl", pair, weight, pair)
-        system[..., 0, 0] += softness[0]
-        system[..., 1, 1] += softness[1]
-        changes = np.linalg.solve(system, np.stack(values, axis=-1)[..., None])[..., 0]
-        multipliers[..., members, :] += changes
-        position[..., corners, :] += weight[..., None] * np.einsum("...mk,...mkai->...mai", changes, pair)
+@dataclass
+class Sweep:
+    """What the projections of one substep of h [s] share; the multipliers (..., m, 3, 3) of shapes, where a row is one number
+    in [0, 0], and (..., m) of volumes. `before`: positions at the substep's start."""
+
+    body: Body
+    inverse_mass: np.ndarray
+    before: np.ndarray
+    h: float
+    gamma: float
+    shape: np.ndarray
+    volume: np.ndarray
+
+    def gradient(self, members: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """(..., c, 3, 3): F of these tetrahedra; of a displacement its gradient."""
+        return np.einsum(
+            "...mai,maj->...mij", position[..., self.body.tetrahedra[members], :], self.body.gradient[members]
+        )
+
+    def push(self, members: np.ndarray, position: np.ndarray, change: np.ndarray) -> None:
+        """Moves the corners by the multipliers' `change` times dC/dF (..., c, 3, 3), in place."""
+        corners = self.body.tetrahedra[members]
+        ways = np.einsum("...mij,maj->...mai", change, self.body.gradient[members])
+        position[..., corners, :] += self.inverse_mass[corners][..., None] * ways
+
+    def rows(self, members: np.ndarray, position: np.ndarray, kinds: Sequence[int]) -> None:
+        """The rows `kinds` of these tetrahedra as one system, in place."""
+        f = self.gradient(members, position)
+        moved = f - self.gradient(members, self.before)
+        parts = [row(self.body, kind, members, f) for kind in kinds]
+        slope = np.stack([part[1] for part in parts], axis=-3)
+        heavy = self.weight(members)
+        between = np.einsum("...mkij,mjl,...mnil->...mkn", slope, heavy, slope)
+        left = np.empty(between.shape[:-1])
+        for n, (kind, (value, ways, compliance)) in enumerate(zip(kinds, parts, strict=True)):
+            known = self.shape[..., members, 0, 0] if kind == SHAPE else self.volume[..., members]
+            there = np.isfinite(compliance) & (ways**2).any(axis=(-2, -1))
+            alpha = np.where(np.isfinite(compliance), compliance, 1.0) / self.h**2
+            rate = self.gamma * (ways * moved).sum(axis=(-2, -1))
+            left[..., n] = np.where(there, -value - alpha * known - rate, 0.0)
+            between[..., n, :] *= 1 + self.gamma
+            between[..., n, n] += alpha
+        change = np.linalg.solve(between, left[..., None])[..., 0]
+        for n, kind in enumerate(kinds):
+            if kind == SHAPE:
+                self.shape[..., members, 0, 0] += change[..., n]
+            else:
+                self.volume[..., members] += change[..., n]
+        self.push(members, position, np.einsum("...mk,...mkij->...mij", change, slope))
+
+    def block(self, members: np.ndarray, position: np.ndarray) -> None:
+        """The nine rows F - R (or F) of these tetrahedra as one system, in place."""
+        body, f = self.body, self.gradient(members, position)
+        neo = body.material == "neo-hookean"
+        value = f if neo else f - elastic_materials.rotation(f)
+        alpha = 1 / ((1 if neo else 2) * body.mu[members] * body.volume[members] * self.h**2)[:, None, None]
+        system = (1 + self.gamma) * self.weight(members) + alpha * np.eye(3)
+        rate = self.gamma * (f - self.gradient(members, self.before))
+        change = -(value + alpha * self.shape[..., members, :, :] + rate) @ np.linalg.inv(system)
+        self.shape[..., members, :, :] += change
+        self.push(members, position, change)
+
+    def weight(self, members: np.ndarray) -> np.ndarray:
+        """(c, 3, 3) [1/(kg m^2)]: how F answers to what is pushed, sum of w g g'."""
+        hats = self.body.gradient[members]
+        return np.einsum("mai,ma,maj->mij", hats, self.inverse_mass[self.body.tetrahedra[members]], hats)
+
+    def project(self, members: np.ndarray, position: np.ndarray, way: str) -> None:
+        """Shape and volume of the tetrahedra `members` (c,), no two of which share a vertex, in place."""
+        if way == "blocks":
+            self.block(members, position)
+            self.rows(members, position, (VOLUME,))
+            return
+        for kinds in WAYS[way]:
+            self.rows(members, position, kinds)
 
 
 def substep(
@@ -108,10 +151,11 @@ def substep(
     free = (inverse_mass > 0)[:, None]
     v = np.where(free, velocity * (1 - h * drag) + h * np.asarray(gravity), 0.0)
     p = position + h * v
-    multipliers = np.zeros((*p.shape[:-2], len(body.tetrahedra), 2))
+    shape = np.zeros((*p.shape[:-2], len(body.tetrahedra), 3, 3))
+    sweep = Sweep(body, inverse_mass, position, h, damping_time / h, shape, shape[..., 0, 0].copy())
     for _ in range(iterations):
         for members in order:
-            project(body, members, way, p, position, multipliers, inverse_mass, h, damping_time)
+            sweep.project(members, p, way)
     return p, (p - position) / h
 
 
@@ -132,7 +176,7 @@ def simulate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(position [m], velocity [m/s]), (..., n, 3), after `steps` steps of `dt` [s]. `inverse_mass` (n,) [1/kg], 0 of what is
     held; `order`: sets of tetrahedra without a common vertex, one after the other; `damping_time` [s]: tau; `drag` [1/s]: of
-    the velocity, in proportion to mass; `way`: of WAYS."""
+    the velocity, in proportion to mass; `way`: of WAYS, or "blocks"."""
     p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * substeps):
         p, v = substep(
