@@ -79,6 +79,9 @@ class PlanReport:
         """The object that `--json` prints. Shares are of the whole step; a limit that is infinite is null."""
         method, grid = self.scene.method, self.scene.grid
         counts = {}
+        if self.scene.tetrahedra:
+            found = self.scene.tetrahedra_set
+            counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
         if self.scene.bodies:
             clusters = self.scene.body_set.clusters
             counts = {

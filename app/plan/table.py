@@ -64,6 +64,8 @@ def print_plan(console: Console, report: PlanReport) -> None:
     """The stages of a step, each with what it moves and computes; each backend's kernel; the stability limit."""
     scene = report.scene
     amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
+    if scene.tetrahedra:
+        amounts = str(scene.tetrahedra_set)
     if scene.bodies:
         body_set, told = scene.body_set, counts(scene)
         waiting = (

@@ -120,6 +120,11 @@ class TetrahedraSet:
         """Its longest side [m]."""
         return float(np.ptp(self.position, axis=0).max())
 
+    def __str__(self) -> str:
+        """`5289 particles and 19 875 tetrahedra of 4 bodies`."""
+        bodies = "1 body" if len(self.parts) == 1 else f"{len(self.parts)} bodies"
+        return f"{self.particle_count} particles and {len(self.tetrahedra)} tetrahedra of {bodies}"
+
     def lame(self) -> tuple[np.ndarray, np.ndarray]:
         """(mu, lambda) (tetrahedra,) float64 [Pa]."""
         both = np.array([part.lame for part in self.parts])[self.body]
