@@ -69,7 +69,11 @@ def print_scenes(console: Console) -> None:
     for name in catalogue():
         scene = load_scene(name)
         grid, method = scene.grid, scene.method
-        size = str(counts(scene).particles) if scene.mesh or scene.bodies or scene.tetrahedra else f"{grid.rows} x {grid.columns}"
+        size = (
+            str(counts(scene).particles)
+            if scene.mesh or scene.bodies or scene.tetrahedra
+            else f"{grid.rows} x {grid.columns}"
+        )
         table.add_row(name, escape(scene.title), size, method.name)
     console.print(table)
 

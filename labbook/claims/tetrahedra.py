@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.experiments.tetrahedra import Bar, bars
+from bench.experiments.tetrahedra import BLOCKS, Bar, bars
 from labbook import words
 from labbook.claims.claim import Claim, Claims, where
 from plots.core.backends import on_backends
@@ -16,6 +16,12 @@ USUAL = (4, 1)  # substeps and sweeps of a frame that programs begin with
 
 def _found(source: Source, backend: str) -> list[Bar]:
     return [b for b in middle(bars(source.measures)) if (b.backend, b.precision) == (backend, PRECISION)]
+
+
+def _budget(bar: Bar) -> str:
+    """`in 16 substeps of 8 sweeps, as blocks`."""
+    sweeps = f" of {bar.iterations} sweeps" if bar.iterations > 1 else ""
+    return f"in {bar.substeps} substeps{sweeps}{', as blocks' * (bar.solver == BLOCKS)}"
 
 
 def _pascal(young: float) -> str:
@@ -63,13 +69,13 @@ def budget(results: Results) -> Claim:
         told = []
         for young in sorted({b.young for b in found}):
             able = [b for b in found if b.young == young and abs(b.solver_error) <= ENOUGH and not b.suspect]
-            rows = min((b for b in able if b.solver == "xpbd"), key=lambda b: b.seconds, default=None)
-            other = min((b for b in able if b.solver != "xpbd"), key=lambda b: b.seconds, default=None)
+            rows = min((b for b in able if b.solver.startswith("xpbd")), key=lambda b: b.seconds, default=None)
+            other = min((b for b in able if not b.solver.startswith("xpbd")), key=lambda b: b.seconds, default=None)
             if rows is None:
                 told.append(f"at {_pascal(young)} no position-based setting that was measured gets there")
             else:
                 numbers[f"{backend} {young:g} xpbd"] = rows.seconds
-                told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} in {rows.substeps} substeps")
+                told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} {_budget(rows)}")
             if other is not None:
                 numbers[f"{backend} {young:g} {other.solver}"] = other.seconds
                 told[-1] += f" ({words.seconds(other.seconds)} by {other.solver})"

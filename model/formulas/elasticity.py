@@ -26,7 +26,7 @@ FOUR_UNITS = 4  # of the least normal number, as in rotation.py
 
 
 def make(real, compiled=plain):
-    """`gradient`, `corners`, `determinant`, `cofactor`, `rotation` in the arithmetic `real`."""
+    """`gradient`, `corner`, `corners`, `determinant`, `cofactor`, `rotation` in the arithmetic `real`."""
     return joined(make_gradient(real, compiled), SimpleNamespace(rotation=make_rotation(real, compiled)))
 
 
@@ -79,7 +79,9 @@ def make_gradient(real, compiled=plain):
     def determinant(f, cofactors):
         return dot(f[0], f[1], f[2], cofactors[0], cofactors[1], cofactors[2])
 
-    return SimpleNamespace(gradient=gradient, corners=corners, cofactor=cofactor, determinant=determinant)
+    return SimpleNamespace(
+        gradient=gradient, corner=corner, corners=corners, cofactor=cofactor, determinant=determinant
+    )  # fmt: skip
 
 
 def make_rotation(real, compiled=plain):

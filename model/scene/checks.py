@@ -72,11 +72,19 @@ def _check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError("method.solver", method.solver, f"must be {told} for tetrahedral bodies")
     elif method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
+    elif method.rows == "blocks":
+        for name, part in scene.tetrahedra.items():
+            if part.material == "neo-hookean":
+                raise SceneError(
+                    f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
+                )
 
 
 def check_solver(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's solver does not know."""
     solver, integrator = scene.method.solver, scene.method.integrator
+    if scene.method.rows == "blocks" and not scene.tetrahedra:
+        raise SceneError("method.rows", "blocks", "is for tetrahedral bodies; leave it out")
     if solver in TETRAHEDRAL_SOLVERS and not scene.tetrahedra:
         raise SceneError(
             "method.solver", solver, "is for tetrahedral bodies; take mass-spring, xpbd, pbd or shape-matching"

@@ -23,6 +23,7 @@ IntegratorName = Literal[
     "implicit-euler-linear",
 ]  # fmt: skip
 SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching", "vbd", "newton"]
+RowsName = Literal["scalar", "blocks"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd", "shape-matching")
 
@@ -224,7 +225,8 @@ class Method(Part):
     substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
     away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
     so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
-    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid.
+    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. Tetrahedra are two scalar `rows` each, or
+    `blocks`, which end at implicit Euler where iterations do.
     """
 
     solver: SolverName = "mass-spring"
@@ -235,6 +237,7 @@ class Method(Part):
     ordering: OrderingName = "gauss-seidel"
     pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
     region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to either side
+    rows: RowsName = "scalar"
 
     @model_validator(mode="after")
     def _fields_belong_to_the_solver(self) -> Method:
@@ -267,15 +270,17 @@ class Method(Part):
         """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
         if self.matches_shapes or self.solver in OF_TETRAHEDRA:
             return self.solver
-        return f"{self.solver} {self.ordering if self.position_based else self.integrator}"
+        blocks = ", blocks" * (self.rows == "blocks")
+        return f"{self.solver} {self.ordering if self.position_based else self.integrator}{blocks}"
 
     def _idle_fields(self) -> set[str]:
-        return set(type(self).model_fields) - set(FIELDS_OF_SOLVER[self.solver])
+        told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
+        return set(type(self).model_fields) - told
 
 
 FIELDS_OF_SOLVER = {
     "mass-spring": ("solver", "integrator", "dt"),
-    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering"),
+    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering", "rows"),
     "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations"),

@@ -17,16 +17,18 @@ from model.xpbd.mesh_plan import constrained_plan
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
-DAMPED = "tetrahedra-damping"
+DAMPED, BLOCKS, ITERATED = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated"
 _known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()  # colouring is slow
 
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper. Every mass has a
-    weight of its own (`load`)."""
+    """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper, whether they
+    are taken as blocks and whether multipliers are kept. Every mass has a weight of its own (`load`)."""
     bodies = scene.tetrahedra.values()
     damped = {DAMPED} if any(part.damping > 0 for part in bodies) else set()
-    return xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies} | damped
+    blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
+    iterated = {ITERATED} if scene.method.iterations > 1 else set()
+    return xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies} | damped | blocks | iterated
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -36,11 +38,13 @@ def materials(parts: frozenset[str]) -> tuple[str, ...]:
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
     """Of a scene of such parts, one a material."""
-    damped = DAMPED in parts
+    damped, blocks = DAMPED in parts, BLOCKS in parts
+    multipliers = tetrahedron.BLOCKS if blocks else tetrahedron.ROWS
     return tuple(
         Projection(
-            f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, 2, damped=damped,
-            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped)), constants=CONSTANTS,
+            f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, multipliers, damped=damped,
+            soft=ITERATED in parts, constants=CONSTANTS,
+            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped), ("blocks", blocks)),
         )
         for name in materials(parts)
     )  # fmt: skip

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bench.experiments.tetrahedra import Bar, bars
+from bench.experiments.tetrahedra import BLOCKS, Bar, bars
 from plots.core.backends import on_backends, sources_of
-from plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from plots.core.data import Results, Source
 from plots.core.style import Drawing, legend_below, new_grid
 
@@ -15,6 +15,7 @@ TITLE = "Does E mean E?"
 LOOKS = {
     "substeps": ("position-based, one sweep a substep", BLUE, "o"),
     "iterations": ("position-based, several sweeps a substep", ORANGE, "s"),
+    BLOCKS: ("position-based, the shape as one block", PURPLE, "P"),
     "vbd": ("vertex block descent", VERMILLION, "^"),
     "newton": ("implicit Euler by Newton's method", GREEN, "D"),
 }

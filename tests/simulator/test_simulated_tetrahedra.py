@@ -22,7 +22,16 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
         return simulation.state()
 
 
-@pytest.mark.parametrize("name,precision", [("everything", "float32"), ("damped", "float64"), ("corotated", "float64")])
+@pytest.mark.parametrize(
+    "name,precision",
+    [
+        ("everything", "float32"),
+        ("damped", "float64"),
+        ("corotated", "float64"),
+        ("damped blocks", "float32"),
+        ("once", "float32"),
+    ],
+)
 def test_bits_are_the_cpus(name: str, precision: str) -> None:
     scene = tetrahedra_scene(name)
     expected = end_state(scene, "cpu", precision=precision, threads=1)

@@ -9,17 +9,17 @@ import pytest
 from kernel_text import record_of
 
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.tetrahedra.constraints import DAMPED, projections_of
+from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, projections_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
-def text_of(material: str, real: Any, math: str, damped: bool = True) -> str:
+def text_of(material: str, real: Any, math: str, *more: str) -> str:
     from numba import cuda, types
 
     from gpu_backend.core.constraints import make_projections
 
-    (projection,) = projections_of(frozenset({material}) | ({DAMPED} if damped else frozenset()))
+    (projection,) = projections_of(frozenset({material, *more}))
     reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
     kernel = make_projections(real, math, projection)
     record = record_of(real, "tetrahedra")
@@ -32,7 +32,7 @@ def text_of(material: str, real: Any, math: str, damped: bool = True) -> str:
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_float32_projections_hold_no_double_and_no_local_memory(material: str, math: str) -> None:
-    text = text_of(material, np.float32, math)
+    text = text_of(material, np.float32, math, DAMPED, ITERATED)
     assert ".f64" not in text
     assert ".local" not in text and "call" not in text
 
@@ -40,5 +40,17 @@ def test_float32_projections_hold_no_double_and_no_local_memory(material: str, m
 @pytest.mark.parametrize("material", MATERIALS)
 def test_exact_projections_contract_nothing(material: str) -> None:
     """In float64, whose quotients are an instruction: no product runs into a sum."""
-    text = text_of(material, np.float64, "exact", damped=False)
+    text = text_of(material, np.float64, "exact", ITERATED)
     assert "fma.rn.f64" not in text and "mul.rn.f64" in text
+
+
+def test_blocks_compile_likewise() -> None:
+    text = text_of("fixed-corotated", np.float32, "fast", DAMPED, ITERATED, BLOCKS)
+    assert ".f64" not in text and ".local" not in text and "call" not in text
+    text = text_of("corotated", np.float64, "exact", ITERATED, BLOCKS)
+    assert "fma.rn.f64" not in text and "mul.rn.f64" in text
+
+
+def test_multipliers_are_only_there_where_they_are_kept() -> None:
+    once, kept = (text_of("fixed-corotated", np.float32, "fast", *more) for more in ((), (ITERATED,)))
+    assert once.count("st.global.f32") == 0 and kept.count("st.global.f32") == 2

@@ -25,6 +25,12 @@ PARTS: dict[str, dict[str, Any]] = {
     "corotated": {"body": BODY | {"material": "corotated", "tetrahedra": 6}, "gravity": {}},
     "neo-hookean": {"body": BODY | {"material": "neo-hookean"}, "gravity": {}},
     "damped": {"body": BODY | {"damping": 0.02}, "gravity": {}},
+    "once": {"body": BODY, "gravity": {}, "method": METHOD | {"iterations": 1}},
+    "blocks": {"body": BODY, "gravity": {}, "method": METHOD | {"rows": "blocks"}},
+    "damped blocks": {
+        "body": BODY | {"damping": 0.02, "material": "corotated"}, "gravity": {},
+        "method": METHOD | {"rows": "blocks", "iterations": 3},
+    },
     "everything": {
         "body": BODY | {"damping": 0.02}, "second": FREE | {"material": "neo-hookean", "young_modulus": 5e4},
         "third": FREE | {"material": "corotated", "origin": [0.5, 0.2, 0.0], "angle": 30.0},

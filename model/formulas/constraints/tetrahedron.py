@@ -13,6 +13,11 @@ lambda + mu in place of their lambda, as B. Smith, F. de Goes, T. Kim, "Stable N
 section 3.4, ask for in order that E and nu are Young's modulus and Poisson's ratio. Where C_D is 0 it has no gradient, and
 does nothing.
 
+Scalar rows turn with F, so that multipliers kept through iterations stay along directions that rows have left: they end some
+per cent off the step of implicit Euler that they stand for. `blocks` takes F - R as nine rows instead, R held, which share
+one 3 x 3 system, H + alpha~ with H = sum w g g' over the corners' rows g of B (with - their sum for the first), and ends
+there. |F| holds a force at rest, which only C_H balances: of the neo-Hookean material there are no blocks.
+
 A damper's stress is `time` times the rate of the elastic one: alpha beta = time in XPBD's eq. 26, gamma = time / h.
 """
 
@@ -37,6 +42,8 @@ from model.formulas.lengths import make as make_lengths
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
 FIXED, COROTATED, HOOKEAN = range(len(MATERIALS))
+BLOCKS = 10  # multipliers of a block: nine of F - R, one of C_H
+ROWS = 2
 COUNT = 13  # values: 9 of B; at 9, 10 the compliances of C_D, C_H, 1 / (k V) [1/J]; at 11 alpha, or 1; at 12 `time` [s]
 SMALLEST = 1e-9  # C_D of no direction: below it in float64, and below all that rounding leaves in float32
 OPERATIONS_ROW = OPERATIONS_CORNERS + 27 + 9 + 28  # ..., the weight, the change, to apply it
@@ -50,14 +57,15 @@ def operations(material: int, item: int) -> int:
     return rows + turns * OPERATIONS_ROTATION[item] + volume
 
 
-def make(real, compiled=plain, material=FIXED, damped=False):
-    """See the package; `material`: which of MATERIALS; `damped`: a damper counts."""
+def make(real, compiled=plain, material=FIXED, damped=False, blocks=False):
+    """See the package; `material`: which of MATERIALS; `damped`: a damper counts; `blocks`: see the head of the file."""
     formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
     softness, shift, dot = formulas.softness, formulas.shift, make_lengths(real, compiled).dot
     elastic = make_gradient(real, compiled)
     gradient, corners, cofactor, determinant = elastic.gradient, elastic.corners, elastic.cofactor, elastic.determinant
     rotation = make_rotation(real, compiled)
     zero, one, three, smallest = real(0), real(1), real(3), real(SMALLEST)
+    block = make_block(real, compiled, damped) if blocks else None
     is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
 
     @compiled
@@ -128,6 +136,18 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         return moved, multiplier + change
 
     @compiled
+    def project_block(points, before, weights, values, multipliers, constants):
+        gamma = zero
+        if damped:
+            gamma = scaled(constants[1], values[12])
+        compliance = softness(constants[0], values[9])
+        points, first = block(points, before, weights, values, compliance, multipliers, gamma)
+        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[11])
+        compliance = softness(constants[0], values[10])
+        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
+        return points, (*first, second)
+
+    @compiled
     def project(points, before, weights, values, multipliers, constants):
         gamma = zero
         if damped:
@@ -140,4 +160,100 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         points, second = row(points, before, weights, values, violation, g, compliance, multipliers[1], gamma)
         return points, (first, second)
 
-    return SimpleNamespace(project=project)
+    return SimpleNamespace(project=project_block if blocks else project)
+
+
+def make_block(real, compiled, damped):
+    """block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers): F - R at once."""
+    zero, one = real(0), real(1)
+    elastic, rotation = make_gradient(real, compiled), make_rotation(real, compiled)
+    gradient, corner, dot = elastic.gradient, elastic.corner, make_lengths(real, compiled).dot
+
+    @compiled
+    def weighted(weights, a, b, c, d, i, j):
+        """An entry of H."""
+        return (weights[0] * (a[i] * a[j]) + weights[1] * (b[i] * b[j])) + (
+            weights[2] * (c[i] * c[j]) + weights[3] * (d[i] * d[j])
+        )
+
+    @compiled
+    def inverse_of(xx, xy, xz, yy, yz, zz):
+        """Of a symmetric matrix, six entries, by cofactors, over its trace first so that no product is too large or small."""
+        trace = (xx + yy) + zz
+        s = one / (trace if trace > zero else one)
+        xx, xy, xz, yy, yz, zz = s * xx, s * xy, s * xz, s * yy, s * yz, s * zz
+        cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+        determinant = dot(xx, xy, xz, cxx, cxy, cxz)
+        t = s / determinant if determinant > zero else zero
+        return t * cxx, t * cxy, t * cxz, t * cyy, t * cyz, t * czz
+
+    @compiled
+    def asked(violation, compliance, multiplier):
+        return -violation - compliance * multiplier
+
+    @compiled
+    def drawn(violation, gamma, now, before):
+        """With what a damper adds."""
+        return violation + gamma * (now - before)
+
+    @compiled
+    def system(rest, weights, compliance, stiffening):
+        a = -(rest[0] + rest[3]) - rest[6], -(rest[1] + rest[4]) - rest[7], -(rest[2] + rest[5]) - rest[8]
+        b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
+        return inverse_of(
+            stiffening * weighted(weights, a, b, c, d, 0, 0) + compliance, stiffening * weighted(weights, a, b, c, d, 0, 1),
+            stiffening * weighted(weights, a, b, c, d, 0, 2),
+            stiffening * weighted(weights, a, b, c, d, 1, 1) + compliance,
+            stiffening * weighted(weights, a, b, c, d, 1, 2),
+            stiffening * weighted(weights, a, b, c, d, 2, 2) + compliance,
+        )  # fmt: skip
+
+    @compiled
+    def moved(point, weight, way):
+        return point[0] + weight * way[0], point[1] + weight * way[1], point[2] + weight * way[2]
+
+    @compiled
+    def solved(x, y, z, i):
+        """A row of the violation times the inverse."""
+        return dot(x, y, z, i[0], i[1], i[2]), dot(x, y, z, i[1], i[3], i[4]), dot(x, y, z, i[2], i[4], i[5])
+
+    @compiled
+    def block(points, before, weights, values, compliance, m, gamma):
+        f = gradient(points[0], points[1], points[2], points[3], values)
+        r = rotation(f)
+        c = (
+            f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
+            f[6] - r[6], f[7] - r[7], f[8] - r[8],
+        )  # fmt: skip
+        if damped:
+            p = gradient(before[0], before[1], before[2], before[3], values)
+            c = (
+                drawn(c[0], gamma, f[0], p[0]), drawn(c[1], gamma, f[1], p[1]), drawn(c[2], gamma, f[2], p[2]),
+                drawn(c[3], gamma, f[3], p[3]), drawn(c[4], gamma, f[4], p[4]), drawn(c[5], gamma, f[5], p[5]),
+                drawn(c[6], gamma, f[6], p[6]), drawn(c[7], gamma, f[7], p[7]), drawn(c[8], gamma, f[8], p[8]),
+            )  # fmt: skip
+        i = system(values, weights, compliance, one + gamma)
+        x0, x1, x2 = solved(
+            asked(c[0], compliance, m[0]), asked(c[1], compliance, m[1]), asked(c[2], compliance, m[2]), i
+        )
+        x3, x4, x5 = solved(
+            asked(c[3], compliance, m[3]), asked(c[4], compliance, m[4]), asked(c[5], compliance, m[5]), i
+        )
+        x6, x7, x8 = solved(
+            asked(c[6], compliance, m[6]), asked(c[7], compliance, m[7]), asked(c[8], compliance, m[8]), i
+        )
+        x = x0, x1, x2, x3, x4, x5, x6, x7, x8
+        wb = corner(x, values[0], values[1], values[2])
+        wc = corner(x, values[3], values[4], values[5])
+        wd = corner(x, values[6], values[7], values[8])
+        wa = -(wb[0] + wc[0]) - wd[0], -(wb[1] + wc[1]) - wd[1], -(wb[2] + wc[2]) - wd[2]
+        points = (
+            moved(points[0], weights[0], wa), moved(points[1], weights[1], wb), moved(points[2], weights[2], wc),
+            moved(points[3], weights[3], wd),
+        )  # fmt: skip
+        return points, (
+            m[0] + x0, m[1] + x1, m[2] + x2, m[3] + x3, m[4] + x4, m[5] + x5, m[6] + x6, m[7] + x7, m[8] + x8,
+        )  # fmt: skip
+
+    return block
