@@ -60,6 +60,9 @@ class Report:
                 f"{_many(self.points, 'point')} of the surface, {self.outside} outside the tetrahedron, the farthest by "
                 f"{self.farthest:.3g} m"
             )
+        within = ""
+        if abs(self.volume_ratio - 1) > SAME:
+            within = f"; what lies within the surface would have {self.density * self.hull_volume:.6g} kg"
         return [
             f"{_many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}, {_many(self.vertices, 'vertex', 'vertices')}{voxels}, "
             f"{_many(self.pieces, 'piece')}",
@@ -67,7 +70,7 @@ class Report:
             f"quality (mean ratio, 1 of a regular one) {self.worst_quality:.4g} at worst, tetrahedron {self.worst} at "
             f"({place}); {self.mean_quality:.4g} on average",
             points,
-            f"mass {self.mass:.6g} kg at {self.density:g} kg/m^3",
+            f"mass {self.mass:.6g} kg at {self.density:g} kg/m^3{within}",
             *self.told,
         ]
 
