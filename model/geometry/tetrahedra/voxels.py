@@ -24,9 +24,10 @@ from model.geometry.mesh import TriangleMesh
 from model.geometry.normals import mesh_normals
 from model.geometry.solid import Solid, as_mesh, solid
 from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.meeting import Cells
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
 from model.geometry.tetrahedra.overlap import EIGHT, triangles_in_voxels
-from model.geometry.tetrahedra.pieces import Cells, Pieces, pieces_of
+from model.geometry.tetrahedra.pieces import Pieces, pieces_of
 from model.geometry.voxels import runs_inside
 
 VOXELS = 10  # along the longest axis, unless given
@@ -245,7 +246,8 @@ def _piece_of_vertices(
     hull: Solid, snapped: np.ndarray, cells: Cells, pieces: Pieces, pairs: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """(vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs to, in a voxel
-    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them."""
+    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them; one of
+    a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
     triangle, voxel = pairs
     corner, low = hull.triangles[triangle], cells.index[voxel]
     held = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
@@ -262,7 +264,7 @@ def _piece_of_vertices(
     number = cells.number(around.reshape(-1, 3)).reshape(-1, 8)
     best = np.where(number >= 0, inwards @ ways.T, -np.inf).argmax(axis=1)
     found = number[np.arange(len(left)), best]
-    lost = np.flatnonzero(found < 0)  # none of a closed mesh; still, nobody is left without a voxel
+    lost = np.flatnonzero(found < 0)
     if len(lost):
         from scipy.spatial import cKDTree
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_meshes import ball, both, box, rotation, turned_over, without_some
+from closed_meshes import ball, blocks, both, box, rotation, turned_over, without_some
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
@@ -124,23 +124,6 @@ def test_two_bars_nearer_than_a_voxel_do_not_weld(gap, per_voxel):
     corners = body.mesh.tetrahedra[body.embedding.tetrahedron]
     assert not np.intersect1d(corners[:8], corners[8:]).size
     assert np.abs(carried(body) - body.hull.position).max() < 1e-15
-
-
-def blocks(cells, size):
-    """The surface of a set of cubes of `size`, which share the vertices between them."""
-    solid, quads = set(cells), []
-    for cell in cells:
-        for axis in range(3):
-            one, two = np.roll(np.eye(3, dtype=int), -axis, axis=0)[1:]
-            for side in (0, 1):
-                beyond = np.array(cell) + (2 * side - 1) * np.eye(3, dtype=int)[axis]
-                if tuple(beyond) not in solid:
-                    start = np.array(cell) + side * np.eye(3, dtype=int)[axis]
-                    quad = [start, start + one, start + one + two, start + two]
-                    quads.append(quad if side else quad[::-1])
-    corners, number = np.unique(np.array(quads).reshape(-1, 3), axis=0, return_inverse=True)
-    number = number.reshape(-1, 4)
-    return corners * size, np.concatenate([number[:, [0, 1, 2]], number[:, [0, 2, 3]]])
 
 
 def test_a_u_is_doubled_in_its_arms_and_one_at_its_foot():
