@@ -6,13 +6,22 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 
+from model.assets import tetrahedral_body
+from model.assets.tetrahedral_body import (
+    DENSITY,
+    CookedBody,
+    body_of_surface,
+    body_of_tetrahedra,
+    body_of_voxels,
+    scaled,
+)
 from model.core.digest import ROOT, source_digest
 from model.core.disk_cache import cache_folder, read_arrays
 from model.core.disk_cache import write_arrays as write_in_silence
@@ -20,15 +29,15 @@ from model.core.errors import InputError, SceneError, SoftlabError
 from model.core.files import check_source, is_there, read_archive
 from model.geometry.mesh import TriangleMesh, read_mesh
 from model.geometry.mesh_files import FORMATS
+from model.geometry.mesh_files import read_arrays as read_mesh_arrays
 from model.geometry.shapes import Shape, ShapeName
 from model.geometry.tetrahedra.embedding import Embedding
 from model.geometry.tetrahedra.files import READERS, files_of, read_tetrahedra, write_arrays
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
-from model.geometry.tetrahedra.report import Report, report_of
-from model.geometry.tetrahedra.voxels import PerVoxel, voxel_mesh
+from model.geometry.tetrahedra.report import Report
+from model.geometry.tetrahedra.voxels import PerVoxel
 
 VERSION = 1  # of the files: what is in them, and how
-DENSITY = 1000.0  # kg/m^3: water's, as jelly's
 SHAPES = tuple(
     name for name in get_args(ShapeName) if name not in ("letters", "sheet", "terrain")
 )  # closed, of no text
@@ -39,45 +48,23 @@ WHAT = (
 Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class CookedBody:
-    """A tetrahedral body and the surface that it carries.
-
-    `voxel` (n, 3), `colour` (n,), `starts` (voxels + 1,) int32: as of VoxelMesh; empty of a body that is not of voxels.
-    `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: what carries
-    its points.
-    """
-
-    mesh: TetrahedralMesh
-    voxel: np.ndarray
-    colour: np.ndarray
-    starts: np.ndarray
-    hull_position: np.ndarray
-    hull_triangles: np.ndarray
-    embedding: Embedding
-    report: Report
-
-    def with_density(self, density: float) -> CookedBody:
-        """The body with another density [kg/m^3]. Raises SceneError."""
-        check_density(density)
-        return replace(self, report=replace(self.report, density=density, mass=density * self.report.volume))
-
-
 def cooked(
     source: Source,
     *,
     edge: float | None = None,
     voxels: int | None = None,
-    per_voxel: PerVoxel = 5,
+    per_voxel: PerVoxel | Literal["conforming"] = 5,
     scale: float = 1.0,
     density: float = DENSITY,
     folder: Path | None = None,
     keep: bool = True,
     tell: Callable[[str], None] | None = None,
 ) -> CookedBody:
-    """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`): one of the lab's shapes, by
-    name or as a Shape, a file, or the mesh itself; or of a file of tetrahedra, as they are. Coordinates of files, and shapes,
-    times `scale`. From `folder` (the user's cache) where it was made before, else made and put there: the same bits.
+    """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
+    that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
+    a file, or the mesh itself; or of a file of tetrahedra, as they are. Coordinates of files, and shapes, times `scale`. From
+    `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
+    nobody makes twice).
 
     `keep` False: neither read nor written. `tell` is called with what is about to be made. Raises SceneError (a parameter)
     and InputError (the mesh, the file), each with what would do.
@@ -91,12 +78,15 @@ def cooked(
 
     def make() -> CookedBody:
         if tell:
-            tell("reading the tetrahedra" if settled else "cutting the body into voxels")
+            filled = "filling the surface, which can take minutes" if per_voxel == "conforming" else ""
+            tell("reading the tetrahedra" if settled else filled or "cutting the body into voxels")
         if settled:
             return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
-        mesh = _triangles(source, scale)
+        mesh = _triangles(source, scale, raw=per_voxel == "conforming")
         try:
-            return _body_of_voxels(mesh, edge, voxels, per_voxel)
+            if per_voxel == "conforming":
+                return body_of_surface(mesh, edge, voxels)
+            return body_of_voxels(mesh, edge, voxels, per_voxel)
         except InputError as error:
             raise InputError(f"{source}: {error}" if isinstance(source, str | Path) else str(error)) from None
 
@@ -143,7 +133,7 @@ def body_key(source: Source, scale: float, parameters: str) -> str:
 
 @cache
 def _sources() -> str:
-    return source_digest(ROOT / "model" / "geometry", Path(__file__))
+    return source_digest(ROOT / "model" / "geometry", Path(__file__), Path(tetrahedral_body.__file__))
 
 
 def _bytes(file: Path) -> bytes:
@@ -173,24 +163,16 @@ def _is_settled(source: Source) -> bool:
     return isinstance(source, str | Path) and Path(source).suffix.lower() in READERS
 
 
-def _triangles(source: Source, scale: float) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
+def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
+    """The mesh; `raw`: as a file holds it, whatever it is."""
     if isinstance(source, Shape):
         return source.model_copy(update={"scale": source.scale * scale}).mesh()
     if isinstance(source, str | Path):
+        if raw:
+            position, triangles, _ = read_mesh_arrays(Path(source))
+            return position * scale, triangles
         return read_mesh(source, scale)
     return source
-
-
-def _body_of_voxels(
-    mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], edge: float | None, voxels: int | None, per_voxel: PerVoxel
-) -> CookedBody:
-    made = voxel_mesh(mesh, edge=edge, voxels=voxels, per_voxel=per_voxel)
-    size = len(made.starts) - 1, made.edge, made.doubled
-    report = report_of(made.mesh, made.embedding, made.hull.volume, DENSITY, made.hull.told, size)
-    hull = made.hull
-    return CookedBody(
-        made.mesh, made.voxel, made.colour, made.starts, hull.position, hull.triangles, made.embedding, report
-    )
 
 
 def _body_of_file(path: Path, scale: float) -> CookedBody:
@@ -201,30 +183,8 @@ def _body_of_file(path: Path, scale: float) -> CookedBody:
             found = _unpacked(held)
             if found is None:
                 raise InputError(f"{path} is no whole body, or of another version of the lab; cook it again")
-            return _scaled(found, scale)
-    mesh, told = read_tetrahedra(path, scale)
-    number, triangles = np.unique(mesh.surface, return_inverse=True)
-    corner = np.argsort(mesh.tetrahedra.ravel(), kind="stable")
-    first = corner[np.searchsorted(mesh.tetrahedra.ravel()[corner], number)]  # where each vertex is a corner first
-    weights = np.eye(4)[first % 4]
-    embedding = Embedding((first // 4).astype(np.int32), weights)
-    position, none = mesh.position[number], np.zeros(0, np.int32)
-    triangles = triangles.reshape(-1, 3).astype(np.int32)
-    local = position[triangles] - position.mean(axis=0)
-    volume = float(np.einsum("ij,ij->i", local[:, 0], np.cross(local[:, 1], local[:, 2])).sum() / 6)
-    report = report_of(mesh, embedding, volume, DENSITY, told)
-    return CookedBody(mesh, none.reshape(0, 3), none, none, position, triangles, embedding, report)
-
-
-def _scaled(body: CookedBody, scale: float) -> CookedBody:
-    if scale == 1:
-        return body
-    told, was = body.report.told, body.report
-    with np.errstate(all="ignore"):
-        mesh = TetrahedralMesh(body.mesh.position * scale, body.mesh.tetrahedra)
-        size = was.voxels, was.edge * scale, was.doubled
-        report = report_of(mesh, body.embedding, was.hull_volume * scale**3, was.density, told, size)
-    return replace(body, mesh=mesh, hull_position=body.hull_position * scale, report=report)
+            return scaled(found, scale)
+    return body_of_tetrahedra(*read_tetrahedra(path, scale))
 
 
 def _packed(body: CookedBody) -> dict[str, np.ndarray]:

@@ -10,7 +10,9 @@ from test_mesh import obj, write
 
 import softlab
 from model.assets import cooked as room
-from model.assets.cooked import CookedBody, cooked, load, save
+from model.assets import tetrahedral_body
+from model.assets.cooked import cooked, load, save
+from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
 from model.geometry.shapes import Shape
 from model.geometry.tetrahedra.files import write_arrays
@@ -34,7 +36,7 @@ def test_a_body_is_made_once_and_loaded_with_the_same_bits(tmp_path, monkeypatch
     told = []
     body = cooked(source, voxels=6, folder=tmp_path, tell=told.append)
     assert told == ["cutting the body into voxels"] and len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(room, "voxel_mesh", None)  # nothing is made again
+    monkeypatch.setattr(tetrahedral_body, "voxel_mesh", None)  # nothing is made again
     again = cooked(source, voxels=6, folder=tmp_path, tell=told.append, density=7.0)
     assert same(body.with_density(7.0), again) and len(told) == 1
     assert again.report.mass == pytest.approx(7 * body.report.volume)
@@ -167,7 +169,7 @@ def test_the_command_refuses_in_a_line_and_writes_nothing(command, tmp_path):
         ("cook open.obj body.npz", "open.obj: the mesh is open, it has 1 rim"),
         ("cook text.msh body.npz", "text.msh: it has no $MeshFormat"),
         ("cook missing.obj body.npz", "missing.obj: no such file"),
-        ("cook blob body.npz --tetrahedra 4", "--tetrahedra = 4: must be 5 or 6"),
+        ("cook blob body.npz --tetrahedra 4", "--tetrahedra = '4': must be 5 or 6"),
         ("cook blob body.npz --edge nan", "edge = nan: must be"),
         ("cook blob body.npz --edge 0.1 --voxels 3", "give voxels or edge"),
         ("cook blob body.npz --voxels 900000", "of memory"),

@@ -131,17 +131,10 @@ def _lattice(
     hull: Solid, low: np.ndarray, high: np.ndarray, edge: float | None, voxels: int | None, per_voxel: int
 ) -> tuple[float, np.ndarray]:
     """(edge of a voxel [m], how many along each axis (3,) int64)."""
-    if edge is not None and voxels is not None:
-        raise SceneError("voxels", voxels, "give voxels or edge, not both")
     if per_voxel not in CUTS:
         raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
-    if edge is not None and not (isfinite(edge) and edge > 0):
-        raise SceneError("edge", edge, "must be a finite number greater than 0 [m]")
-    if voxels is not None and not 1 <= voxels <= MOST_VOXELS:
-        raise SceneError("voxels", voxels, f"must be 1 to {MOST_VOXELS} along the longest axis")
     field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
-    longest = float((high - low).max())
-    size = longest / (voxels or VOXELS) if edge is None else float(edge)
+    size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
         raise InputError(
@@ -163,6 +156,18 @@ def _lattice(
             "make them larger",
         )
     return size, counts
+
+
+def edge_of(position: np.ndarray, edge: float | None, voxels: int | None) -> float:
+    """[m]: `edge`, or that of so many `voxels` along the longest side of the box around `position` (vertices, 3) [m]. Raises
+    SceneError."""
+    if edge is not None and voxels is not None:
+        raise SceneError("voxels", voxels, "give voxels or edge, not both")
+    if edge is not None and not (isfinite(edge) and edge > 0):
+        raise SceneError("edge", edge, "must be a finite number greater than 0 [m]")
+    if voxels is not None and not 1 <= voxels <= MOST_VOXELS:
+        raise SceneError("voxels", voxels, f"must be 1 to {MOST_VOXELS} along the longest axis")
+    return float(np.ptp(position, axis=0).max()) / (voxels or VOXELS) if edge is None else float(edge)
 
 
 def _cut(

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from closed_meshes import ball, both, box, rotation, turned_over
 
-from model.assets.cooked import CookedBody, cooked
+from model.assets.cooked import cooked
+from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SoftlabError
 from model.geometry.tetrahedra.voxels import voxel_mesh
 
