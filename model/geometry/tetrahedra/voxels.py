@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from math import isfinite
 from typing import Literal
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, readable
 from model.geometry.edges import components
-from model.geometry.mesh import TriangleMesh
+from model.geometry.mesh import LARGEST, TriangleMesh
 from model.geometry.normals import mesh_normals
 from model.geometry.solid import Solid, as_mesh, solid
 from model.geometry.tetrahedra.embedding import Embedding
@@ -36,7 +35,8 @@ WHOLE = 1e-9  # of a voxel: a surface so near to the lattice lies on it
 COARSEST = (
     2.0**-30
 )  # of the largest coordinate: what the edge of a voxel must be over, or its corners are rounded together
-BYTES_PER_VOXEL, BYTES_PER_TRIANGLE = 5000, 2000  # of memory while it is made: 4500 and 500 seen
+BYTES_PER_VOXEL = 5000  # of memory while it is made: 4500 seen
+BYTES_PER_TRIANGLE = 6000  # and for each voxel that a triangle is long: 500 seen of small ones, 5000 of long ones
 
 PerVoxel = Literal[5, 6]
 
@@ -148,7 +148,8 @@ def _lattice(
         )
     counts = np.maximum(np.ceil(wide - 2 * _slack(hull, size)), 1).astype(np.int64)
     some = min(float(np.prod(wide + 1)), hull.volume / size**3 + 2 * hull.area / size**2 + 8)
-    needed, free = some * BYTES_PER_VOXEL + len(hull.triangles) * BYTES_PER_TRIANGLE, available_bytes()
+    spanned = len(hull.triangles) + float(np.ptp(hull.position[hull.triangles], axis=1).max(axis=1).sum()) / size
+    needed, free = some * BYTES_PER_VOXEL + spanned * BYTES_PER_TRIANGLE, available_bytes()
     if needed > free:
         raise SceneError(
             *field,
@@ -163,8 +164,8 @@ def edge_of(position: np.ndarray, edge: float | None, voxels: int | None) -> flo
     SceneError."""
     if edge is not None and voxels is not None:
         raise SceneError("voxels", voxels, "give voxels or edge, not both")
-    if edge is not None and not (isfinite(edge) and edge > 0):
-        raise SceneError("edge", edge, "must be a finite number greater than 0 [m]")
+    if edge is not None and not 0 < edge <= LARGEST:
+        raise SceneError("edge", edge, f"must be a number greater than 0 and at most {LARGEST:g} [m]")
     if voxels is not None and not 1 <= voxels <= MOST_VOXELS:
         raise SceneError("voxels", voxels, f"must be 1 to {MOST_VOXELS} along the longest axis")
     return float(np.ptp(position, axis=0).max()) / (voxels or VOXELS) if edge is None else float(edge)

@@ -166,8 +166,9 @@ def test_an_open_mesh_is_refused_and_one_inside_out_turned_over():
 
 def test_parameters_are_refused_with_what_would_do():
     for parameters, words in (
-        ({"edge": 0.0}, "edge = 0.0: must be a finite number greater than 0"),
+        ({"edge": 0.0}, "edge = 0.0: must be a number greater than 0 and at most 1e"),
         ({"edge": float("nan")}, "edge = nan"),
+        ({"edge": 1e300}, "edge = 1e.300: must be"),
         ({"voxels": 0}, "voxels = 0: must be 1 to"),
         ({"voxels": 1 << 30}, "voxels = .*must be 1 to"),
         ({"edge": 1e-3, "voxels": 3}, "give voxels or edge"),
