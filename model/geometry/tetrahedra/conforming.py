@@ -19,13 +19,12 @@ import numpy as np
 from model.core.disk_cache import read_arrays
 from model.core.errors import BackendUnavailable, InputError, SceneError
 from model.geometry.mesh import check_vertices, without_flat
-from model.geometry.tetrahedra.embedding import Embedding, weights_of
+from model.geometry.tetrahedra.embedding import Embedding, carriers
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, signed_volumes
 
 TOLERANCE = 1e-3  # of the diagonal of the box: how far the surface may be moved
 DENSEST, COARSEST = 1e-3, 1.0  # of the diagonal: the edge of a tetrahedron
 SECONDS = 900.0  # that it may take
-NEAREST = 24  # tetrahedra, by their middles, that a point may lie in
 PROGRAM = """
 import sys, numpy, wildmeshing
 given = numpy.load(sys.argv[1])
@@ -72,20 +71,6 @@ def conforming_mesh(position: np.ndarray, triangles: np.ndarray, edge: float) ->
         raise InputError("wildmeshing finds nothing to fill in it, or gave up on it; take voxels, or repair the mesh")
     mesh = TetrahedralMesh(held["position"] * diagonal + middle, _turned(held["position"], held["tetrahedra"]))
     return mesh, carriers(mesh, position)
-
-
-def carriers(mesh: TetrahedralMesh, points: np.ndarray) -> Embedding:
-    """What carries `points` (n, 3) [m]: of the tetrahedra whose middles are nearest the one that each lies in, or is least
-    outside of."""
-    from scipy.spatial import cKDTree
-
-    count = min(NEAREST, len(mesh.tetrahedra))
-    near = cKDTree(mesh.position[mesh.tetrahedra].mean(axis=1)).query(points, k=[*range(1, count + 1)])[1]
-    weights = weights_of(np.repeat(points, count, axis=0), mesh.position, mesh.tetrahedra[near.ravel()])
-    weights = weights.reshape(-1, count, 4)
-    best = weights.min(axis=2).argmax(axis=1)[:, None]
-    found = np.take_along_axis(weights, best[..., None], axis=1)[:, 0]
-    return Embedding(np.take_along_axis(near, best, axis=1)[:, 0].astype(np.int32), found)
 
 
 def _turned(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:

@@ -116,6 +116,9 @@ class _Words:
         self.at += count
         return self.words[self.at - count : self.at]
 
+    def counts(self, count: int, what: str) -> list[int]:
+        return [int(word) for word in self.take(count, what)]
+
     def whole(self, count: int, what: str) -> np.ndarray:
         return np.array(self.take(count, what), dtype=np.int64)
 
@@ -164,9 +167,9 @@ def _read_msh(text: str) -> Raw:
 
 def _msh_nodes(words: _Words) -> tuple[np.ndarray, np.ndarray]:
     names, places = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
-    blocks, total, _, _ = words.whole(4, "nodes")
+    blocks, total, _, _ = words.counts(4, "nodes")
     for _ in range(blocks):
-        dimension, _, parametric, count = words.whole(4, "nodes")
+        dimension, _, parametric, count = words.counts(4, "nodes")
         width = 3 + (dimension if parametric else 0)
         names.append(words.whole(count, "nodes"))
         places.append(words.real(count * width, "nodes").reshape(count, width)[:, :3])
@@ -198,12 +201,12 @@ def _msh_blocks(words: _Words) -> np.ndarray:
         16: 8,
         17: 20,
     }
-    blocks, _, _, _ = words.whole(4, "elements")
+    blocks, _, _, _ = words.counts(4, "elements")
     for _ in range(blocks):
-        _, _, kind, count = words.whole(4, "elements")
-        if int(kind) not in nodes:
+        _, _, kind, count = words.counts(4, "elements")
+        if kind not in nodes:
             raise InputError(f"its elements of type {kind} are not known here; export tetrahedra alone")
-        width = 1 + nodes[int(kind)]
+        width = 1 + nodes[kind]
         each = words.whole(count * width, "elements").reshape(count, width)
         if kind in MSH_TETRAHEDRA:
             found.append(each[:, 1:5])
@@ -235,7 +238,7 @@ def _read_vtk(text: str) -> Raw:
     position = words.real(3 * count, "points").reshape(count, 3)
     if not words.upto("CELLS"):
         raise InputError("it has no CELLS: cut short; export it again")
-    cells, size = words.whole(2, "cells")
+    cells, size = words.counts(2, "cells")
     if words.words[words.at : words.at + 1] == ["OFFSETS"]:  # since version 5.1
         words.take(2, "cells")
         start = words.whole(cells, "cells")
@@ -260,15 +263,15 @@ def _read_vtk(text: str) -> Raw:
 
 def _read_ele(node: str, ele: str) -> Raw:
     words, other = (_Words("\n".join(line.partition("#")[0] for line in text.splitlines())) for text in (node, ele))
-    count, dimension, attributes, markers = words.whole(4, "the .node file")
+    count, dimension, attributes, markers = words.counts(4, "the .node file")
     if dimension != 3:
         raise InputError(f"its vertices have {dimension} coordinates, not 3; export it again")
-    name, position = _numbered(words, int(count), 3, int(attributes + markers))
-    count, corners, attributes = other.whole(3, "the .ele file")
+    name, position = _numbered(words, count, 3, attributes + markers)
+    count, corners, attributes = other.counts(3, "the .ele file")
     if corners < 4:
         raise InputError(f"its elements have {corners} corners: they are no tetrahedra; export it again")
-    width = 1 + int(corners) + int(attributes)
-    rows = np.array(other.take(int(count) * width, "tetrahedra")).reshape(count, width)
+    width = 1 + corners + attributes
+    rows = np.array(other.take(count * width, "tetrahedra")).reshape(count, width)
     return name, position, rows[:, 1:5].astype(np.int64)
 
 

@@ -11,7 +11,7 @@ from closed_meshes import ball, both, box, without_some
 
 from model.assets.cooked import cooked
 from model.core.errors import BackendUnavailable, InputError, SceneError
-from model.geometry.tetrahedra.conforming import carriers, conforming_mesh
+from model.geometry.tetrahedra.conforming import conforming_mesh
 from model.geometry.tetrahedra.voxels import voxel_mesh
 
 wild = pytest.mark.skipif(importlib.util.find_spec("wildmeshing") is None, reason='needs pip install -e ".[tets]"')
@@ -21,13 +21,6 @@ def test_without_wildmeshing_it_is_said_how_to_get_it(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(BackendUnavailable, match=r"wildmeshing is not installed; pip install -e \"\.\[tets\]\""):
         conforming_mesh(*ball(), 0.2)
-
-
-def test_points_are_carried_by_the_tetrahedron_that_they_lie_in():
-    mesh = voxel_mesh(box(), voxels=4).mesh
-    points = np.random.default_rng(1).uniform(-0.5, 0.5, (500, 3))
-    found = carriers(mesh, points)
-    assert np.abs(found.points(mesh.position, mesh.tetrahedra) - points).max() < 1e-15 and found.weights.min() > -1e-14
 
 
 @wild

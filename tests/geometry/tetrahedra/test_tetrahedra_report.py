@@ -5,7 +5,7 @@ import pytest
 from closed_meshes import ball, both, box, volume_of
 
 from model.core.errors import SceneError
-from model.geometry.tetrahedra.embedding import Embedding, weights_of
+from model.geometry.tetrahedra.embedding import Embedding, carriers, weights_of
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
 from model.geometry.tetrahedra.report import report_of
 from model.geometry.tetrahedra.voxels import voxel_mesh
@@ -61,3 +61,10 @@ def test_points_outside_are_counted_with_their_distance():
 def test_a_density_is_over_0():
     with pytest.raises(SceneError, match=r"density = -1.*kg/m\^3"):
         told(ball(), density=-1.0)
+
+
+def test_points_are_carried_by_the_tetrahedron_that_they_lie_in():
+    mesh = voxel_mesh(box(), voxels=4).mesh
+    points = np.random.default_rng(1).uniform(-0.5, 0.5, (500, 3))
+    found = carriers(mesh, points)
+    assert np.abs(found.points(mesh.position, mesh.tetrahedra) - points).max() < 1e-15 and found.weights.min() > -1e-14
