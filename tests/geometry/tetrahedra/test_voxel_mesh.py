@@ -113,6 +113,21 @@ def test_a_voxel_exists_where_the_body_overlaps_it(name, mesh):
     assert body.mesh.volumes.sum() > body.hull.volume
 
 
+def test_voxels_of_a_turned_box_are_those_that_no_plane_parts_from_it():
+    """Two boxes are apart where one of 15 axes separates them (S. Gottschalk et al. 1996)."""
+    size, turn = np.array([0.5, 0.3, 1.0]), rotation((0.4, 1.0, -0.3))
+    body = voxel_mesh((box(size)[0] @ turn.T, box()[1]), voxels=12)
+    counts = np.ceil(np.ptp(body.hull.position, axis=0) / body.edge - 1e-9).astype(int)
+    index = np.argwhere(np.ones(counts))
+    middle = body.origin + (index + 0.5) * body.edge
+    axes = [*np.eye(3), *turn.T, *(np.cross(one, other) for one in np.eye(3) for other in turn.T)]
+    meets = np.ones(len(index), bool)
+    for axis in axes:
+        reach = body.edge / 2 * np.abs(axis).sum() + (size / 2) @ np.abs(turn.T @ axis)
+        meets &= np.abs(middle @ axis) < reach
+    assert np.array_equal(index[meets], np.unique(body.voxel, axis=0))
+
+
 @pytest.mark.parametrize("gap", [0.3, 0.05, 0.001])
 @pytest.mark.parametrize("per_voxel", [5, 6])
 def test_two_bars_nearer_than_a_voxel_do_not_weld(gap, per_voxel):

@@ -15,6 +15,7 @@ from model.geometry.solid import solid
 from model.geometry.tetrahedra.meeting import Cells
 from model.geometry.tetrahedra.overlap import triangles_in_voxels
 from model.geometry.tetrahedra.pieces import pieces_of
+from model.geometry.tetrahedra.voxels import voxel_mesh
 from model.geometry.voxels import runs_inside
 
 
@@ -96,8 +97,35 @@ def test_some_of_those_bodies_have_doubled_voxels():
 
 def test_a_thin_plate_whose_triangles_end_at_the_lattice_is_not_torn():
     """No line of probes along the plate is within it, and no triangle passes from one voxel to the next."""
-    from model.geometry.tetrahedra.voxels import voxel_mesh
-
     position, triangles = blocks([(x, y, 0) for x in range(4) for y in range(3)])
     body = voxel_mesh((position * [1, 1, 0.01], triangles), edge=1.0)
     assert body.mesh.pieces() == 1 and len(body.mesh.position) == 5 * 4 * 2 and body.doubled == 0
+
+
+def test_a_thin_plate_is_not_torn_from_a_block_whose_side_is_the_lattice_s():
+    """The block's voxel is inside throughout: all that joins them are edges on the side between, with a triangle in it."""
+    position, triangles = blocks([(0, 0, 0), (0, 0, 1), (0, 0, 2), (1, 0, 1)])
+    position[:, 2] = np.array([0, 0.45, 0.55, 1])[np.round(position[:, 2]).astype(int)]
+    body = voxel_mesh((position, triangles), edge=1.0)
+    assert body.mesh.pieces() == 1 and len(body.mesh.position) == 12 and body.doubled == 0
+
+
+def test_the_legs_of_a_v_are_two_where_their_triangles_meet_elsewhere():
+    """The triangles of the inner sides share an edge with each other, far below the voxel that both legs are in."""
+    outline = np.array([(0, 0), (1, 4), (0.8, 4), (0, 0.9), (-0.8, 4), (-1, 4)], dtype=float)
+    front, back = (np.column_stack([outline, np.full(6, z)]) for z in (0.3, 0.0))
+    cap = np.array([(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
+    k, after = np.arange(6), (np.arange(6) + 1) % 6
+    wall = np.concatenate([np.stack([k, k + 6, after], 1), np.stack([after, k + 6, after + 6], 1)])
+    body = voxel_mesh((np.concatenate([front, back]), np.concatenate([cap, cap[:, ::-1] + 6, wall])), edge=2.0)
+    assert body.doubled == 1 and body.mesh.pieces() == 1
+    assert len(body.mesh.tetrahedra) == 3 * 5 and len(body.mesh.position) == 8 + 2 * 4
+
+
+def test_copies_that_share_all_their_vertices_are_one():
+    """A slit through the middle one of 27 voxels, and no farther: what lies on both sides of it hangs together around it."""
+    slit = {(4, y, z) for y in (3, 4, 5) for z in (3, 4, 5)}
+    cells = [cell for cell in np.ndindex(9, 9, 9) if cell not in slit]
+    body = voxel_mesh(blocks(cells), edge=3.0)
+    assert len(body.mesh.tetrahedra) == 27 * 5 and body.doubled == 0 and body.mesh.pieces() == 1
+    assert set(body.mesh.face_counts) == {1, 2}
