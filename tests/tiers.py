@@ -163,6 +163,8 @@ test_no_trace.py test_the_cpu_has_no_instruction*
 test_vertex_timing.py test_both_ways*
 test_compiled.py *sheets?of?bodies*
 test_ablate.py test_a_time_between* test_asked_again* test_the_command_prints* test_interrupted* test_the_figure_and*
+# ten thousand meshes of every kind
+test_tetrahedra_soup.py test_ten_thousand*
 # the tool that measures how many deliberate mistakes are noticed (python -m tests.mistakes), end to end
 test_mistakes.py test_mistakes_are_noticed*
 """)

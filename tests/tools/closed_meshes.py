@@ -46,6 +46,23 @@ def ball(radius=0.5, halvings=2) -> Mesh:
     return position * radius, triangles
 
 
+def blocks(cells, size=1.0) -> Mesh:
+    """The surface of a set of cubes of `size`, which share the vertices between them."""
+    solid, quads = set(cells), []
+    for cell in cells:
+        for axis in range(3):
+            one, two = np.roll(np.eye(3, dtype=int), -axis, axis=0)[1:]
+            for side in (0, 1):
+                beyond = np.array(cell) + (2 * side - 1) * np.eye(3, dtype=int)[axis]
+                if tuple(beyond) not in solid:
+                    start = np.array(cell) + side * np.eye(3, dtype=int)[axis]
+                    quad = [start, start + one, start + one + two, start + two]
+                    quads.append(quad if side else quad[::-1])
+    corners, number = np.unique(np.array(quads).reshape(-1, 3), axis=0, return_inverse=True)
+    number = number.reshape(-1, 4)
+    return corners * size, np.concatenate([number[:, [0, 1, 2]], number[:, [0, 2, 3]]])
+
+
 def volume_of(mesh: Mesh) -> float:
     a, b, c = (mesh[0][corner] for corner in mesh[1].T)
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)

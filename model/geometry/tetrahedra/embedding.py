@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.tetrahedra.mesh import FACES, rest_inverse
+from model.geometry.tetrahedra.mesh import FACES, TetrahedralMesh, rest_inverse
 
 OUTSIDE = 1e-9  # of a weight below 0: less is rounding
+NEAREST = 24  # tetrahedra, by their middles, that a point may lie in
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,3 +43,17 @@ def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray)
     start = position[tetrahedra[:, 0]]
     rest = np.einsum("pij,pj->pi", rest_inverse(position, tetrahedra), points - start)
     return np.column_stack([1 - rest.sum(axis=1), rest])
+
+
+def carriers(mesh: TetrahedralMesh, points: np.ndarray) -> Embedding:
+    """What carries `points` (n, 3) [m]: of the tetrahedra whose middles are nearest the one that each lies in, or is least
+    outside of."""
+    from scipy.spatial import cKDTree
+
+    count = min(NEAREST, len(mesh.tetrahedra))
+    near = cKDTree(mesh.position[mesh.tetrahedra].mean(axis=1)).query(points, k=[*range(1, count + 1)])[1]
+    weights = weights_of(np.repeat(points, count, axis=0), mesh.position, mesh.tetrahedra[near.ravel()])
+    weights = weights.reshape(-1, count, 4)
+    best = weights.min(axis=2).argmax(axis=1)[:, None]
+    found = np.take_along_axis(weights, best[..., None], axis=1)[:, 0]
+    return Embedding(np.take_along_axis(near, best, axis=1)[:, 0].astype(np.int32), found)

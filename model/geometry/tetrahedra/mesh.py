@@ -73,8 +73,7 @@ class TetrahedralMesh:
     def masses(self, density: float) -> np.ndarray:
         """(vertices,) float64 [kg]: a quarter of each tetrahedron of `density` [kg/m^3] at each of its corners (lumped).
         Raises SceneError."""
-        if not (isfinite(density) and density > 0):
-            raise SceneError("density", density, "must be a finite number greater than 0 [kg/m^3]")
+        check_density(density)
         quarter = np.repeat(self.volumes * (density / 4), 4)
         return np.bincount(self.tetrahedra.ravel(), quarter, minlength=len(self.position))
 
@@ -106,6 +105,12 @@ def rest_inverse(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
     determinant: np.ndarray = np.einsum("ij,ij->i", one, rows[:, 0])[:, None, None]
     inverse: np.ndarray = rows / determinant
     return inverse
+
+
+def check_density(density: float) -> None:
+    """Raise SceneError for what is no density [kg/m^3]."""
+    if not (isfinite(density) and density > 0):
+        raise SceneError("density", density, "must be a finite number greater than 0 [kg/m^3]")
 
 
 def _check(position: np.ndarray, corners: np.ndarray) -> None:

@@ -2,10 +2,11 @@
 
 What joins, within a voxel: triangles that share an edge which passes through it; the two ends of a stretch of the inside
 along a line of probes parallel to an axis; and such stretches that share a probe. Across a side: a triangle that passes
-through it; a stretch of the inside that does. All of these are facts about the body, so that pieces which do not touch are
-never joined, however near. Of lines there are PROBES x PROBES a voxel and axis; what none of them meets is joined with what
-it sees (sight.py). A piece whose surface falls into parts that neither finds is taken for several, each of which still hangs
-together with its neighbours across the sides. Bodies that overlap each other by less than a voxel / PROBES may stay apart.
+through it; two that meet at an edge on it; a stretch of the inside that passes through it. All of these are facts about the
+body, so that pieces which do not touch are never joined, however near. Of lines there are PROBES x PROBES a voxel and axis;
+what none of them meets is joined with what it sees (sight.py). A piece whose surface falls into parts that neither finds is
+taken for several, each of which still hangs together with its neighbours across the sides. Bodies that overlap each other by
+less than a voxel / PROBES may stay apart.
 """
 
 from __future__ import annotations
@@ -16,46 +17,12 @@ import numpy as np
 
 from model.geometry.edges import MeshEdges, components
 from model.geometry.lists import ranges
+from model.geometry.tetrahedra.meeting import Cells, across_edges, over_edges, positions
 from model.geometry.tetrahedra.sight import in_sight
 from model.geometry.voxels import crossings
 
 PROBES = 4  # lines a voxel, along each of two axes
-DENSE = 1 << 24  # cells of a lattice up to which a table tells the voxel of each
-
-
-class Cells:
-    """The voxels there are: `index` (voxels, 3) int64, rows ascending, of a lattice of `counts` (3,)."""
-
-    def __init__(self, index: np.ndarray, counts: np.ndarray) -> None:
-        self.counts = counts
-        self.key = np.unique(self._key(index))
-        self.index = np.stack(np.unravel_index(self.key, tuple(int(count) for count in counts)), axis=1)
-        self._table = None
-        if int(np.prod(counts)) <= DENSE:
-            self._table = np.full(int(np.prod(counts)), -1, dtype=np.int32)
-            self._table[self.key] = np.arange(len(self.key))
-
-    def __len__(self) -> int:
-        return len(self.key)
-
-    def _key(self, index: np.ndarray) -> np.ndarray:
-        key: np.ndarray = (index[:, 0] * self.counts[1] + index[:, 1]) * self.counts[2] + index[:, 2]
-        return key
-
-    def number(self, index: np.ndarray) -> np.ndarray:
-        """(n,) int64: the voxel at each `index` (n, 3), -1 where there is none."""
-        inside = ((index >= 0) & (index < self.counts)).all(axis=1)
-        key = np.where(inside, self._key(index), 0)
-        if self._table is not None:
-            found = self._table[key].astype(np.int64)
-        else:
-            place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
-            found = np.where(self.key[place] == key, place, -1)
-        return np.where(inside, found, -1)
-
-    def beside(self, axis: int) -> np.ndarray:
-        """(voxels,) int64: the next voxel along `axis`, -1 for none."""
-        return self.number(self.index + np.eye(3, dtype=np.int64)[axis])
+LOOKS = 4  # triangles of a part that no line meets, from which is looked
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +60,7 @@ def pieces_of(
     """The pieces of the closed mesh of `place` (vertices, 3), in voxels, and `triangles` (n, 3), whose edges are
     `edges`. `pairs`: (triangle, number of a voxel) (pairs,), ascending, as `triangles_in_voxels` finds them."""
     triangle, voxel = pairs
-    count, patches = len(triangle), _across_edges(place, edges, cells, triangle, voxel)
+    count, patches = len(triangle), across_edges(place, edges, cells, pairs)
     label = components(count, patches)
     several = np.bincount(voxel[label == np.arange(count)], minlength=len(cells)) > 1
     key = triangle * len(cells) + voxel
@@ -109,7 +76,7 @@ def pieces_of(
         own = several[parts.voxel]
         node = np.where(own, used + np.cumsum(own) - 1, whole[parts.voxel])
         for of in (parts.first, parts.last):
-            at, found = _positions(key, np.where(of >= 0, of * len(cells) + parts.voxel, -1))
+            at, found = positions(key, np.where(of >= 0, of * len(cells) + parts.voxel, -1))
             ends.append(np.stack([node[found], at[found]], axis=1))
         ends.append(_probes_of(parts, np.flatnonzero(own), node, probe, cells))
         owner.append(parts.voxel[own])
@@ -118,20 +85,30 @@ def pieces_of(
         used += int(own.sum())
         step = np.diff(cells.index[parts.voxel, axis])
         on = np.flatnonzero((parts.stretch[1:] == parts.stretch[:-1]) & (step == 1))
-        crossing.append(np.stack([node[on], node[on + 1]], axis=1))
+        at_side = over_edges(place, triangles, edges, cells, pairs, axis)
+        known = (at_side < count) | ~several[np.maximum(at_side - count, 0)]
+        crossing.append(np.concatenate([np.stack([node[on], node[on + 1]], axis=1), at_side[known.all(axis=1)]]))
     for group in ends:  # probes stand behind all other nodes: so far they count down from -1
         group[group < 0] = used - 1 - group[group < 0]
     nodes = used + int(several.sum()) * PROBES**3
     label = components(nodes, np.concatenate(ends))[:used]
-    alone = several[voxel] & (label[:count] == np.arange(count))  # a part's label is its first pair
-    alone[label[count:][label[count:] < count]] = False  # that some stretch begins or ends with
+    alone = several[voxel]
+    alone[np.isin(label[:count], label[count:])] = False  # what some stretch begins or ends with
     middles = tuple(np.concatenate(group) for group in zip(*seen, strict=True))
-    number = np.flatnonzero(alone)
-    number = number[np.argsort(voxel[number], kind="stable")]
-    more = in_sight(place, triangles, cells.index, pairs, number, (middles[0], middles[1], middles[2]))
+    lonely = _some_of_each(np.flatnonzero(alone), label)
+    lonely = lonely[np.argsort(voxel[lonely], kind="stable")]
+    more = in_sight(place, triangles, cells.index, pairs, (lonely, label[lonely]), (middles[0], middles[1], middles[2]))
     if len(more):
         label = components(nodes, np.concatenate([*ends, more]))[:used]
     return _numbered(label, np.concatenate(owner), np.concatenate(counted), crossing, cells, pairs)
+
+
+def _some_of_each(pairs: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Of the `pairs` of each label LOOKS, evenly, or as many as there are."""
+    pairs = pairs[np.argsort(label[pairs], kind="stable")]
+    _, first, count = np.unique(label[pairs], return_index=True, return_counts=True)
+    owner, rank = ranges(np.zeros(len(first), dtype=np.int64), count)
+    return pairs[(rank * LOOKS) // count[owner] != ((rank - 1) * LOOKS) // count[owner]]
 
 
 def _numbered(
@@ -159,7 +136,7 @@ def _numbered(
     for axis in range(3):
         beside = cells.beside(axis)
         there, at_side = beside[cell] >= 0, np.flatnonzero(beside >= 0)
-        other, found = _positions(key, np.where(there, triangle * len(cells) + beside[cell], -1))
+        other, found = positions(key, np.where(there, triangle * len(cells) + beside[cell], -1))
         inner = at_side[~surfaced[at_side] & ~surfaced[beside[at_side]]]  # all of both is inside
         through = np.stack([of_pair[found], of_pair[other[found]]], axis=1)
         within = piece[len(triangle) + np.stack([inner, beside[inner]], axis=1)]
@@ -167,40 +144,6 @@ def _numbered(
         both = np.unique(ends[:, 0] * len(place) + ends[:, 1])
         joined.append(np.stack(np.divmod(both, len(place)), axis=1))
     return Pieces(voxel[order], of_pair, (joined[0], joined[1], joined[2]))
-
-
-def _positions(keys: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
-    if not len(keys):
-        return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
-    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return place, keys[place] == wanted
-
-
-def _across_edges(
-    place: np.ndarray, edges: MeshEdges, cells: Cells, triangle: np.ndarray, voxel: np.ndarray
-) -> np.ndarray:
-    """(n, 2): pairs of triangle and voxel whose triangles share an edge that passes through the voxel."""
-    side = edges.sides[triangle].astype(np.int64)
-    key = (side * len(cells) + voxel[:, None]).ravel()
-    order = np.argsort(key, kind="stable")
-    twice = np.flatnonzero(key[order][1:] == key[order][:-1])
-    one, two = order[twice], order[twice + 1]
-    pair = one // 3
-    a, b = (place[end] for end in edges.edges[side.ravel()[one]].T)
-    low = cells.index[voxel[pair]]
-    enters, leaves = np.zeros(len(pair)), np.ones(len(pair))
-    meets = np.ones(len(pair), dtype=bool)
-    for k in range(3):  # between two planes: J. D. Foley et al., "Computer Graphics", section 3.12.4 (Liang, Barsky)
-        way, before, behind = b[:, k] - a[:, k], low[:, k] - a[:, k], low[:, k] + 1 - a[:, k]
-        still = way == 0
-        meets &= ~still | ((before < 0) & (behind > 0))
-        way = np.where(still, 1.0, way)
-        first, second = before / way, behind / way
-        enters = np.maximum(enters, np.where(still, 0.0, np.minimum(first, second)))
-        leaves = np.minimum(leaves, np.where(still, 1.0, np.maximum(first, second)))
-    meets &= enters < leaves
-    return np.stack([pair[meets], two[meets] // 3], axis=1)
 
 
 def _stretches(place: np.ndarray, triangles: np.ndarray, cells: Cells, axis: int) -> _Stretches:

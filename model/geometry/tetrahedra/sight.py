@@ -11,8 +11,8 @@ import numpy as np
 from model.geometry.lists import ranges
 
 NEAREST = 8  # of what lies in the voxel, that a part looks at
-MOST = 1 << 25  # triangles looked through at most, or a part stays alone: seconds
-BATCH = 1 << 20
+MOST = 1 << 24  # triangles looked through at most, or a part stays alone: seconds
+BATCH = 1 << 18
 TOUCHING = 1e-9  # of a triangle's size: a way so near to its rim is crossed by it
 
 
@@ -21,15 +21,16 @@ def in_sight(
     triangles: np.ndarray,
     low: np.ndarray,
     pairs: tuple[np.ndarray, np.ndarray],
-    alone: np.ndarray,
+    lonely: tuple[np.ndarray, np.ndarray],
     seen: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """(n, 2): pairs of `alone` (m,), and the nodes that they see.
+    """(n, 2): pairs of `lonely`, and the nodes that they see.
 
-    `pairs`: (triangle, voxel) (pairs,); `low` (voxels, 3): the corner that each voxel begins at; `alone`: of each part that
-    nothing is known of one pair, by voxel; `seen`: (voxel (k,), point (k, 3), node (k,)) of stretches of the inside.
+    `pairs`: (triangle, voxel) (pairs,); `low` (voxels, 3): the corner that each voxel begins at; `lonely`: (pair (m,), the
+    part that it is of (m,)), by voxel, of parts of which nothing is known; `seen`: (voxel (k,), point (k, 3), node (k,)) of
+    stretches of the inside.
     """
-    triangle, voxel = pairs
+    (triangle, voxel), (alone, part) = pairs, lonely
     none = np.zeros((0, 2), dtype=np.int64)
     if not len(alone) or len(alone) > MOST >> 10:
         return none
@@ -49,7 +50,8 @@ def in_sight(
     way = point[target] - start[source]
     ahead = np.einsum("ij,ij->i", way, inwards[source]) > 0
     back = np.einsum("ij,ij->i", way, facing[target])
-    keep = ahead & ((target < len(seen[0])) | (back < 0))
+    other = np.concatenate([np.full(len(seen[0]), -1), part])[target]
+    keep = ahead & ((other < 0) | ((back < 0) & (other != part[source])))
     source, target, way = source[keep], target[keep], way[keep]
     order = np.lexsort((np.einsum("ij,ij->i", way, way), source))
     source, target, way = source[order], target[order], way[order]
@@ -83,7 +85,7 @@ def _crossed(start: np.ndarray, way: np.ndarray, corners: np.ndarray) -> np.ndar
     size = np.einsum("ij,ij->i", one, normal)
     with np.errstate(all="ignore"):
         u, v, t = (np.einsum("ij,ij->i", *both) / size for both in ((away, normal), (way, turned), (two, turned)))
-    crossed: np.ndarray = (u >= -TOUCHING) & (v >= -TOUCHING) & (u + v <= 1 + TOUCHING) & (t > 0) & (t < 1)
+        crossed: np.ndarray = (u >= -TOUCHING) & (v >= -TOUCHING) & (u + v <= 1 + TOUCHING) & (t > 0) & (t < 1)
     return crossed
 
 

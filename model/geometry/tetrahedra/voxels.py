@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from math import isfinite
 from typing import Literal
 
 import numpy as np
@@ -20,13 +19,14 @@ import numpy as np
 from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, readable
 from model.geometry.edges import components
-from model.geometry.mesh import TriangleMesh
+from model.geometry.mesh import LARGEST, TriangleMesh
 from model.geometry.normals import mesh_normals
 from model.geometry.solid import Solid, as_mesh, solid
 from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.meeting import Cells
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
 from model.geometry.tetrahedra.overlap import EIGHT, triangles_in_voxels
-from model.geometry.tetrahedra.pieces import Cells, Pieces, pieces_of
+from model.geometry.tetrahedra.pieces import Pieces, pieces_of
 from model.geometry.voxels import runs_inside
 
 VOXELS = 10  # along the longest axis, unless given
@@ -35,7 +35,8 @@ WHOLE = 1e-9  # of a voxel: a surface so near to the lattice lies on it
 COARSEST = (
     2.0**-30
 )  # of the largest coordinate: what the edge of a voxel must be over, or its corners are rounded together
-BYTES_PER_VOXEL, BYTES_PER_TRIANGLE = 5000, 2000  # of memory while it is made: 4500 and 500 seen
+BYTES_PER_VOXEL = 5000  # of memory while it is made: 4500 seen
+BYTES_PER_TRIANGLE = 6000  # and for each voxel that a triangle is long: 500 seen of small ones, 5000 of long ones
 
 PerVoxel = Literal[5, 6]
 
@@ -130,17 +131,10 @@ def _lattice(
     hull: Solid, low: np.ndarray, high: np.ndarray, edge: float | None, voxels: int | None, per_voxel: int
 ) -> tuple[float, np.ndarray]:
     """(edge of a voxel [m], how many along each axis (3,) int64)."""
-    if edge is not None and voxels is not None:
-        raise SceneError("voxels", voxels, "give voxels or edge, not both")
     if per_voxel not in CUTS:
         raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
-    if edge is not None and not (isfinite(edge) and edge > 0):
-        raise SceneError("edge", edge, "must be a finite number greater than 0 [m]")
-    if voxels is not None and not 1 <= voxels <= MOST_VOXELS:
-        raise SceneError("voxels", voxels, f"must be 1 to {MOST_VOXELS} along the longest axis")
     field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
-    longest = float((high - low).max())
-    size = longest / (voxels or VOXELS) if edge is None else float(edge)
+    size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
         raise InputError(
@@ -154,7 +148,8 @@ def _lattice(
         )
     counts = np.maximum(np.ceil(wide - 2 * _slack(hull, size)), 1).astype(np.int64)
     some = min(float(np.prod(wide + 1)), hull.volume / size**3 + 2 * hull.area / size**2 + 8)
-    needed, free = some * BYTES_PER_VOXEL + len(hull.triangles) * BYTES_PER_TRIANGLE, available_bytes()
+    spanned = len(hull.triangles) + float(np.ptp(hull.position[hull.triangles], axis=1).max(axis=1).sum()) / size
+    needed, free = some * BYTES_PER_VOXEL + spanned * BYTES_PER_TRIANGLE, available_bytes()
     if needed > free:
         raise SceneError(
             *field,
@@ -162,6 +157,18 @@ def _lattice(
             "make them larger",
         )
     return size, counts
+
+
+def edge_of(position: np.ndarray, edge: float | None, voxels: int | None) -> float:
+    """[m]: `edge`, or that of so many `voxels` along the longest side of the box around `position` (vertices, 3) [m]. Raises
+    SceneError."""
+    if edge is not None and voxels is not None:
+        raise SceneError("voxels", voxels, "give voxels or edge, not both")
+    if edge is not None and not 0 < edge <= LARGEST:
+        raise SceneError("edge", edge, f"must be a number greater than 0 and at most {LARGEST:g} [m]")
+    if voxels is not None and not 1 <= voxels <= MOST_VOXELS:
+        raise SceneError("voxels", voxels, f"must be 1 to {MOST_VOXELS} along the longest axis")
+    return float(np.ptp(position, axis=0).max()) / (voxels or VOXELS) if edge is None else float(edge)
 
 
 def _cut(
@@ -245,7 +252,8 @@ def _piece_of_vertices(
     hull: Solid, snapped: np.ndarray, cells: Cells, pieces: Pieces, pairs: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """(vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs to, in a voxel
-    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them."""
+    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them; one of
+    a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
     triangle, voxel = pairs
     corner, low = hull.triangles[triangle], cells.index[voxel]
     held = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
@@ -262,7 +270,7 @@ def _piece_of_vertices(
     number = cells.number(around.reshape(-1, 3)).reshape(-1, 8)
     best = np.where(number >= 0, inwards @ ways.T, -np.inf).argmax(axis=1)
     found = number[np.arange(len(left)), best]
-    lost = np.flatnonzero(found < 0)  # none of a closed mesh; still, nobody is left without a voxel
+    lost = np.flatnonzero(found < 0)
     if len(lost):
         from scipy.spatial import cKDTree
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_meshes import ball, both, box, rotation, turned_over, without_some
+from closed_meshes import ball, blocks, both, box, rotation, turned_over, without_some
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
@@ -113,6 +113,21 @@ def test_a_voxel_exists_where_the_body_overlaps_it(name, mesh):
     assert body.mesh.volumes.sum() > body.hull.volume
 
 
+def test_voxels_of_a_turned_box_are_those_that_no_plane_parts_from_it():
+    """Two boxes are apart where one of 15 axes separates them (S. Gottschalk et al. 1996)."""
+    size, turn = np.array([0.5, 0.3, 1.0]), rotation((0.4, 1.0, -0.3))
+    body = voxel_mesh((box(size)[0] @ turn.T, box()[1]), voxels=12)
+    counts = np.ceil(np.ptp(body.hull.position, axis=0) / body.edge - 1e-9).astype(int)
+    index = np.argwhere(np.ones(counts))
+    middle = body.origin + (index + 0.5) * body.edge
+    axes = [*np.eye(3), *turn.T, *(np.cross(one, other) for one in np.eye(3) for other in turn.T)]
+    meets = np.ones(len(index), bool)
+    for axis in axes:
+        reach = body.edge / 2 * np.abs(axis).sum() + (size / 2) @ np.abs(turn.T @ axis)
+        meets &= np.abs(middle @ axis) < reach
+    assert np.array_equal(index[meets], np.unique(body.voxel, axis=0))
+
+
 @pytest.mark.parametrize("gap", [0.3, 0.05, 0.001])
 @pytest.mark.parametrize("per_voxel", [5, 6])
 def test_two_bars_nearer_than_a_voxel_do_not_weld(gap, per_voxel):
@@ -124,23 +139,6 @@ def test_two_bars_nearer_than_a_voxel_do_not_weld(gap, per_voxel):
     corners = body.mesh.tetrahedra[body.embedding.tetrahedron]
     assert not np.intersect1d(corners[:8], corners[8:]).size
     assert np.abs(carried(body) - body.hull.position).max() < 1e-15
-
-
-def blocks(cells, size):
-    """The surface of a set of cubes of `size`, which share the vertices between them."""
-    solid, quads = set(cells), []
-    for cell in cells:
-        for axis in range(3):
-            one, two = np.roll(np.eye(3, dtype=int), -axis, axis=0)[1:]
-            for side in (0, 1):
-                beyond = np.array(cell) + (2 * side - 1) * np.eye(3, dtype=int)[axis]
-                if tuple(beyond) not in solid:
-                    start = np.array(cell) + side * np.eye(3, dtype=int)[axis]
-                    quad = [start, start + one, start + one + two, start + two]
-                    quads.append(quad if side else quad[::-1])
-    corners, number = np.unique(np.array(quads).reshape(-1, 3), axis=0, return_inverse=True)
-    number = number.reshape(-1, 4)
-    return corners * size, np.concatenate([number[:, [0, 1, 2]], number[:, [0, 2, 3]]])
 
 
 def test_a_u_is_doubled_in_its_arms_and_one_at_its_foot():
@@ -183,8 +181,9 @@ def test_an_open_mesh_is_refused_and_one_inside_out_turned_over():
 
 def test_parameters_are_refused_with_what_would_do():
     for parameters, words in (
-        ({"edge": 0.0}, "edge = 0.0: must be a finite number greater than 0"),
+        ({"edge": 0.0}, "edge = 0.0: must be a number greater than 0 and at most 1e"),
         ({"edge": float("nan")}, "edge = nan"),
+        ({"edge": 1e300}, "edge = 1e.300: must be"),
         ({"voxels": 0}, "voxels = 0: must be 1 to"),
         ({"voxels": 1 << 30}, "voxels = .*must be 1 to"),
         ({"edge": 1e-3, "voxels": 3}, "give voxels or edge"),

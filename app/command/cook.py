@@ -1,0 +1,48 @@
+"""softlab cook: a mesh becomes a body of tetrahedra, in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from rich.console import Console
+
+from model.assets.cooked import cooked, save
+from model.assets.tetrahedral_body import DENSITY
+from model.core.errors import SceneError
+from model.core.files import check_target
+from model.geometry.tetrahedra.voxels import PerVoxel
+
+CHOICES: dict[str, PerVoxel | Literal["conforming"]] = {"5": 5, "6": 6, "conforming": "conforming"}
+
+
+def cook_body(
+    source: str,
+    target: Path,
+    out: Console,
+    errors: Console,
+    *,
+    edge: float | None = None,
+    voxels: int | None = None,
+    tetrahedra: str = "5",
+    scale: float = 1.0,
+    density: float = DENSITY,
+) -> None:
+    """Make the body of `source`, print its report and write it to `target` (.npz). Raises SceneError and InputError before
+    anything is written."""
+    check_target(target, (".npz",), "a body")
+    if tetrahedra not in CHOICES:
+        raise SceneError("--tetrahedra", tetrahedra, "must be 5 or 6 a voxel, or conforming")
+    with errors.status(f"cooking {source}") as status:
+
+        def tell(what: str) -> None:
+            status.update(f"{source}: {what}")
+
+        body = cooked(
+            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], scale=scale, density=density, tell=tell
+        )
+        status.update(f"{source}: writing {target}")
+        save(target, body)
+    for line in body.report.lines():
+        out.print(line, markup=False, soft_wrap=True)
+    out.print(f"wrote {target}", markup=False, soft_wrap=True)

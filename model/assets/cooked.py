@@ -1,0 +1,236 @@
+"""Tetrahedral bodies, cooked: made once of a mesh and its parameters, kept on disk, loaded ever after; and the file of one,
+for those who want it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from model.assets import tetrahedral_body
+from model.assets.tetrahedral_body import (
+    DENSITY,
+    CookedBody,
+    body_of_surface,
+    body_of_tetrahedra,
+    body_of_voxels,
+    scaled,
+)
+from model.core.digest import ROOT, source_digest
+from model.core.disk_cache import cache_folder, read_arrays
+from model.core.disk_cache import write_arrays as write_in_silence
+from model.core.errors import InputError, SceneError, SoftlabError
+from model.core.files import check_source, is_there, read_archive
+from model.geometry.mesh import TriangleMesh, read_mesh
+from model.geometry.mesh_files import FORMATS
+from model.geometry.mesh_files import read_arrays as read_mesh_arrays
+from model.geometry.shapes import Shape, ShapeName
+from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.files import READERS, files_of, read_tetrahedra, write_arrays
+from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
+from model.geometry.tetrahedra.report import Report
+from model.geometry.tetrahedra.voxels import PerVoxel
+
+VERSION = 1  # of the files: what is in them, and how
+SHAPES = tuple(
+    name for name in get_args(ShapeName) if name not in ("letters", "sheet", "terrain")
+)  # closed, of no text
+WHAT = (
+    "a body comes from a .obj, .stl or .ply mesh, a file of tetrahedra (.msh, .vtk, .ele, .node, .npz), or is one of "
+)
+
+Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
+
+
+def cooked(
+    source: Source,
+    *,
+    edge: float | None = None,
+    voxels: int | None = None,
+    per_voxel: PerVoxel | Literal["conforming"] = 5,
+    scale: float = 1.0,
+    density: float = DENSITY,
+    folder: Path | None = None,
+    keep: bool = True,
+    tell: Callable[[str], None] | None = None,
+) -> CookedBody:
+    """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
+    that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
+    a file, or the mesh itself; or of a file of tetrahedra, as they are. Coordinates of files, and shapes, times `scale`. From
+    `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
+    nobody makes twice).
+
+    `keep` False: neither read nor written. `tell` is called with what is about to be made. Raises SceneError (a parameter)
+    and InputError (the mesh, the file), each with what would do.
+    """
+    check_density(density)
+    source = _named(source, scale)
+    settled = _is_settled(source)
+    if settled and (edge is not None or voxels is not None):
+        field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
+        raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
+
+    def make() -> CookedBody:
+        if tell:
+            filled = "filling the surface, which can take minutes" if per_voxel == "conforming" else ""
+            tell("reading the tetrahedra" if settled else filled or "cutting the body into voxels")
+        if settled:
+            return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
+        mesh = _triangles(source, scale, raw=per_voxel == "conforming")
+        try:
+            if per_voxel == "conforming":
+                return body_of_surface(mesh, edge, voxels)
+            return body_of_voxels(mesh, edge, voxels, per_voxel)
+        except InputError as error:
+            raise InputError(f"{source}: {error}" if isinstance(source, str | Path) else str(error)) from None
+
+    if not keep:
+        return make().with_density(density)
+    key = body_key(source, scale, "as it is" if settled else f"{edge!r} {voxels!r} {per_voxel!r}")
+    file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
+    held = read_arrays(file)
+    found = _unpacked(held) if held and str(held.get("key")) == key else None
+    if found is None:
+        found = make()
+        write_in_silence(file, key=np.array(key), **_packed(found))
+    return found.with_density(density)
+
+
+def save(path: Path, body: CookedBody) -> None:
+    """Write the body into `path` (.npz), whole or not at all. Raises InputError."""
+    write_arrays(path, _packed(body))
+
+
+def load(path: str | Path) -> CookedBody:
+    """The body that `save` wrote, or the tetrahedra of any other .npz file. Raises InputError."""
+    return _body_of_file(Path(path), 1.0)
+
+
+def body_key(source: Source, scale: float, parameters: str) -> str:
+    """32 hexadecimal digits of the source (a file's bytes, a shape's fields, the arrays), the parameters and the code. Raises
+    InputError (a file that cannot be read)."""
+    digest = hashlib.sha256(f"{VERSION} {_sources()} {parameters} {scale!r} ".encode())
+    if isinstance(source, Shape):
+        digest.update(b"shape " + source.model_dump_json().encode())
+    elif isinstance(source, str | Path):
+        for file in files_of(Path(source)):
+            held = _bytes(file)
+            digest.update(f"file {file.suffix.lower()} {len(held)} ".encode() + held)
+    else:
+        position, triangles = source if isinstance(source, tuple) else (source.position, source.triangles)
+        position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+        told = [] if isinstance(source, tuple) else source.repairs
+        digest.update(f"arrays {position.shape} {triangles.shape} {json.dumps(told)} ".encode())
+        digest.update(position.tobytes() + triangles.tobytes())
+    return digest.hexdigest()[:32]
+
+
+@cache
+def _sources() -> str:
+    return source_digest(ROOT / "model" / "geometry", Path(__file__), Path(tetrahedral_body.__file__))
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return check_source(file, WHAT + ", ".join(SHAPES)).read_bytes()
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}") from None
+
+
+def _named(source: Source, scale: float) -> Source:
+    """The shape of that name, unless there is a file of it. Raises SceneError (scale) and InputError."""
+    if not (np.isfinite(scale) and scale > 0):
+        raise SceneError("scale", scale, "must be a finite number greater than 0")
+    if not isinstance(source, str | Path):
+        return source
+    name, suffix = str(source), Path(source).suffix.lower()
+    if name in SHAPES:
+        return Shape(name=name)  # type: ignore[arg-type]
+    if suffix not in FORMATS and suffix not in READERS:
+        if name and not suffix and not is_there(source):
+            raise InputError(f"{name}: no such shape; {WHAT}{', '.join(SHAPES)}")
+        raise InputError(f"{name}: {WHAT}{', '.join(SHAPES)}")
+    return source
+
+
+def _is_settled(source: Source) -> bool:
+    return isinstance(source, str | Path) and Path(source).suffix.lower() in READERS
+
+
+def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
+    """The mesh; `raw`: as a file holds it, whatever it is."""
+    if isinstance(source, Shape):
+        return source.model_copy(update={"scale": source.scale * scale}).mesh()
+    if isinstance(source, str | Path):
+        if raw:
+            position, triangles, _ = read_mesh_arrays(Path(source))
+            return position * scale, triangles
+        return read_mesh(source, scale)
+    return source
+
+
+def _body_of_file(path: Path, scale: float) -> CookedBody:
+    """Of tetrahedra as they are, which carry their own surface; of a body that `save` wrote, all of it. Raises InputError."""
+    if path.suffix.lower() == ".npz":
+        held = read_archive(path, "a body is a .npz file by softlab cook")
+        if "report" in held:
+            found = _unpacked(held)
+            if found is None:
+                raise InputError(f"{path} is no whole body, or of another version of the lab; cook it again")
+            return scaled(found, scale)
+    return body_of_tetrahedra(*read_tetrahedra(path, scale))
+
+
+def _packed(body: CookedBody) -> dict[str, np.ndarray]:
+    """Arrays by name: nothing that would have to be pickled."""
+    return {
+        "version": np.array(VERSION),
+        "report": np.array(json.dumps(asdict(body.report))),
+        "position": body.mesh.position,
+        "tetrahedra": body.mesh.tetrahedra,
+        "voxel": body.voxel,
+        "colour": body.colour,
+        "starts": body.starts,
+        "hull_position": body.hull_position,
+        "hull_triangles": body.hull_triangles,
+        "embedding_tetrahedron": body.embedding.tetrahedron,
+        "embedding_weights": body.embedding.weights,
+    }
+
+
+def _unpacked(held: dict[str, np.ndarray]) -> CookedBody | None:
+    """The body of a file's arrays; None where they are none, or those of another version."""
+    try:
+        if int(held["version"]) != VERSION:
+            return None
+        told = json.loads(str(held["report"]))
+        report = Report(**{**told, "worst_place": tuple(told["worst_place"]), "told": tuple(told["told"])})
+        mesh = TetrahedralMesh(held["position"], held["tetrahedra"])
+        embedding = Embedding(held["embedding_tetrahedron"], held["embedding_weights"])
+        voxel, colour, starts = held["voxel"], held["colour"], held["starts"]
+        hull, triangles = held["hull_position"], held["hull_triangles"]
+        count, points = len(mesh.tetrahedra), len(hull)
+        cells = count if report.voxels else 0
+        whole = (
+            (report.vertices, report.tetrahedra, report.points) == (len(mesh.position), count, points)
+            and (voxel.shape, colour.shape) == ((cells, 3), (cells,))
+            and starts.shape == ((report.voxels + 1) if report.voxels else 0,)
+            and (not cells or (starts[0] == 0 and starts[-1] == cells and bool((np.diff(starts) > 0).all())))
+            and hull.shape == (points, 3)
+            and embedding.tetrahedron.shape == (points,)
+            and embedding.weights.shape == (points, 4)
+            and bool(np.isfinite(hull).all() and np.isfinite(embedding.weights).all())
+            and (triangles.ndim, triangles.shape[1]) == (2, 3)
+            and all(array.dtype == np.int32 for array in (voxel, colour, starts, triangles, embedding.tetrahedron))
+            and 0 <= embedding.tetrahedron.min() <= embedding.tetrahedron.max() < count
+            and 0 <= triangles.min() <= triangles.max() < points
+        )
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, SoftlabError):
+        return None
+    return CookedBody(mesh, voxel, colour, starts, hull, triangles, embedding, report) if whole else None

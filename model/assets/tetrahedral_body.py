@@ -1,0 +1,101 @@
+"""A tetrahedral body: its mesh, the surface that it carries, and what is told of it; made of voxels, by a surface, or of
+tetrahedra as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.core.errors import InputError
+from model.geometry.mesh import TriangleMesh, check_vertices
+from model.geometry.solid import as_mesh, solid
+from model.geometry.tetrahedra.conforming import conforming_mesh
+from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
+from model.geometry.tetrahedra.report import Report, report_of
+from model.geometry.tetrahedra.voxels import PerVoxel, edge_of, voxel_mesh
+
+DENSITY = 1000.0  # kg/m^3: water's, as jelly's
+
+
+@dataclass(frozen=True, eq=False)
+class CookedBody:
+    """A tetrahedral body and the surface that it carries.
+
+    `voxel` (n, 3), `colour` (n,), `starts` (voxels + 1,) int32: as of VoxelMesh; empty of a body that is not of voxels.
+    `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: what carries
+    its points.
+    """
+
+    mesh: TetrahedralMesh
+    voxel: np.ndarray
+    colour: np.ndarray
+    starts: np.ndarray
+    hull_position: np.ndarray
+    hull_triangles: np.ndarray
+    embedding: Embedding
+    report: Report
+
+    def with_density(self, density: float) -> CookedBody:
+        """The body with another density [kg/m^3]. Raises SceneError."""
+        check_density(density)
+        return replace(self, report=replace(self.report, density=density, mass=density * self.report.volume))
+
+
+def body_of_voxels(
+    mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], edge: float | None, voxels: int | None, per_voxel: PerVoxel
+) -> CookedBody:
+    """Of voxels. Raises SceneError and InputError."""
+    made = voxel_mesh(mesh, edge=edge, voxels=voxels, per_voxel=per_voxel)
+    size = len(made.starts) - 1, made.edge, made.doubled
+    report = report_of(made.mesh, made.embedding, made.hull.volume, DENSITY, made.hull.told, size)
+    hull = made.hull
+    return CookedBody(
+        made.mesh, made.voxel, made.colour, made.starts, hull.position, hull.triangles, made.embedding, report
+    )
+
+
+def body_of_surface(
+    mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], edge: float | None, voxels: int | None
+) -> CookedBody:
+    """Of tetrahedra that follow the surface."""
+    position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
+    position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int32)
+    check_vertices(position)
+    made, embedding = conforming_mesh(position, triangles, edge_of(position, edge, voxels))
+    told: tuple[str, ...] = ()
+    try:
+        volume = solid(as_mesh((position, triangles)), 0.0).volume
+    except InputError as error:
+        volume, told = float(made.volumes.sum()), (f"its surface has no volume of its own: {error}",)
+    none = np.zeros(0, np.int32)
+    report = report_of(made, embedding, volume, DENSITY, told)
+    return CookedBody(made, none.reshape(0, 3), none, none, position, triangles, embedding, report)
+
+
+def body_of_tetrahedra(mesh: TetrahedralMesh, told: tuple[str, ...]) -> CookedBody:
+    """Of tetrahedra as they are, which carry their own surface."""
+    number, triangles = np.unique(mesh.surface, return_inverse=True)
+    corner = np.argsort(mesh.tetrahedra.ravel(), kind="stable")
+    first = corner[np.searchsorted(mesh.tetrahedra.ravel()[corner], number)]  # where each vertex is a corner first
+    weights = np.eye(4)[first % 4]
+    embedding = Embedding((first // 4).astype(np.int32), weights)
+    position, none = mesh.position[number], np.zeros(0, np.int32)
+    triangles = triangles.reshape(-1, 3).astype(np.int32)
+    local = position[triangles] - position.mean(axis=0)
+    volume = float(np.einsum("ij,ij->i", local[:, 0], np.cross(local[:, 1], local[:, 2])).sum() / 6)
+    report = report_of(mesh, embedding, volume, DENSITY, told)
+    return CookedBody(mesh, none.reshape(0, 3), none, none, position, triangles, embedding, report)
+
+
+def scaled(body: CookedBody, scale: float) -> CookedBody:
+    """The body, `scale` times as large. Raises InputError."""
+    if scale == 1:
+        return body
+    told, was = body.report.told, body.report
+    with np.errstate(all="ignore"):
+        mesh = TetrahedralMesh(body.mesh.position * scale, body.mesh.tetrahedra)
+        size = was.voxels, was.edge * scale, was.doubled
+        report = report_of(mesh, body.embedding, was.hull_volume * scale**3, was.density, told, size)
+    return replace(body, mesh=mesh, hull_position=body.hull_position * scale, report=report)

@@ -1,0 +1,79 @@
+"""Tetrahedra that follow a surface, of any heap of triangles: by wildmeshing (extra `tets`), in a process of its own.
+
+Y. Hu, T. Schneider, B. Wang, D. Zorin, D. Panozzo, "Fast Tetrahedral Meshing in the Wild", ACM Transactions on Graphics 39
+(2020): holes are closed, what crosses itself is resolved, and the surface is kept to TOLERANCE of the diagonal of the box
+around it. The library prints to the terminal and can end its process; so it has one. It takes the triangles in an order
+of its own, another one each time: two calls make two meshes. What is to be the same twice has to be kept (`softlab cook`).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from model.core.disk_cache import read_arrays
+from model.core.errors import BackendUnavailable, InputError, SceneError
+from model.geometry.mesh import check_vertices, without_flat
+from model.geometry.tetrahedra.embedding import Embedding, carriers
+from model.geometry.tetrahedra.mesh import TetrahedralMesh, signed_volumes
+
+TOLERANCE = 1e-3  # of the diagonal of the box: how far the surface may be moved
+DENSEST, COARSEST = 1e-3, 1.0  # of the diagonal: the edge of a tetrahedron
+SECONDS = 900.0  # that it may take
+PROGRAM = """
+import sys, numpy, wildmeshing
+given = numpy.load(sys.argv[1])
+maker = wildmeshing.Tetrahedralizer(epsilon=float(given["epsilon"]), edge_length_r=float(given["edge"]), max_threads=1)
+maker.set_log_level(6)
+maker.set_mesh(given["position"], given["triangles"])
+maker.tetrahedralize()
+position, tetrahedra = maker.get_tet_mesh(correct_surface_orientation=True)[:2]
+numpy.savez(sys.argv[2], position=position, tetrahedra=tetrahedra)
+"""
+
+
+def conforming_mesh(position: np.ndarray, triangles: np.ndarray, edge: float) -> tuple[TetrahedralMesh, Embedding]:
+    """(tetrahedra with edges of about `edge` [m] that fill the surface, what carries its vertices). `position` (vertices, 3)
+    [m] and `triangles` (n, 3) need be neither closed nor free of crossings.
+
+    Raises BackendUnavailable (wildmeshing is not installed), SceneError (edge) and InputError (nothing to fill).
+    """
+    if importlib.util.find_spec("wildmeshing") is None:
+        raise BackendUnavailable("wildmeshing is not installed", 'pip install -e ".[tets]", or take voxels')
+    check_vertices(position)
+    triangles = without_flat(position, np.asarray(triangles, dtype=np.int64), [])
+    diagonal = float(np.linalg.norm(np.ptp(position[triangles].reshape(-1, 3), axis=0)))
+    part = edge / diagonal
+    if not DENSEST <= part <= COARSEST:
+        low, high = (f"{limit * diagonal:.3g}" for limit in (DENSEST, COARSEST))
+        raise SceneError("edge", edge, f"conforming tetrahedra of this mesh take {low} to {high} m")
+    middle = (position.min(axis=0) + position.max(axis=0)) / 2
+    with tempfile.TemporaryDirectory(prefix="softlab-") as folder:
+        given, made = Path(folder) / "given.npz", Path(folder) / "made.npz"
+        local = (position - middle) / diagonal  # in a box of diagonal 1, whatever the unit
+        np.savez(given, position=local, triangles=triangles.astype(np.int32), epsilon=TOLERANCE, edge=part)
+        try:
+            subprocess.run(
+                [sys.executable, "-c", PROGRAM, str(given), str(made)],
+                capture_output=True,
+                timeout=SECONDS,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise InputError(f"wildmeshing took over {SECONDS:.0f} s; take a larger edge, or voxels") from None
+        held = read_arrays(made)
+    if held is None or not len(held["tetrahedra"]):
+        raise InputError("wildmeshing finds nothing to fill in it, or gave up on it; take voxels, or repair the mesh")
+    mesh = TetrahedralMesh(held["position"] * diagonal + middle, _turned(held["position"], held["tetrahedra"]))
+    return mesh, carriers(mesh, position)
+
+
+def _turned(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
+    """The tetrahedra (n, 4), two corners swapped of those that are inside out: the library's order is not told."""
+    wrong = signed_volumes(position, tetrahedra) < 0
+    return np.where(wrong[:, None], tetrahedra[:, [0, 1, 3, 2]], tetrahedra)
