@@ -71,7 +71,7 @@ def cooked(
     """
     check_density(density)
     source = _named(source, scale)
-    settled = _is_settled(source)
+    settled = is_settled(source)
     if settled and (edge is not None or voxels is not None):
         field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
         raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
@@ -159,7 +159,8 @@ def _named(source: Source, scale: float) -> Source:
     return source
 
 
-def _is_settled(source: Source) -> bool:
+def is_settled(source: Source) -> bool:
+    """Whether it is a file of tetrahedra, which are taken as they are."""
     return isinstance(source, str | Path) and Path(source).suffix.lower() in READERS
 
 

@@ -19,7 +19,8 @@ LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and a linear tetrahed
 class TetrahedralBody(MeshSource):
     """A soft body whose stiffness is Young's modulus and Poisson's ratio: tetrahedra cut from a lattice of voxels.
 
-    Voxels `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`; of `material`: energies per
+    Voxels `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`; or those of a file of
+    tetrahedra (.msh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
     * the rate at which the elastic one changes. `pinned`: sides of the mesh's box whose vertices stay where they are.
@@ -32,7 +33,7 @@ class TetrahedralBody(MeshSource):
 
     edge: Positive | None = None  # m, of a voxel
     voxels: Count = 10  # along the longest side, unless an edge is given
-    tetrahedra: Literal[5, 6] = 5  # to a voxel; six lock sooner
+    tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
     material: MaterialName = "fixed-corotated"
     young_modulus: Positive = 1e6  # Pa
     poisson_ratio: Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)] = 0.45

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from model.assets.cooked import cooked, is_settled
+from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
 from model.geometry.lists import Lists, grouped
 from model.geometry.measures import edge_lengths, rotation_matrix
-from model.geometry.mesh import TriangleMesh, read_mesh
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
-from model.geometry.tetrahedra.voxels import VoxelMesh, voxel_mesh
 from model.geometry.topology import mesh_path
 from model.scene.tetrahedra import SIDES, TetrahedralBody
 
@@ -134,11 +134,11 @@ class TetrahedraSet:
 def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
     """The set of a scene's bodies, by name. Raises SceneError, InputError, which name the body."""
     made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
-    voxels: list[VoxelMesh] = []
+    bodies: list[CookedBody] = []
     for name, part in parts.items():
         try:
-            voxels.append(cut(part))
-            made.append(_placed(part, voxels[-1].mesh))
+            bodies.append(cut(part))
+            made.append(_placed(part, bodies[-1].mesh))
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
@@ -164,26 +164,28 @@ def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
         np.concatenate([mesh.volumes for mesh in meshes]),
         np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
         first[:-1],
-        _skin(voxels, first),
+        _skin(bodies, first),
     )
 
 
-def cut(part: TetrahedralBody) -> VoxelMesh:
-    """The body's voxels where its mesh lies, neither turned nor moved. Raises InputError, SceneError."""
-    mesh: TriangleMesh = part.shape.mesh() if part.shape else read_mesh(mesh_path(part.file or ""), part.scale)
-    edge = part.edge
-    return voxel_mesh(mesh, edge=edge, voxels=None if edge else part.voxels, per_voxel=part.tetrahedra)
+def cut(part: TetrahedralBody) -> CookedBody:
+    """The body where its mesh lies, neither turned nor moved; kept on disk. Raises InputError, SceneError."""
+    source = part.shape or mesh_path(part.file or "")
+    voxels = None if part.edge is not None or is_settled(source) else part.voxels
+    return cooked(
+        source, edge=part.edge, voxels=voxels, per_voxel=part.tetrahedra, scale=part.scale, density=part.density
+    )
 
 
-def _skin(voxels: list[VoxelMesh], first: np.ndarray) -> Skin:
+def _skin(bodies: list[CookedBody], first: np.ndarray) -> Skin:
     corners = [
-        one.mesh.tetrahedra[one.embedding.tetrahedron] + start for one, start in zip(voxels, first, strict=False)
+        one.mesh.tetrahedra[one.embedding.tetrahedron] + start for one, start in zip(bodies, first, strict=False)
     ]
     before = np.concatenate([[0], np.cumsum([len(some) for some in corners])])
     return Skin(
         np.concatenate(corners).astype(np.int32),
-        np.concatenate([one.embedding.weights for one in voxels]),
-        tuple((one.hull.triangles + start).astype(np.int32) for one, start in zip(voxels, before, strict=False)),
+        np.concatenate([one.embedding.weights for one in bodies]),
+        tuple((one.hull_triangles + start).astype(np.int32) for one, start in zip(bodies, before, strict=False)),
     )
 
 

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from math import sqrt
 from types import SimpleNamespace
+from typing import Any
 
 from model.formulas import plain
 from model.formulas.bending import make as make_bending
@@ -65,7 +66,7 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False):
     gradient, corners, cofactor, determinant = elastic.gradient, elastic.corners, elastic.cofactor, elastic.determinant
     rotation = make_rotation(real, compiled)
     zero, one, three, smallest = real(0), real(1), real(3), real(SMALLEST)
-    block = make_block(real, compiled, damped) if blocks else None
+    block: Any = make_block(real, compiled, damped) if blocks else None
     is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
 
     @compiled
