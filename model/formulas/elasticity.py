@@ -16,6 +16,7 @@ import numpy as np
 from model.formulas import joined, plain
 from model.formulas import rotation as rotations
 from model.formulas.lengths import make as make_lengths
+from model.formulas.rotation import make_far, make_near, make_quaternions
 
 OPERATIONS_GRADIENT = 9 + 45  # the edges, and their product with B
 OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum
@@ -92,11 +93,11 @@ def make_rotation(real, compiled=plain):
     """
     zero, one = real(0), real(1)
     least, across = real(FOUR_UNITS * np.finfo(real).tiny), real(TURNED)
-    quaternions = rotations.make_quaternions(real, compiled)
-    near = rotations.make_near(real, compiled, quaternions)
+    quaternions = make_quaternions(real, compiled)
+    near = make_near(real, compiled, quaternions)
     rotation_3d_near, rotation_3d_far = (
         near.rotation_3d_near,
-        rotations.make_far(real, compiled, quaternions.unit, near),
+        make_far(real, compiled, quaternions.unit, near),
     )
     matrix_of, unit, normalised = quaternions.matrix_of, quaternions.unit, near.normalised
     lengths = make_lengths(real, compiled)

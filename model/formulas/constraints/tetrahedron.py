@@ -9,8 +9,9 @@ rest (M. Macklin et al., "XPBD", MIG 2016, eq. 4). R is the rotation nearest to 
 
 with alpha = 1 + mu / (lambda + mu): A. Stomakhin et al., "Energetically Consistent Invertible Elasticity", SCA 2012, eq. 4;
 M. Macklin, M. Mueller, "A Constraint-based Formulation of Stable Neo-Hookean Materials", MIG 2021, eq. 6 to 15, but with
-lambda + mu in place of their lambda, as B. Smith, F. de Goes, T. Kim, "Stable Neo-Hookean Flesh Simulation", TOG 37 (2018), section 3.4, ask for
-in order that E and nu are Young's modulus and Poisson's ratio. Where C_D is 0 it has no gradient, and does nothing.
+lambda + mu in place of their lambda, as B. Smith, F. de Goes, T. Kim, "Stable Neo-Hookean Flesh Simulation", TOG 37 (2018),
+section 3.4, ask for in order that E and nu are Young's modulus and Poisson's ratio. Where C_D is 0 it has no gradient, and
+does nothing.
 
 A damper's stress is `time` times the rate of the elastic one: alpha beta = time in XPBD's eq. 26, gamma = time / h.
 """
@@ -23,6 +24,7 @@ from types import SimpleNamespace
 from model.formulas import elasticity, plain
 from model.formulas.bending import make as make_bending
 from model.formulas.distance import make as make_distance
+from model.formulas.elasticity import make_gradient, make_rotation
 from model.formulas.lengths import make as make_lengths
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
@@ -45,9 +47,9 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     """See the package; `material`: which of MATERIALS; `damped`: a damper counts."""
     formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
     softness, shift, dot = formulas.softness, formulas.shift, make_lengths(real, compiled).dot
-    elastic = elasticity.make_gradient(real, compiled)
+    elastic = make_gradient(real, compiled)
     gradient, corners, cofactor, determinant = elastic.gradient, elastic.corners, elastic.cofactor, elastic.determinant
-    rotation = elasticity.make_rotation(real, compiled)
+    rotation = make_rotation(real, compiled)
     zero, one, three, smallest = real(0), real(1), real(3), real(SMALLEST)
     is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
 
