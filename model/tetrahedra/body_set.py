@@ -49,8 +49,12 @@ class TetrahedraSet:
     surface: np.ndarray
     first_particle: np.ndarray
     rows: int = 1
-    pinned: str = "none"
     spring_count: int = 0
+
+    @property
+    def pinned(self) -> str:
+        """`sides` where some particle is, else `none`."""
+        return "sides" if len(self.pinned_vertices) else "none"
 
     @property
     def columns(self) -> int:
