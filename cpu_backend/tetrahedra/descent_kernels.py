@@ -27,11 +27,11 @@ DescentArrays = tuple[np.ndarray, ...]
 
 
 def descent_arrays(found: Descent, real: Any, damped: bool) -> DescentArrays:
-    """(order, starts, offsets, entries, corners, values, stresses) of a material, as kernels take them."""
+    """(order, starts, offsets, entries, falls, corners, values, stresses) of a material, as kernels take them."""
     count = len(found.corners) if damped else 0
     stresses = np.zeros((count, descent.STRESSES), real)
     values = np.ascontiguousarray(found.values, real)
-    return found.order, found.starts, found.offsets, found.entries, found.corners, values, stresses
+    return found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, stresses
 
 
 @cache
@@ -42,8 +42,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
     compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
     compiled = compiler.compiled
     formulas = descent.make(real, compiled, material, damped)
-    element, force = compiler.inlined(formulas.element.py_func), compiler.inlined(formulas.force.py_func)
-    held, added, moved, started = formulas.held, formulas.added, formulas.moved, formulas.started
+    element = compiler.inlined(formulas.element.py_func)
+    held, added, moved, coasted = formulas.held, formulas.added, formulas.moved, formulas.coasted
     zero = real(0)
 
     @compiled
@@ -64,7 +64,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
 
     @compiled
     def remember(first, last, before, arrays):
-        _, _, _, _, corners, values, stresses = arrays
+        _, _, _, _, _, corners, values, stresses = arrays
         for t in range(first, last):
             found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
             for n in range(stresses.shape[1]):
@@ -72,25 +72,19 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
 
     @compiled
     def start(first, last, before, velocity, inertial, position, arrays, parameters):
-        order, _, offsets, entries, corners, values, _ = arrays
+        order, falls = arrays[0], arrays[4]
         for k in range(first, last):
             vertex = order[k]
-            x, y, z = zero, zero, zero
-            for n in range(offsets[k], offsets[k + 1]):
-                t = entries[n] >> 2
-                fx, fy, fz = force(points_of(before, corners, t, t), values_of(values, t, t, t), entries[n] & 3)
-                x, y, z = x + fx, y + fy, z + fz
-            x, y, z = started(
-                row(before, vertex), row(velocity, vertex), row(inertial, vertex), parameters.dt, before[vertex, 3],
-                parameters[SCALE], (x, y, z),
-            )  # fmt: skip
+            x, y, z = row(inertial, vertex)
+            if falls[k] == 0:
+                x, y, z = coasted(row(before, vertex), row(velocity, vertex), parameters.dt)
             position[vertex, 0] = x
             position[vertex, 1] = y
             position[vertex, 2] = z
 
     @compiled
     def descend(first, last, position, inertial, arrays, parameters):
-        order, _, offsets, entries, corners, values, stresses = arrays
+        order, _, offsets, entries, _, corners, values, stresses = arrays
         rate = parameters[RATE]
         for k in range(first, last):
             vertex = order[k]
@@ -133,7 +127,7 @@ def _of_material(
     def prepare(team, member, bands, before, velocity, inertial, position, descents, parameters):
         arrays = descents[number]
         if damped:
-            count = np.int64(arrays[4].shape[0])
+            count = np.int64(arrays[5].shape[0])
             for part in shares(team, member, bands):
                 remember(count * part // bands, count * (part + 1) // bands, before, arrays)
         free = np.int64(arrays[1][arrays[1].size - 1])

@@ -39,7 +39,7 @@ class VertexBlockDescent(Tetrahedra):
         item = np.dtype(self.real).itemsize
         needed = 9 * SIZE * self.particle_count * item
         for found in descents(self.scene):
-            needed += found.corners.nbytes + found.entries.nbytes + found.offsets.nbytes + found.order.nbytes
+            needed += found.corners.nbytes + found.entries.nbytes + found.offsets.nbytes + 2 * found.order.nbytes
             needed += (found.values.size + STRESSES * len(found.corners)) * item
         self._require_memory(needed, self.named, f"{self.particle_count} vertices")
 
@@ -62,15 +62,13 @@ class VertexBlockDescent(Tetrahedra):
         lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
         stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
         all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
-        each = self._over(len(found.order), THREADS)
+        each, falls = self._over(len(found.order), THREADS), self.on_device(found.falls)
 
         def remember(before: Any, velocity: Any, position: Any) -> None:
             kernels.remember[all_of](before, corners, values, stresses, count)
 
         def start(before: Any, velocity: Any, position: Any) -> None:
-            kernels.start[each](
-                before, velocity, self._inertial, position, *lists, corners, values, every, count, self.record
-            )  # fmt: skip
+            kernels.start[each](before, velocity, self._inertial, position, lists[0], falls, every, self.record)
 
         def descend(first: int, stop: int) -> Launch:
             launch, bounds = self._over(stop - first, THREADS), (np.int32(first), np.int32(stop), count)

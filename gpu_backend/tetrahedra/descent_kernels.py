@@ -23,14 +23,14 @@ from model.tetrahedra.descent import CORNERS, RATE, SCALE
 @cache
 def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
     """`remember(before, corners, values, stresses, count)`: of every tetrahedron of a material, where a substep begins;
-    `start(before, velocity, inertial, position, order, offsets, entries, corners, values, stop, count, record)`: of the
-    vertices before `stop` of the order, pinned ones too; `descend(position, inertial, order, offsets, entries, corners,
-    values, stresses, start, stop, count, record)`: of a colour. `count`: tetrahedra of the material."""
+    `start(before, velocity, inertial, position, order, falls, stop, record)`: of the vertices before `stop` of the order,
+    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, first, stop, count,
+    record)`: of a colour. `count`: tetrahedra of the material."""
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
-    element, force, held = formulas.element, formulas.force, formulas.held
-    added, moved, started = formulas.added, formulas.moved, formulas.started
+    element, held, added = formulas.element, formulas.held, formulas.added
+    moved, coasted = formulas.moved, formulas.coasted
     inline, zero = inlined(math), real(0)
-    two, three, one = np.int32(2), np.int32(3), np.int32(1)
+    nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
     nothing, no_sums = (zero,) * descent.STRESSES, (zero,) * descent.SUMS
 
     @inline
@@ -61,22 +61,14 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
             found = held(points_of(before, corners, count, t), values_of(values, t, count, t))
             keep_all(stresses, t, count, t, found)
 
-    def start(before, velocity, inertial, position, order, offsets, entries, corners, values, stop, size, record):
-        parameters = record[0]
+    def start(before, velocity, inertial, position, order, falls, stop, record):
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
-        count = np.int32(size)
         if k < stop:
             vertex = order[k]
-            x, y, z = zero, zero, zero
-            for n in range(offsets[k], offsets[k + one]):
-                t, corner = entries[n] >> two, entries[n] & three
-                fx, fy, fz = force(points_of(before, corners, count, t), values_of(values, t, count, t), corner)
-                x, y, z = x + fx, y + fy, z + fz
-            b = load_quad(before, vertex)
-            x, y, z = started(
-                xyz(b), xyz(load_quad(velocity, vertex)), xyz(load_quad(inertial, vertex)), parameters.dt, b[3],
-                parameters[SCALE], (x, y, z),
-            )  # fmt: skip
+            b, p = load_quad(before, vertex), load_quad(inertial, vertex)
+            x, y, z = xyz(p)
+            if falls[k] == nobody:
+                x, y, z = coasted(xyz(b), xyz(load_quad(velocity, vertex)), record[0].dt)
             store_quad(position, vertex, x, y, z, b[3])
 
     def descend(

@@ -28,7 +28,8 @@ class Descent:
 
     `order` (vertices,) int32: particles, of colour c from `starts[c]` to before `starts[c + 1]`, ascending; after the last
     colour those that are pinned. Vertex k of them is a corner of the tetrahedra `entries[offsets[k]:offsets[k + 1]]`, each
-    4 x the tetrahedron + which corner of it, ascending; nothing at a pinned one. `corners` (tetrahedra, 4) int32: particles;
+    4 x the tetrahedron + which corner of it, ascending; nothing at a pinned one. `falls` (vertices,) int32: 1 of a body
+    without pins. `corners` (tetrahedra, 4) int32: particles;
     `values` (tetrahedra, COUNT) float64, as the formula takes them.
     """
 
@@ -37,6 +38,7 @@ class Descent:
     starts: np.ndarray
     offsets: np.ndarray
     entries: np.ndarray
+    falls: np.ndarray
     corners: np.ndarray
     values: np.ndarray
 
@@ -84,7 +86,17 @@ def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) 
     sizes = np.sort(sizes[sizes > 0])[::-1]
     values = descent_values(found, chosen)
     material = found.parts[found.body[chosen[0]]].material
-    return Descent(material, order, offsets_of(sizes), offsets, at.indices[: offsets[-1]], corners, values)
+    falls = (~has_pins(found)[order]).astype(np.int32)
+    return Descent(material, order, offsets_of(sizes), offsets, at.indices[: offsets[-1]], falls, corners, values)
+
+
+def has_pins(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) bool: whether a particle's body is pinned anywhere."""
+    bodies = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right") - 1
+    held = np.zeros(len(found.parts), bool)
+    held[bodies[found.pinned_vertices]] = True
+    pinned: np.ndarray = held[bodies]
+    return pinned
 
 
 def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
@@ -140,8 +152,7 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             begin.append(
                 Stage(stage_name("stress", found.material), 1, 2, round(each * len(found.corners) / particles))
             )
-        share = (each - damped * descent.OPERATIONS_DAMPER) * len(found.entries) / particles
-        begin.append(Stage(stage_name("start", found.material), 3, 1, round(share) + descent.OPERATIONS_START))
+        begin.append(Stage(stage_name("start", found.material), 3, 1, descent.OPERATIONS_START))
         for colour in range(found.colours):
             first, last = found.starts[colour], found.starts[colour + 1]
             visits = found.offsets[last] - found.offsets[first]
