@@ -14,16 +14,13 @@ from types import SimpleNamespace
 import numpy as np
 
 from model.formulas import joined, plain
-from model.formulas import rotation as rotations
 from model.formulas.lengths import make as make_lengths
-from model.formulas.rotation import make_far, make_near, make_quaternions
+from model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR, make_far, make_near, make_quaternions
 
 OPERATIONS_GRADIENT = 9 + 45  # the edges, and their product with B
 OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum
 OPERATIONS_COFACTOR, OPERATIONS_DETERMINANT = 27, 5
-OPERATIONS_ROTATION = {
-    size: 60 + 25 + rotations.OPERATIONS_MATRIX + near for size, near in rotations.OPERATIONS_NEAR.items()
-}
+OPERATIONS_ROTATION = {size: 60 + 25 + OPERATIONS_MATRIX + near for size, near in OPERATIONS_NEAR.items()}
 TURNED = 1e-3  # the share of a second column's square that must be across the first one, or both are no start
 FOUR_UNITS = 4  # of the least normal number, as in rotation.py
 

@@ -224,8 +224,7 @@ class Method(Part):
     substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
     away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
     so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
-    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. `vbd`, of tetrahedral bodies, goes `iterations`
-    times over all vertices, each of which takes its place where the energy of a substep of backward Euler is least.
+    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid.
     """
 
     solver: SolverName = "mass-spring"

@@ -9,15 +9,13 @@ import numpy as np
 from model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
 from model.core.parameters import PARAMETERS, record_type
 from model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
-from model.tetrahedra.descent import SCALE
 from model.xpbd.parameters import XPBD_PARAMETERS
 
-RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix; of visits
+RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix
     "grid": PARAMETERS,
     "quads": XPBD_PARAMETERS,
     "contacts": SELF_CONTACT_PARAMETERS,
     "matrix": SYSTEM_PARAMETERS,
-    "descent": (SCALE, *XPBD_PARAMETERS),
 }
 
 
@@ -28,15 +26,15 @@ def record_of(real: Any, family: str) -> Any:
     return typeof(np.zeros(1, record_type(RECORDS[family], real)))
 
 
-def kernel_text(kernel: Any, letters: str, real: Any, math: str, record: str = "quads") -> str:
+def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
     """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
-    64-bit and U of unsigned ones, P the record of constants, of RECORDS, i and l numbers of 32 and 64
+    64-bit and U of unsigned ones, P the record of constants of solvers of quads, i and l numbers of 32 and 64
     bits, b a yes or no."""
     from numba import cuda, types
 
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
-    known["P"] = record_of(real, record)
+    known["P"] = record_of(real, "quads")
     known |= {"i": types.int32, "l": types.int64, "b": types.boolean}
     arguments = tuple(known[letter] for letter in letters)
     text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")

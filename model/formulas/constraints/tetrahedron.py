@@ -21,26 +21,33 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import elasticity, plain
+from model.formulas import plain
 from model.formulas.bending import make as make_bending
 from model.formulas.distance import make as make_distance
-from model.formulas.elasticity import make_gradient, make_rotation
+from model.formulas.elasticity import (
+    OPERATIONS_COFACTOR,
+    OPERATIONS_CORNERS,
+    OPERATIONS_DETERMINANT,
+    OPERATIONS_GRADIENT,
+    OPERATIONS_ROTATION,
+    make_gradient,
+    make_rotation,
+)
 from model.formulas.lengths import make as make_lengths
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
 FIXED, COROTATED, HOOKEAN = range(len(MATERIALS))
 COUNT = 13  # values: 9 of B; at 9, 10 the compliances of C_D, C_H, 1 / (k V) [1/J]; at 11 alpha, or 1; at 12 `time` [s]
 SMALLEST = 1e-9  # C_D of no direction: below it in float64, and below all that rounding leaves in float32
-OPERATIONS_ROW = elasticity.OPERATIONS_CORNERS + 27 + 9 + 28  # ..., the weight, the change, to apply it
+OPERATIONS_ROW = OPERATIONS_CORNERS + 27 + 9 + 28  # ..., the weight, the change, to apply it
 
 
 def operations(material: int, item: int) -> int:
     """Of one projection, counted on numbers of `item` bytes."""
-    e = elasticity
-    rows = 2 * (e.OPERATIONS_GRADIENT + OPERATIONS_ROW) + 9 + 19  # F - R, the length of C_D and the division by it
+    rows = 2 * (OPERATIONS_GRADIENT + OPERATIONS_ROW) + 9 + 19  # F - R, the length of C_D and the division by it
     turns = {FIXED: 1, COROTATED: 2, HOOKEAN: 0}[material]
-    volume = 0 if material == COROTATED else e.OPERATIONS_COFACTOR + e.OPERATIONS_DETERMINANT
-    return rows + turns * e.OPERATIONS_ROTATION[item] + volume
+    volume = 0 if material == COROTATED else OPERATIONS_COFACTOR + OPERATIONS_DETERMINANT
+    return rows + turns * OPERATIONS_ROTATION[item] + volume
 
 
 def make(real, compiled=plain, material=FIXED, damped=False):
