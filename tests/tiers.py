@@ -38,6 +38,7 @@ test_restitution.py *bodies-0.001* *bodies-0.004*
 # CPU machine code: each solver keeps a case or two, of the fused kernel and the most parts
 test_compiled.py *cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* *lattices* *meet?in?stages*
     *meets?itself* *give?way* *cloth?in?stages* *xpbd?in?stages* *jelly?grid?in?stages* *mesh?in?stages* *rk4?in?stages*
+    *blocks?in?stages*
     *body?on?a?field* test_fast_math*cloth? test_fast_math*jelly* test_fast_math*mesh?
 test_cpu_reference.py test_fast_math* *published*rk4* *published*velocity-verlet*
 test_cloth_cpu.py test_fast_math* test_fused*kicks-apart? test_fused*rk4? test_fused*kicks-meet?
@@ -83,6 +84,8 @@ test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*
 test_links.py test_a_sheet_hangs*
 test_distance_field_scenes.py *mill
+test_vbd_cpu.py test_b21*neo* test_b21*recovers?corotated*
+test_vbd_ptx.py *fast-1? *fast-2? *exact-1? *exact-2? *nothing?1? *nothing?2?
 test_bodies_rest.py test_the_catalogues*
 test_bodies_hard.py test_a_soft_body_finds*plane-float64?
 test_mesh_collider.py test_jelly_stays* test_more_triangles*

@@ -22,6 +22,20 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 
+def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Vertices through lists of their tetrahedra, a parallel loop a colour."""
+    from cpu_backend.xpbd.mesh import choose_kernel
+
+    why = "vertices sorted by colour, each with its tetrahedra, all substeps of a call in one kernel"
+    return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
+
+
+def vertices_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Also where there is no GPU."""
+    why = "a thread a vertex, a launch a colour, captured"
+    return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
+
+
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
     why = "a thread a constraint, a launch a colour, captured"

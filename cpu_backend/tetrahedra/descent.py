@@ -1,0 +1,90 @@
+"""Bodies of tetrahedra on CPU threads by vertex block descent: free vertices sorted by colour, each with its tetrahedra.
+
+A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. What begins and ends a
+substep is a mesh's (xpbd/mesh_kernels.py). Kernels: `fused`, many steps in one call, and `stages`. In `exact` math both give
+the same bits, for any number of threads.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from cpu_backend.tetrahedra.descent_kernels import (
+    DescentArrays,
+    descent_arrays,
+    make_descent_advance,
+    make_descent_stages,
+)
+from cpu_backend.tetrahedra.solver import Tetrahedra
+from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
+from model.core.constraints import ConstraintSet, Projection
+from model.core.plan import Moment, Plan, StageRun
+from model.scene.scene import Scene
+from model.tetrahedra.constraints import DAMPED
+from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan
+
+
+class VertexBlockDescent(Tetrahedra):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
+        return vbd_plan(scene, live)
+
+    def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
+        return [], ()
+
+    @property
+    def _damped(self) -> bool:
+        return DAMPED in self.plan.parts
+
+    @cached_property
+    def _descents(self) -> tuple[DescentArrays, ...]:
+        return tuple(descent_arrays(found, self.real, self._damped) for found in descents(self.scene))
+
+    @cached_property
+    def _inertial(self) -> np.ndarray:
+        """Where vertices would be by inertia and all but elastic forces."""
+        return np.zeros_like(self._position)
+
+    def _advance(self, step: int, steps: int) -> None:
+        method, made = self.scene.method, tuple(found.number for found in descents(self.scene))
+        make_descent_advance(*self._variant(), made, self._damped)(
+            self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
+            self._inertial, self.parameters, self.integers, self._wind, self._descents, self.bodies, self.kinds,
+        )  # fmt: skip
+
+    def _stages(self) -> dict[str, StageRun]:
+        found, stage, bands = super()._stages(), make_mesh_stages(*self._variant()), self._bands
+        position, velocity, before, inertial = self._position, self._velocity, self._before, self._inertial
+
+        def predict(moment: Moment) -> None:
+            inertial[...] = position
+            arguments = inertial, velocity, before, self.parameters, self.integers, self._wind
+            stage.predict(bands, moment.step, moment.number, *arguments)
+
+        found["predict"] = predict
+        for one, arrays in zip(descents(self.scene), self._descents, strict=True):
+            found |= self._of_material(one, arrays)
+        return found
+
+    def _of_material(self, one: Descent, arrays: DescentArrays) -> dict[str, StageRun]:
+        """What runs its stages of the plan."""
+        stage, bands = make_descent_stages(self.real, self.options.math, one.number, self._damped), self._bands
+        position, velocity, before, inertial = self._position, self._velocity, self._before, self._inertial
+
+        def descend(first: int, last: int) -> StageRun:
+            return lambda moment: stage.descend(bands, first, last, position, inertial, arrays, self.parameters)
+
+        def start(moment: Moment) -> None:
+            stage.start(bands, 0, one.free, before, velocity, inertial, position, arrays, self.parameters)
+
+        found: dict[str, StageRun] = {stage_name("start", one.material): start}
+        if self._damped:
+            many = len(one.corners)
+            found[stage_name("stress", one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
+        bounds = one.starts.tolist()
+        for colour in range(one.colours):
+            found[stage_name("descend", one.material, colour)] = descend(*bounds[colour : colour + 2])
+        return found

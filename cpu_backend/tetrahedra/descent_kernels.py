@@ -1,0 +1,218 @@
+"""Vertices of tetrahedral bodies visited on CPU threads, some of a colour one after the other; and a step's loops over them.
+
+No two vertices of a colour share a tetrahedron, so that threads take any part of it: the state's bits depend on neither their
+number nor their order. What a visit computes is in model/formulas/elastic/descent.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
+from model.core.tuples import tuple_of
+from model.formulas.elastic import descent
+from model.scene.cloth import COLLIDER_KINDS
+from model.tetrahedra.descent import CORNERS, RATE, SCALE, Descent
+
+ALONE = 8  # vertices of a colour that one thread does sooner than threads come together: some microseconds
+DescentArrays = tuple[np.ndarray, ...]
+
+
+def descent_arrays(found: Descent, real: Any, damped: bool) -> DescentArrays:
+    """(order, starts, offsets, entries, falls, corners, values, stresses) of a material, as kernels take them."""
+    count = len(found.corners) if damped else 0
+    stresses = np.zeros((count, descent.STRESSES), real)
+    values = np.ascontiguousarray(found.values, real)
+    return found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, stresses
+
+
+@cache
+def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+    """Loops over a material, from the first of a range to before its last: `remember(first, last, before, arrays)`, stresses
+    of tetrahedra where a substep begins; of vertices of the order `start(first, last, before, velocity, inertial, position,
+    arrays, parameters)` and `descend(first, last, position, inertial, arrays, parameters)`. `arrays`: descent_arrays."""
+    compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
+    compiled = compiler.compiled
+    formulas = descent.make(real, compiled, material, damped)
+    element = compiler.inlined(formulas.element.py_func)
+    held, added, moved, coasted = formulas.held, formulas.added, formulas.moved, formulas.coasted
+    zero = real(0)
+
+    @compiled
+    def row(array, k):
+        return array[k, 0], array[k, 1], array[k, 2]
+
+    def point_at(n: int) -> Any:
+        return compiled(lambda position, corners, unused, t: row(position, corners[t, n]))
+
+    def value_at(n: int) -> Any:
+        return compiled(lambda values, unused, unused_too, t: values[t, n])
+
+    points_of = tuple_of(CORNERS, point_at, compiled)
+    values_of = tuple_of(descent.COUNT, value_at, compiled)
+    stresses_of = tuple_of(descent.STRESSES, value_at, compiled)
+    nothing = (zero,) * descent.STRESSES
+    no_sums = (zero,) * descent.SUMS
+
+    @compiled
+    def remember(first, last, before, arrays):
+        _, _, _, _, _, corners, values, stresses = arrays
+        for t in range(first, last):
+            found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
+            for n in range(stresses.shape[1]):
+                stresses[t, n] = found[n]
+
+    @compiled
+    def start(first, last, before, velocity, inertial, position, arrays, parameters):
+        order, falls = arrays[0], arrays[4]
+        for k in range(first, last):
+            vertex = order[k]
+            x, y, z = row(inertial, vertex)
+            if falls[k] == 0:
+                x, y, z = coasted(row(before, vertex), row(velocity, vertex), parameters.dt)
+            position[vertex, 0] = x
+            position[vertex, 1] = y
+            position[vertex, 2] = z
+
+    @compiled
+    def descend(first, last, position, inertial, arrays, parameters):
+        order, _, offsets, entries, _, corners, values, stresses = arrays
+        rate = parameters[RATE]
+        for k in range(first, last):
+            vertex = order[k]
+            sums = no_sums
+            for n in range(offsets[k], offsets[k + 1]):
+                t = entries[n] >> 2
+                old = stresses_of(stresses, t, t, t) if damped else nothing
+                sums = added(
+                    sums,
+                    element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 3, rate),
+                )
+            x, y, z = moved(
+                row(position, vertex), row(inertial, vertex), position[vertex, 3], parameters[SCALE], sums
+            )  # fmt: skip
+            position[vertex, 0] = x
+            position[vertex, 1] = y
+            position[vertex, 2] = z
+
+    return SimpleNamespace(remember=remember, start=start, descend=descend)
+
+
+def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped: bool) -> SimpleNamespace:
+    """Of all materials one after the other, each with its `visits`: `prepare(team, member, bands, before, velocity, inertial,
+    position, descents, parameters)` and `sweep(team, member, bands, position, inertial, descents, parameters)`; `descents`:
+    the descent_arrays of each."""
+    found = SimpleNamespace(prepare=None, sweep=None)
+    for number in range(len(visits) - 1, -1, -1):
+        found = _of_material(compiler, number, visits[number], found, damped)
+    return found
+
+
+def _of_material(
+    compiler: Compiler, number: int, visits: SimpleNamespace, others: SimpleNamespace, damped: bool
+) -> SimpleNamespace:
+    """Both of material `number`, and then of the `others`."""
+    remember, start, descend = visits.remember, visits.start, visits.descend
+    prepare_others, sweep_others, has_others = others.prepare, others.sweep, others.sweep is not None
+
+    @compiler.compiled
+    def prepare(team, member, bands, before, velocity, inertial, position, descents, parameters):
+        arrays = descents[number]
+        if damped:
+            count = np.int64(arrays[5].shape[0])
+            for part in shares(team, member, bands):
+                remember(count * part // bands, count * (part + 1) // bands, before, arrays)
+        free = np.int64(arrays[1][arrays[1].size - 1])
+        for part in shares(team, member, bands):
+            first, last = free * part // bands, free * (part + 1) // bands
+            start(first, last, before, velocity, inertial, position, arrays, parameters)
+        if has_others:
+            prepare_others(team, member, bands, before, velocity, inertial, position, descents, parameters)
+
+    @compiler.compiled
+    def sweep(team, member, bands, position, inertial, descents, parameters):
+        arrays = descents[number]
+        starts = arrays[1]
+        for colour in range(starts.size - 1):
+            begin, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
+            parts = bands if many >= ALONE else 1
+            for part in shares(team, member, parts):
+                first, last = begin + many * part // parts, begin + many * (part + 1) // parts
+                descend(first, last, position, inertial, arrays, parameters)
+        if has_others:
+            sweep_others(team, member, bands, position, inertial, descents, parameters)
+
+    return SimpleNamespace(prepare=prepare, sweep=sweep)
+
+
+@cache
+def make_descent_stages(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+    """The loops of `make_visits`, each a parallel one by itself over a range: (bands, first, last, ...)."""
+    compiler = Compiler(f"descent_stages_{np.dtype(real).name}_{math}", math)
+    visits = make_visits(real, math, material, damped)
+    remember_some, start_some, descend_some = visits.remember, visits.start, visits.descend
+
+    def remember(band, bands, first, last, before, arrays):
+        many = last - first
+        remember_some(first + many * band // bands, first + many * (band + 1) // bands, before, arrays)
+
+    def start(band, bands, first, last, before, velocity, inertial, position, arrays, parameters):
+        many = last - first
+        start_some(
+            first + many * band // bands, first + many * (band + 1) // bands, before, velocity, inertial, position, arrays,
+            parameters,
+        )  # fmt: skip
+
+    def descend(band, bands, first, last, position, inertial, arrays, parameters):
+        many = last - first
+        descend_some(
+            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters
+        )  # fmt: skip
+
+    return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (remember, start, descend)})
+
+
+@cache
+def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
+    """advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
+    wind_lists, descents, bodies, kinds): many steps in one call; `made`: the materials of the `descents`."""
+    compiler = Compiler(cloth_variant("descent", real, math, parts), math)
+    begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
+    update, collide = ends.update, ends.collide
+    all_materials = make_material(compiler, [make_visits(real, math, one, damped) for one in made], damped)
+    prepare, sweep = all_materials.prepare, all_materials.sweep
+    has_bodies = bool(parts & set(COLLIDER_KINDS))
+
+    def advance(
+        team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
+        wind_lists, descents, bodies, kinds,
+    ):  # fmt: skip
+        count = len(position)
+        for pass_number in range(steps * substeps):
+            number = step * substeps + pass_number
+            frame = step + pass_number // substeps
+            for band in shares(team, member, bands):
+                for k in range(count * band // bands, count * (band + 1) // bands):
+                    for axis in range(position.shape[1]):
+                        before[k, axis] = position[k, axis]
+            for band in shares(team, member, bands):
+                first, last = count * band // bands, count * (band + 1) // bands
+                begin(first, last, frame, number, before, velocity, inertial, parameters, integers, wind_lists)
+            prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
+            for _ in range(iterations):
+                sweep(team, member, bands, position, inertial, descents, parameters)
+            for band in shares(team, member, bands):
+                first, last = count * band // bands, count * (band + 1) // bands
+                update(first, last, before, position, velocity, parameters)
+                if has_bodies:
+                    collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
+
+    return compiler.team(advance)

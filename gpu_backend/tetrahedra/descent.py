@@ -1,0 +1,120 @@
+"""Bodies of tetrahedra on CUDA by vertex block descent: a thread for each vertex of a colour, a launch a colour.
+
+A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. What begins and ends a
+substep, and how launches are captured, is a mesh's (xpbd/mesh.py). In `exact` math all kernels give the same bits, and the
+CPU's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.quads import SIZE
+from gpu_backend.tetrahedra.descent_kernels import make_visits
+from gpu_backend.tetrahedra.solver import Tetrahedra
+from gpu_backend.xpbd.mesh import THREADS
+from model.core.constraints import ConstraintSet, Projection
+from model.core.plan import Moment, Plan, StageRun
+from model.formulas.elastic.descent import STRESSES
+from model.scene.scene import Scene
+from model.tetrahedra.constraints import DAMPED
+from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan
+
+Launch = Callable[[Any, Any, Any], None]  # (before, velocity, position): quads
+
+
+class VertexBlockDescent(Tetrahedra):
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
+        return vbd_plan(scene, live)
+
+    def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
+        return [], ()
+
+    def _require_space(self) -> None:
+        item = np.dtype(self.real).itemsize
+        needed = 9 * SIZE * self.particle_count * item
+        for found in descents(self.scene):
+            needed += found.corners.nbytes + found.entries.nbytes + found.offsets.nbytes + 2 * found.order.nbytes
+            needed += (found.values.size + STRESSES * len(found.corners)) * item
+        self._require_memory(needed, self.named, f"{self.particle_count} vertices")
+
+    def _allocate(self) -> None:
+        super()._allocate()
+        self._inertial = self.new_array()  # where vertices would be by inertia and all but elastic forces
+
+    def _build(self) -> None:
+        self._first: list[tuple[str, Launch]] = []  # what of a substep comes before its iterations
+        self._visits: list[tuple[str, Launch]] = []
+        for found in descents(self.scene):
+            self._bind(found)
+        super()._build()
+
+    def _bind(self, found: Descent) -> None:
+        """Put the stages of a material among those of a step."""
+        damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
+        kernels = make_visits(real, self.options.math, found.number, damped)
+        corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(real))
+        lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
+        stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
+        all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
+        each, falls = self._over(len(found.order), THREADS), self.on_device(found.falls)
+
+        def remember(before: Any, velocity: Any, position: Any) -> None:
+            kernels.remember[all_of](before, corners, values, stresses, count)
+
+        def start(before: Any, velocity: Any, position: Any) -> None:
+            kernels.start[each](before, velocity, self._inertial, position, lists[0], falls, every, self.record)
+
+        def descend(first: int, stop: int) -> Launch:
+            launch, bounds = self._over(stop - first, THREADS), (np.int32(first), np.int32(stop), count)
+            return lambda before, velocity, position: kernels.descend[launch](
+                position, self._inertial, *lists, corners, values, stresses, *bounds, self.record
+            )
+
+        if damped:
+            self._first.append((stage_name("stress", found.material), remember))
+        self._first.append((stage_name("start", found.material), start))
+        bounds = found.starts.tolist()
+        for colour in range(found.colours):
+            name = stage_name("descend", found.material, colour)
+            self._visits.append((name, descend(*bounds[colour : colour + 2])))
+
+    # ------------------------------------------------------------------ a step
+
+    def _substep(self, place: int, substep: int) -> None:
+        before, velocity = self.position[self._current], self.velocity[self._current]
+        self._current = 1 - self._current
+        now, new_velocity = self.position[self._current], self.velocity[self._current]
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
+        for _, launch in self._first:
+            launch(before, velocity, now)
+        for _ in range(self.scene.method.iterations):
+            for _, launch in self._visits:
+                launch(before, velocity, now)
+        self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
+
+    @property
+    def _launches(self) -> int:
+        method = self.scene.method
+        return method.substeps * (2 + len(self._first) + method.iterations * len(self._visits))
+
+    def _stages(self) -> dict[str, StageRun]:
+        position, velocity, before = self.position[0], self.velocity[0], self.position[1]
+
+        def predict(moment: Moment) -> None:
+            before.copy_to_device(position, stream=self.stream)
+            self._set_counter(moment.step)
+            time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
+
+        def run(launch: Launch) -> StageRun:
+            return lambda moment: launch(before, velocity, position)
+
+        found = {name: run(launch) for name, launch in (*self._first, *self._visits)}
+        return super()._stages() | found | {"predict": predict}

@@ -1,0 +1,93 @@
+"""CUDA kernels that visit vertices of tetrahedral bodies: a thread for each of a colour, no two of which share a tetrahedron.
+
+Corners, values and stresses are flat and lie column by column; what a visit computes is in model/formulas/elastic/descent.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from model.core.tuples import each_of, tuple_of
+from model.formulas.elastic import descent
+from model.tetrahedra.descent import CORNERS, RATE, SCALE
+
+
+@cache
+def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+    """`remember(before, corners, values, stresses, count)`: of every tetrahedron of a material, where a substep begins;
+    `start(before, velocity, inertial, position, order, falls, stop, record)`: of the vertices before `stop` of the order,
+    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, first, stop, count,
+    record)`: of a colour. `count`: tetrahedra of the material."""
+    formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
+    element, held, added = formulas.element, formulas.held, formulas.added
+    moved, coasted = formulas.moved, formulas.coasted
+    inline, zero = inlined(math), real(0)
+    nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
+    nothing, no_sums = (zero,) * descent.STRESSES, (zero,) * descent.SUMS
+
+    @inline
+    def xyz(quad):
+        return quad[0], quad[1], quad[2]
+
+    def point_at(n: int) -> Any:
+        return inline(lambda position, corners, count, t: xyz(load_quad(position, corners[n * count + t])))
+
+    def value_at(n: int) -> Any:
+        return inline(lambda values, unused, count, t: values[n * count + t])
+
+    def keep_at(n: int) -> Any:
+        @inline
+        def keep(stresses, unused, count, t, stress):
+            stresses[n * count + t] = stress
+
+        return keep
+
+    points_of, values_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.COUNT, value_at, inline)
+    stresses_of = tuple_of(descent.STRESSES, value_at, inline)
+    keep_all = each_of(descent.STRESSES, keep_at, inline)
+
+    def remember(before, corners, values, stresses, size):
+        t = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        count = np.int32(size)
+        if t < count:
+            found = held(points_of(before, corners, count, t), values_of(values, t, count, t))
+            keep_all(stresses, t, count, t, found)
+
+    def start(before, velocity, inertial, position, order, falls, stop, record):
+        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if k < stop:
+            vertex = order[k]
+            b, p = load_quad(before, vertex), load_quad(inertial, vertex)
+            x, y, z = xyz(p)
+            if falls[k] == nobody:
+                x, y, z = coasted(xyz(b), xyz(load_quad(velocity, vertex)), record[0].dt)
+            store_quad(position, vertex, x, y, z, b[3])
+
+    def descend(
+        position, inertial, order, offsets, entries, corners, values, stresses, first, stop, size, record
+    ):  # fmt: skip
+        parameters = record[0]
+        k, count = np.int32(first + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
+        if k < stop:
+            vertex, rate = order[k], parameters[RATE]
+            sums = no_sums
+            for n in range(offsets[k], offsets[k + one]):
+                t, corner = entries[n] >> two, entries[n] & three
+                old = nothing
+                if damped:
+                    old = stresses_of(stresses, t, count, t)
+                points = points_of(position, corners, count, t)
+                sums = added(sums, element(points, values_of(values, t, count, t), old, corner, rate))
+            p = load_quad(position, vertex)
+            x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
+            store_quad(position, vertex, x, y, z, p[3])
+
+    return make_kernels((remember, start, descend), f"descent_{variant_name(real, math)}", **kernel_options(math))

@@ -1,0 +1,156 @@
+"""Vertex block descent: one vertex of a tetrahedral body goes where the incremental potential is least, all others held.
+
+A. H. Chen, Z. Liu, Y. Yang, C. Yuksel, "Vertex Block Descent", ACM TOG 43 (2024), section 3. Backward Euler's step of h
+from x0 is the least of sum m |x - y|^2 / (2 h^2) + sum V W(F), y = x0 + h v + h^2 a with all but elastic forces in a. Of one
+vertex, whose row of B in a tetrahedron is b (F changes by dx b'), the derivative is m / h^2 (x - y) + sum V P b, and the
+block of second derivatives m / h^2 I + sum V K, for which
+
+    K = k_D |b|^2 I + k_H (G b)(G b)'        (formulas/elastic/energy.py)
+
+is taken. That is the whole block of the neo-Hookean material: J is linear in one vertex, so that its energy is a square. Of
+the others it leaves out how R turns, k_D (C_D's) and k_H C_H (the corotated C_H's) times b' dR/dF b, which changes the way,
+and not where it ends: a vertex stays where the derivative is 0, whatever K is. Fixed corotated, K is never less than the
+curvature, since |F - R(F)| is the least |F - R| of any R and so at most that with R as it was: every visit lowers the
+potential. Corotated that holds while k_H C_H < k_D.
+
+Iterations begin at y where a body is free: all of it falls. Where it is pinned they begin at x0 + h v: there what bears the
+load bears it already, and a body at rest stays at rest whatever the number of iterations, which from y on would have to undo
+h^2 a in each substep anew, and leave a bar of 1 MPa 20 times too soft at 10 of them. (The paper's adaptive start is
+between the two by the acceleration of the last step, which no state of the lab tells.)
+
+A damper's stress is `time` times the rate at which the elastic one changes, seen from the material: P + (time / h) (P - R T),
+T = R'P at the substep's begin. The paper's damper (section 3.5) takes K (x - x0) of one vertex alone, which brakes what
+falls, and what turns; this one does nothing to a rigid motion, and is the same for small strains. All over m / h^2: equations
+have no unit but m.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import elasticity, plain
+from model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
+from model.formulas.elastic import energy as energies
+from model.formulas.elastic.energy import make as make_energy
+from model.formulas.elasticity import make_gradient, make_rotation
+from model.formulas.lengths import make as make_lengths
+
+COUNT = 13  # values of a tetrahedron: 9 of B; at 9, 10 V k_D, V k_H [J]; at 11 alpha, or 1; at 12 `time` [s]
+STRESSES = 6  # of T, which is symmetric: xx, yy, zz, xy, xz, yz
+SUMS = 9  # of a vertex: three of the derivative; xx, yy, zz, xy, xz, yz of the block
+OPERATIONS_ELEMENT = 2 + 15 + 15 + 5 + 4 + 15 + 9  # the row, P b, G b, |b|^2, k_D |b|^2, the block, the sums
+OPERATIONS_DAMPER = 1 + 30 + 10
+OPERATIONS_MOVE = 3 + 12 + 9 + 35  # x - y, the scales, to add the mass, to solve
+OPERATIONS_START = 6
+
+
+def operations(material: int, item: int, damped: bool) -> int:
+    """Of one tetrahedron at one of its vertices, counted on numbers of `item` bytes."""
+    stress = elasticity.OPERATIONS_GRADIENT + energies.operations(material, item)
+    turn = elasticity.OPERATIONS_ROTATION[item] if material == HOOKEAN else 0
+    return stress + OPERATIONS_ELEMENT + damped * (OPERATIONS_DAMPER + turn)
+
+
+def make(real, compiled=plain, material=FIXED, damped=False):
+    """See the functions; `material`: which of MATERIALS; `damped`: a damper counts. Corners of tetrahedra and their B as in
+    formulas/elasticity.py."""
+    dot = make_lengths(real, compiled).dot
+    gradient = make_gradient(real, compiled).gradient
+    rotation = make_rotation(real, compiled)
+    stress = make_energy(real, compiled, material).stress
+    turns_anew = material == HOOKEAN
+    one = real(1)
+
+    @compiled
+    def row(values, corner):
+        """b of the corner 0 to 3 of a tetrahedron."""
+        if corner == 1:
+            return values[0], values[1], values[2]
+        if corner == 2:
+            return values[3], values[4], values[5]
+        if corner == 3:
+            return values[6], values[7], values[8]
+        x, y, z = values[0] + values[3], values[1] + values[4], values[2] + values[5]
+        return -x - values[6], -y - values[7], -z - values[8]
+
+    @compiled
+    def times(g, x, y, z):
+        """A matrix, by rows, times a vector."""
+        return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
+
+    @compiled
+    def symmetric(t, x, y, z):
+        """Six numbers as a matrix, times a vector."""
+        return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
+
+    @compiled
+    def held(points, values):
+        """V T, six numbers, of the four corners where a substep begins."""
+        f = gradient(points[0], points[1], points[2], points[3], values)
+        p, _, r = stress(f, values[9], values[10], values[11])
+        if turns_anew:
+            r = rotation(f)
+        return (
+            dot(r[0], r[3], r[6], p[0], p[3], p[6]), dot(r[1], r[4], r[7], p[1], p[4], p[7]),
+            dot(r[2], r[5], r[8], p[2], p[5], p[8]), dot(r[0], r[3], r[6], p[1], p[4], p[7]),
+            dot(r[0], r[3], r[6], p[2], p[5], p[8]), dot(r[1], r[4], r[7], p[2], p[5], p[8]),
+        )  # fmt: skip
+
+    @compiled
+    def element(points, values, before, corner, rate):
+        """What a tetrahedron adds to the nine sums of its corner. `before`: T, read where a damper counts; `rate`: 1 / h."""
+        f = gradient(points[0], points[1], points[2], points[3], values)
+        p, g, r = stress(f, values[9], values[10], values[11])
+        x, y, z = row(values, corner)
+        fx, fy, fz = times(p, x, y, z)
+        gx, gy, gz = times(g, x, y, z)
+        shape, pressure = values[9], values[10]
+        if damped:
+            gamma = rate * values[12]
+            if turns_anew:
+                r = rotation(f)
+            tx, ty, tz = symmetric(before, x, y, z)
+            tx, ty, tz = times(r, tx, ty, tz)
+            more = one + gamma
+            fx, fy, fz = more * fx - gamma * tx, more * fy - gamma * ty, more * fz - gamma * tz
+            shape, pressure = more * shape, more * pressure
+        own = shape * dot(x, y, z, x, y, z)
+        px, py, pz = pressure * gx, pressure * gy, pressure * gz
+        return fx, fy, fz, own + px * gx, own + py * gy, own + pz * gz, px * gy, px * gz, py * gz
+
+    @compiled
+    def added(a, b):
+        """Nine sums and nine more numbers."""
+        return (
+            a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
+            a[8] + b[8],
+        )  # fmt: skip
+
+    @compiled
+    def moved(point, inertial, weight, scale, sums):
+        """The vertex at `point` after its visit; `inertial`: y; `weight`: the mean mass over its own; `scale`: h^2 over the
+        mean mass. The block is symmetric and no less than I: L D L' needs no pivots."""
+        softness = weight * scale
+        gx = (point[0] - inertial[0]) + softness * sums[0]
+        gy = (point[1] - inertial[1]) + softness * sums[1]
+        gz = (point[2] - inertial[2]) + softness * sums[2]
+        xx, yy, zz = one + softness * sums[3], one + softness * sums[4], one + softness * sums[5]
+        xy, xz, yz = softness * sums[6], softness * sums[7], softness * sums[8]
+        first = one / xx
+        yx, zx = xy * first, xz * first
+        second = one / (yy - yx * xy)
+        below = yz - yx * xz
+        zy = below * second
+        third = one / ((zz - zx * xz) - zy * below)
+        by = gy - yx * gx
+        bz = ((gz - zx * gx) - zy * by) * third
+        by = by * second - zy * bz
+        bx = (gx * first - yx * by) - zx * bz
+        return point[0] - bx, point[1] - by, point[2] - bz
+
+    @compiled
+    def coasted(before, velocity, h):
+        """Where a vertex would be without any force."""
+        return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
+
+    return SimpleNamespace(held=held, element=element, added=added, moved=moved, coasted=coasted)

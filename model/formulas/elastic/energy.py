@@ -1,0 +1,85 @@
+"""Energy per volume W(F) of the materials of tetrahedra, and the first Piola-Kirchhoff stress P = dW/dF.
+
+W = k_D C_D^2 / 2 + k_H C_H^2 / 2, as formulas/constraints/tetrahedron.py tells for each material, whose two constraints are
+these two terms; `shape` is k_D, `pressure` k_H, `rest` what J is at rest in C_H. So
+
+    fixed corotated   P = k_D (F - R) + k_H (J - 1) C              C the cofactors of F, R the rotation nearest to F
+    corotated         P = k_D (F - R) + k_H (tr(R'F) - 3) R
+    neo-Hookean       P = k_D F + k_H (J - alpha) C
+
+(T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012 courses, part 1, section 3; A. Stomakhin et
+al., SCA 2012, eq. 4; B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4.) C_H changes by G = C, or R: that is all of it
+that stiffness asks for, too. Constants may be times a volume, then energies and stresses are.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import elasticity, plain
+from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
+from model.formulas.elasticity import make_gradient, make_rotation
+from model.formulas.lengths import make as make_lengths
+
+OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
+
+
+def operations(material: int, item: int) -> int:
+    """Of one stress, F known, counted on numbers of `item` bytes."""
+    turn = 0 if material == HOOKEAN else elasticity.OPERATIONS_ROTATION[item]
+    volume = 17 if material == COROTATED else elasticity.OPERATIONS_COFACTOR + elasticity.OPERATIONS_DETERMINANT
+    return OPERATIONS_STRESS + turn + volume
+
+
+def make(real, compiled=plain, material=FIXED):
+    """`energy`, `stress` in the arithmetic `real`; `material`: which of MATERIALS."""
+    dot = make_lengths(real, compiled).dot
+    elastic = make_gradient(real, compiled)
+    cofactor, determinant = elastic.cofactor, elastic.determinant
+    rotation = make_rotation(real, compiled)
+    half, three = real(0.5), real(3)
+    is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
+
+    @compiled
+    def product(a, b):
+        """tr(A'B)."""
+        return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
+            a[6], a[7], a[8], b[6], b[7], b[8]
+        )
+
+    @compiled
+    def parts_of(f, rest):
+        """(the matrix D whose square is C_D^2, C_H, its derivative G by F, R; F where the material has none)."""
+        if is_hookean:
+            g = cofactor(f)
+            return f, determinant(f, g) - rest, g, f
+        r = rotation(f)
+        d = (
+            f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
+            f[6] - r[6], f[7] - r[7], f[8] - r[8],
+        )  # fmt: skip
+        if is_corotated:
+            return d, product(r, f) - three, r, r
+        g = cofactor(f)
+        return d, determinant(f, g) - rest, g, r
+
+    @compiled
+    def energy(f, shape, pressure, rest):
+        """W [Pa]; of the neo-Hookean material not 0 at rest."""
+        d, violation, _, _ = parts_of(f, rest)
+        return half * (shape * product(d, d) + pressure * (violation * violation))
+
+    @compiled
+    def stress(f, shape, pressure, rest):
+        """(P, G, R), nine numbers each, by rows; R is F where the material asks for none."""
+        d, violation, g, r = parts_of(f, rest)
+        p = pressure * violation
+        return (
+            (
+                shape * d[0] + p * g[0], shape * d[1] + p * g[1], shape * d[2] + p * g[2],
+                shape * d[3] + p * g[3], shape * d[4] + p * g[4], shape * d[5] + p * g[5],
+                shape * d[6] + p * g[6], shape * d[7] + p * g[7], shape * d[8] + p * g[8],
+            ), g, r,
+        )  # fmt: skip
+
+    return SimpleNamespace(energy=energy, stress=stress)

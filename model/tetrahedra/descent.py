@@ -1,0 +1,165 @@
+"""What vertex block descent visits: the free vertices of each material, by colour, and their tetrahedra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from model.core.plan import Node, Plan, Stage
+from model.formulas.constraints.tetrahedron import MATERIALS
+from model.formulas.elastic import descent
+from model.geometry.lists import Lists, grouped, offsets_of
+from model.scene.scene import Scene
+from model.tetrahedra.body_set import PAIRS, TetrahedraSet
+from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
+from model.tetrahedra.material import constraint_values
+from model.xpbd.mesh_plan import constrained_plan
+
+CORNERS = 4
+SCALE, RATE = "elastic_scale", "inverse_substep"  # of the record: h^2 / m, 1 / h
+_known: WeakKeyDictionary[TetrahedraSet, tuple[Descent, ...]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """The vertices and tetrahedra of one material.
+
+    `order` (vertices,) int32: particles, of colour c from `starts[c]` to before `starts[c + 1]`, ascending; after the last
+    colour those that are pinned. Vertex k of them is a corner of the tetrahedra `entries[offsets[k]:offsets[k + 1]]`, each
+    4 x the tetrahedron + which corner of it, ascending; nothing at a pinned one. `falls` (vertices,) int32: 1 of a body
+    without pins. `corners` (tetrahedra, 4) int32: particles;
+    `values` (tetrahedra, COUNT) float64, as the formula takes them.
+    """
+
+    material: str
+    order: np.ndarray
+    starts: np.ndarray
+    offsets: np.ndarray
+    entries: np.ndarray
+    falls: np.ndarray
+    corners: np.ndarray
+    values: np.ndarray
+
+    @property
+    def colours(self) -> int:
+        """How many."""
+        return len(self.starts) - 1
+
+    @property
+    def free(self) -> int:
+        """How many vertices move."""
+        return int(self.starts[-1])
+
+    @property
+    def number(self) -> int:
+        """Of the material."""
+        return MATERIALS.index(self.material)
+
+
+def descents(scene: Scene) -> tuple[Descent, ...]:
+    """Of each material that the scene has, in the order of MATERIALS. Kept with the bodies."""
+    found = scene.tetrahedra_set
+    if found not in _known:
+        made = np.array([MATERIALS.index(part.material) for part in found.parts])[found.body]
+        colours = vertex_colours(found.tetrahedra, found.particle_count)
+        _known[found] = tuple(_of_material(found, colours, np.flatnonzero(made == kind)) for kind in np.unique(made))
+    return _known[found]
+
+
+def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) -> Descent:
+    """Of the `chosen` tetrahedra (n,), ascending, with the `colours` of all vertices; larger colours first."""
+    corners = np.ascontiguousarray(found.tetrahedra[chosen])
+    here = np.unique(corners)
+    pinned = np.isin(here, found.pinned_vertices)
+    free, held = here[~pinned], here[pinned]
+    sizes = np.bincount(colours[free])
+    rank = np.empty(len(sizes), np.int64)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(sizes))
+    free = free[np.argsort(rank[colours[free]], kind="stable")]
+    order = np.concatenate([free, held]).astype(np.int32)
+    place = np.full(found.particle_count, len(order), np.int64)
+    place[free] = np.arange(len(free))
+    at = grouped(place[corners.ravel()], np.arange(corners.size), len(order) + 1)
+    offsets = at.offsets[: len(order) + 1]
+    sizes = np.sort(sizes[sizes > 0])[::-1]
+    values = descent_values(found, chosen)
+    material = found.parts[found.body[chosen[0]]].material
+    falls = (~has_pins(found)[order]).astype(np.int32)
+    return Descent(material, order, offsets_of(sizes), offsets, at.indices[: offsets[-1]], falls, corners, values)
+
+
+def has_pins(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) bool: whether a particle's body is pinned anywhere."""
+    bodies = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right") - 1
+    held = np.zeros(len(found.parts), bool)
+    held[bodies[found.pinned_vertices]] = True
+    pinned: np.ndarray = held[bodies]
+    return pinned
+
+
+def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+    """(n, COUNT) float64: those of the two constraints, with stiffnesses in place of compliances."""
+    values = constraint_values(found, chosen)
+    values[:, 9:11] = 1 / values[:, 9:11]
+    assert values.shape[1] == descent.COUNT
+    return values
+
+
+def vertex_colours(tetrahedra: np.ndarray, count: int) -> np.ndarray:
+    """(count,) int64: colours of which no two vertices share one of `tetrahedra` (n, 4); of vertices in none 0.
+
+    The vertex that has the most neighbours first takes the lowest colour that is free (D. J. A. Welsh, M. B. Powell, "An
+    upper bound for the chromatic number of a graph", Comput. J. 10 (1967)); of equal ones the first.
+    """
+    near = neighbours(tetrahedra, count)
+    offsets, others = near.offsets.tolist(), near.indices.tolist()
+    bits = [0] * count  # 1 << its colour, 0 without
+    colours = np.zeros(count, np.int64)
+    for vertex in np.argsort(-near.lengths, kind="stable").tolist():
+        taken = 0
+        for other in others[offsets[vertex] : offsets[vertex + 1]]:
+            taken |= bits[other]
+        bits[vertex] = ~taken & (taken + 1)
+        colours[vertex] = bits[vertex].bit_length() - 1
+    return colours
+
+
+def neighbours(tetrahedra: np.ndarray, count: int) -> Lists:
+    """Of each of `count` vertices those that it shares one of `tetrahedra` (n, 4) with, ascending."""
+    ends = np.concatenate([tetrahedra[:, pair] for pair in PAIRS]).astype(np.int64)
+    both = np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [count, 1])
+    return grouped(both // count, both % count, count)
+
+
+def stage_name(work: str, material: str, colour: int | None = None) -> str:
+    """Of the plan: `stress`, `start` or `descend` of a material."""
+    return f"{work} {material}" + ("" if colour is None else f" {colour}")
+
+
+def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """Substeps and iterations as in model/xpbd/plan.py. Of a substep the prediction, the stresses that dampers remember,
+    where vertices start; of an iteration the vertices of each material, colour by colour."""
+    parts = tetrahedra_parts(scene, live)
+    bare, method, particles = constrained_plan(scene, parts, []), scene.method, scene.grid.particle_count
+    damped, item = DAMPED in parts, np.dtype(np.float32).itemsize
+    begin: list[Stage] = []
+    colours: list[Stage] = []
+    for found in descents(scene):
+        each = descent.operations(found.number, item, damped)
+        if damped:
+            begin.append(
+                Stage(stage_name("stress", found.material), 1, 2, round(each * len(found.corners) / particles))
+            )
+        begin.append(Stage(stage_name("start", found.material), 3, 1, descent.OPERATIONS_START))
+        for colour in range(found.colours):
+            first, last = found.starts[colour], found.starts[colour + 1]
+            visits = found.offsets[last] - found.offsets[first]
+            operations = (each * visits + descent.OPERATIONS_MOVE * (last - first)) / particles
+            colours.append(Stage(stage_name("descend", found.material, colour), 2, 1, round(float(operations))))
+    (substep,) = bare.root.children
+    assert isinstance(substep, Node)
+    predict, _, *end = substep.children
+    steps = predict, *begin, Node("iteration", tuple(colours), method.iterations), *end
+    return Plan(Node("step", (Node("substep", steps, method.substeps),)), bare.fused_scalars, parts, dimensions=3)

@@ -1,0 +1,45 @@
+"""Bodies of tetrahedra, solved by vertex block descent: vertex by vertex down the energy of a step of backward Euler."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.parameters import rounded_record
+from model.scene.scene import Scene
+from model.tetrahedra.descent import SCALE, vbd_plan
+from model.tetrahedra.family import TETRAHEDRA
+from model.xpbd.family import projection_limit
+from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
+
+
+def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
+    """(1,): SCALE, by which stiffnesses times volumes [J] count, h^2 over the mean mass; then those of every position-based
+    solver."""
+    h = scene.method.dt / scene.method.substeps
+    fields = {**XPBD_FIELDS, SCALE: "method.dt"}
+    return rounded_record(scene, {SCALE: h**2 / scene.grid.mass} | xpbd_values(scene, poke, clock), fields, real)
+
+
+def vbd_note(scene: Scene) -> str:
+    """A line on what the method does to a motion."""
+    text = "backward Euler's energy, vertex by vertex, at any step size; first order, and damped by it"
+    return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < np.inf else "")
+
+
+TETRAHEDRA_VBD = replace(
+    TETRAHEDRA,
+    name="tetrahedral body by vertex block descent",
+    accepts=lambda scene: bool(scene.tetrahedra) and scene.method.solver == "vbd",
+    plan=vbd_plan,
+    record=vbd_record,
+    note=vbd_note,
+    solvers={
+        "cpu": "cpu_backend.tetrahedra.descent:VertexBlockDescent",
+        "gpu": "gpu_backend.tetrahedra.descent:VertexBlockDescent",
+    },
+    passes={"cpu": "app.plan.mesh:vertices_on_cpu", "gpu": "app.plan.mesh:vertices_on_gpu"},
+)
